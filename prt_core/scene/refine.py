@@ -1,0 +1,85 @@
+"""Hidden points in large triangles, so that a floor of two triangles bounces light correctly.
+
+A triangle of level n carries a lattice of (n + 1)(n + 2) / 2 points at barycentric coordinates
+(i / n, j / n); rays still hit the one large triangle, and a hit is interpolated in its lattice
+cell. So refinement makes no cracks and costs the caster nothing.
+"""
+
+import numpy as np
+
+# The longest edge that bounces without hidden points, in units of the receivers' size.
+TARGET_EDGE = 1 / 32
+
+
+def lattice_size(level):
+    """Number of lattice points of a triangle of this level."""
+    return (level + 1) * (level + 2) // 2
+
+
+def lattice_index(level, i, j):
+    """Index of lattice point (i, j), 0 <= i + j <= level; rows of constant i, one after another."""
+    return i * (level + 1) - i * (i - 1) // 2 + j
+
+
+def lattice_coordinates(level):
+    """(lattice_size, 2) int: (i, j) of each lattice point, in the order of `lattice_index`."""
+    return np.array([(i, j) for i in range(level + 1) for j in range(level + 1 - i)], np.int64)
+
+
+def refinement_levels(stacked, max_hidden=None):
+    """Level of each triangle (n_triangles,) int64 from its longest edge and a budget of points."""
+    vertices, triangles = stacked["vertices"], stacked["triangles"]
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    edge = np.maximum.reduce([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))])
+    receives = stacked["receives"][stacked["triangle_object"].astype(np.int64)]
+    seen = vertices[triangles[receives if receives.any() else slice(None)]].reshape(-1, 3)
+    size = float(np.ptp(seen, axis=0).max())
+    n_corners = len(np.unique(triangles))
+    budget = max(2000, n_corners // 2) if max_hidden is None else max_hidden
+    target = max(TARGET_EDGE * size, 1e-9)
+    while True:
+        levels = np.clip(np.ceil(edge / target), 1, 256).astype(np.int64)
+        if int((lattice_size(levels) - 3).sum()) <= budget or (levels == 1).all():
+            return levels
+        target *= 1.25
+
+
+def lattice_of_hits(levels, barycentric):
+    """Lattice cell and weights of hits.
+
+    Parameters
+    ----------
+    levels : (m,) int
+    barycentric : (m, 2) float
+        Weights of the second and third corner.
+
+    Returns
+    -------
+    cell : (m, 3) int64
+        Indices into the triangle's lattice.
+    weights : (m, 3) float32
+        Non-negative, sum to 1.
+    """
+    levels = np.asarray(levels, np.int64)
+    uv = np.clip(np.asarray(barycentric, np.float64), 0, 1)
+    total = uv.sum(axis=1, keepdims=True)
+    uv = np.where(total > 1, uv / np.maximum(total, 1e-30), uv) * levels[:, None]
+    i, j = np.minimum(np.floor(uv).astype(np.int64), levels[:, None] - 1).T
+    over = i + j > levels - 1  # on the far edge: step back into the last cell
+    j = np.where(over, levels - 1 - i, j)
+    u, v = uv[:, 0] - i, uv[:, 1] - j
+    upper = (u + v > 1) & (i + j < levels - 1)
+    cell = np.stack(
+        [
+            lattice_index(levels, i + upper, j + upper),
+            lattice_index(levels, i + 1, j),
+            lattice_index(levels, i, j + 1),
+        ],
+        axis=1,
+    )
+    # In the upper triangle of a cell the second corner is (i+1, j), opposite to v.
+    second = np.where(upper, 1 - v, u)
+    third = np.where(upper, 1 - u, v)
+    weights = np.stack([1 - second - third, second, third], axis=1)
+    weights = np.clip(weights, 0, 1)
+    return cell, (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)

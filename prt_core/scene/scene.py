@@ -1,0 +1,303 @@
+"""`Scene`: triangles in a frame of their own, bake points, and what each hit means.
+
+The frame: positions are kept relative to the scene's centre and divided by its size, so that
+float32 rays and one ray offset serve scenes of size 1e-3 and 1e5, and far from the origin.
+"""
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from prt_core.errors import PRTError, expect, expect_array
+from prt_core.scene.points import BakePoints, make_points
+from prt_core.scene.refine import lattice_of_hits, refinement_levels
+
+# Rays start this far above the surface, in units of the scene's size; self-hits begin near 1e-7.
+RAY_OFFSET = 2e-5
+
+
+@dataclass
+class Mesh:
+    """One object's evaluated mesh, in world space: what a scene is made of.
+
+    Parameters
+    ----------
+    name : str
+        Unique; the key of the object's colours.
+    vertices : (n_vertices, 3) float64
+        World positions in Blender units.
+    corner_vertex : (n_corners,) int
+        The vertex of each face corner, in Blender's loop order.
+    corner_normal : (n_corners, 3) float
+        Unit shading normals in world space.
+    triangle_corners : (n_triangles, 3) int
+        Corner indices of each triangle, counter-clockwise seen from its front.
+    corner_albedo : (n_corners, 3) float
+        Diffuse albedo in [0, 1].
+    corner_material : (n_corners,) int, optional
+        Corners of different materials never share a point.
+    receives : bool
+        Whether its colours are wanted; other objects cast shadows and bounce only.
+    two_sided : bool
+        Whether its back sides receive and bounce as well (cloth, leaves).
+    """
+
+    name: str
+    vertices: np.ndarray
+    corner_vertex: np.ndarray
+    corner_normal: np.ndarray
+    triangle_corners: np.ndarray
+    corner_albedo: np.ndarray
+    corner_material: np.ndarray | None = None
+    receives: bool = True
+    two_sided: bool = False
+
+    def __post_init__(self):
+        self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
+        self.corner_vertex = np.asarray(self.corner_vertex, np.int64)
+        n_corners = len(self.corner_vertex)
+        self.corner_normal = expect_array(
+            f"{self.name}: corner_normal", self.corner_normal, (n_corners, 3), np.float64
+        )
+        self.corner_albedo = expect_array(
+            f"{self.name}: corner_albedo", self.corner_albedo, (n_corners, 3), np.float64
+        )
+        self.triangle_corners = np.asarray(self.triangle_corners, np.int64).reshape(-1, 3)
+        if self.corner_material is None:
+            self.corner_material = np.zeros(n_corners, np.int64)
+        for name, index, limit in (
+            ("corner_vertex", self.corner_vertex, len(self.vertices)),
+            ("triangle_corners", self.triangle_corners, n_corners),
+        ):
+            if index.size:
+                expect(
+                    index.min() >= 0 and index.max() < limit,
+                    f"{self.name}: {name} expected indices in 0..{limit - 1}, "
+                    f"got {index.min()}..{index.max()}",
+                )
+        if n_corners:
+            low, high = self.corner_albedo.min(), self.corner_albedo.max()
+            expect(
+                low >= 0 and high <= 1,
+                f"{self.name}: albedo expected in 0..1, got {low:.3g}..{high:.3g}; "
+                "a surface cannot reflect more light than it receives",
+            )
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One object of a scene: its name, its corners and how they map to points.
+
+    `corner_point` (n_corners,) int32 is the point of each corner, -1 where a corner belongs to
+    no triangle of area.
+    """
+
+    name: str
+    corner_point: np.ndarray
+    corner_vertex: np.ndarray
+    n_vertices: int
+    receives: bool
+    two_sided: bool
+
+
+@dataclass
+class Scene:
+    """Triangles and bake points of a scene, in the scene's own frame.
+
+    Attributes
+    ----------
+    centre : (3,) float64, size : float
+        World position = centre + size * frame position.
+    vertices : (n_vertices, 3) float32, triangles : (n_triangles, 3) int32
+        What rays hit.
+    points : BakePoints
+    objects : list of SceneObject
+    triangle_object : (n_triangles,) int32
+    triangle_level : (n_triangles,) int32
+        Segments an edge is cut into for bouncing; 1 where the corners suffice.
+    lattice_start : (n_triangles,) int64, lattice : (n,) int32
+        Point indices of each triangle's lattice (see `refine`).
+    lattice_back : like lattice
+        Points of the back side, -1 where the back returns no light.
+    """
+
+    centre: np.ndarray
+    size: float
+    vertices: np.ndarray
+    triangles: np.ndarray
+    points: BakePoints
+    objects: list
+    triangle_object: np.ndarray
+    triangle_level: np.ndarray
+    lattice_start: np.ndarray
+    lattice: np.ndarray
+    lattice_back: np.ndarray
+    messages: list = field(default_factory=list)
+
+    @classmethod
+    def from_meshes(cls, meshes, max_hidden=None):
+        """Build the scene: points per distinct corner normal, hidden points in large triangles.
+
+        Parameters
+        ----------
+        meshes : sequence of Mesh
+        max_hidden : int, optional
+            Most hidden points to add; default: half of the others, at least 2,000.
+
+        Raises
+        ------
+        PRTError
+            When there is no triangle with an area, or two meshes share a name.
+        """
+        meshes = list(meshes)
+        names = [mesh.name for mesh in meshes]
+        for name in names:
+            expect(names.count(name) == 1, f"meshes: the name '{name}' is used twice; rename one")
+        messages = []
+        stacked, counts = _stack(meshes, messages)
+        if not len(stacked["triangles"]):
+            raise PRTError(
+                "scene: no triangle with an area to bake; add a mesh object that is visible in "
+                "renders, or name other objects"
+            )
+        centre, size = _frame(stacked["vertices"][stacked["triangles"]].reshape(-1, 3))
+        stacked["vertices"] = (stacked["vertices"] - centre) / size
+        levels = refinement_levels(stacked, max_hidden)
+        built = make_points(stacked, levels)
+        objects = [
+            SceneObject(
+                mesh.name,
+                built.corner_point[first : first + n].astype(np.int32),
+                mesh.corner_vertex.astype(np.int32),
+                len(mesh.vertices),
+                mesh.receives,
+                mesh.two_sided,
+            )
+            for mesh, first, n in zip(meshes, counts["first_corner"], counts["n_corners"], strict=True)
+        ]
+        return cls(
+            centre=centre,
+            size=size,
+            vertices=stacked["vertices"].astype(np.float32),
+            triangles=stacked["triangles"].astype(np.int32),
+            points=built.points,
+            objects=objects,
+            triangle_object=stacked["triangle_object"].astype(np.int32),
+            triangle_level=levels.astype(np.int32),
+            lattice_start=built.lattice_start,
+            lattice=built.lattice,
+            lattice_back=built.lattice_back,
+            messages=messages,
+        )
+
+    @property
+    def ray_origins(self):
+        """(n_points, 3) float32: where the rays of each point start, in the scene's frame."""
+        points = self.points
+        offset = RAY_OFFSET * points.geometric_normals
+        return (points.positions + offset).astype(np.float32)
+
+    def hit_points(self, triangle, barycentric, back):
+        """The bake points around hits and their weights.
+
+        Parameters
+        ----------
+        triangle : (m,) int
+        barycentric : (m, 2) float
+            Weights of the triangle's second and third corner.
+        back : (m,) bool
+            Whether the back side was hit.
+
+        Returns
+        -------
+        points : (m, 3) int32
+            -1 where the side that was hit returns no light.
+        weights : (m, 3) float32
+            Sum to 1.
+        """
+        cell, weights = lattice_of_hits(self.triangle_level[triangle], barycentric)
+        index = self.lattice_start[triangle][:, None] + cell
+        points = np.where(back[:, None], self.lattice_back[index], self.lattice[index])
+        return points.astype(np.int32), weights
+
+    def to_world(self, positions):
+        """Frame positions (n, 3) to world positions, float64."""
+        return self.centre + self.size * np.asarray(positions, np.float64)
+
+    def to_frame(self, positions):
+        """World positions (n, 3) to frame positions, float64."""
+        return (np.asarray(positions, np.float64) - self.centre) / self.size
+
+    def fingerprint(self):
+        """Hexadecimal digest of everything a bake depends on; equal scenes give equal digests."""
+        digest = hashlib.sha256()
+        for array in (
+            self.centre,
+            np.float64(self.size),
+            self.vertices,
+            self.triangles,
+            self.points.positions,
+            self.points.normals,
+            self.points.geometric_normals,
+            self.lattice,
+            self.lattice_back,
+        ):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        for item in self.objects:
+            digest.update(item.name.encode())
+            digest.update(item.corner_point.tobytes())
+        return digest.hexdigest()
+
+
+def _stack(meshes, messages):
+    """All meshes as one set of arrays; triangles without area are dropped and counted."""
+    first_vertex = first_corner = 0
+    parts = {
+        key: []
+        for key in "vertices corner_vertex corner_normal corner_albedo corner_material "
+        "corner_object triangle_corners triangle_object".split()
+    }
+    counts = {"first_corner": [], "n_corners": []}
+    for index, mesh in enumerate(meshes):
+        corners = mesh.triangle_corners
+        if len(corners):
+            a, b, c = np.moveaxis(mesh.vertices[mesh.corner_vertex[corners]], 1, 0)
+            doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+            edge = np.maximum(
+                np.linalg.norm(b - a, axis=1),
+                np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(c - b, axis=1)),
+            )
+            solid = doubled > 1e-12 * edge**2
+            solid &= doubled > 0
+            if not solid.all():
+                messages.append(f"{mesh.name}: {int((~solid).sum())} triangles without area ignored")
+            corners = corners[solid]
+        parts["vertices"].append(mesh.vertices)
+        parts["corner_vertex"].append(mesh.corner_vertex + first_vertex)
+        parts["corner_normal"].append(mesh.corner_normal)
+        parts["corner_albedo"].append(mesh.corner_albedo)
+        parts["corner_material"].append(mesh.corner_material)
+        parts["corner_object"].append(np.full(len(mesh.corner_vertex), index))
+        parts["triangle_corners"].append(corners + first_corner)
+        parts["triangle_object"].append(np.full(len(corners), index))
+        counts["first_corner"].append(first_corner)
+        counts["n_corners"].append(len(mesh.corner_vertex))
+        first_vertex += len(mesh.vertices)
+        first_corner += len(mesh.corner_vertex)
+    shapes = {"vertices": (0, 3), "corner_normal": (0, 3), "corner_albedo": (0, 3)}
+    shapes["triangle_corners"] = (0, 3)
+    stacked = {
+        key: np.concatenate(values) if values else np.zeros(shapes.get(key, 0))
+        for key, values in parts.items()
+    }
+    stacked["receives"] = np.array([mesh.receives for mesh in meshes], bool)
+    stacked["two_sided"] = np.array([mesh.two_sided for mesh in meshes], bool)
+    stacked["triangles"] = stacked["corner_vertex"][stacked["triangle_corners"].astype(np.int64)]
+    return stacked, counts
+
+
+def _frame(positions):
+    """Centre and size (longest side of the bounding box) of what is seen, float64."""
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    return (low + high) / 2, float((high - low).max())

@@ -174,7 +174,9 @@ class Scene:
                 mesh.receives,
                 mesh.two_sided,
             )
-            for mesh, first, n in zip(meshes, counts["first_corner"], counts["n_corners"], strict=True)
+            for mesh, first, n in zip(
+                meshes, counts["first_corner"], counts["n_corners"], strict=True
+            )
         ]
         return cls(
             centre=centre,
@@ -271,7 +273,9 @@ def _stack(meshes, messages):
             solid = doubled > 1e-12 * edge**2
             solid &= doubled > 0
             if not solid.all():
-                messages.append(f"{mesh.name}: {int((~solid).sum())} triangles without area ignored")
+                messages.append(
+                    f"{mesh.name}: {int((~solid).sum())} triangles without area ignored"
+                )
             corners = corners[solid]
         parts["vertices"].append(mesh.vertices)
         parts["corner_vertex"].append(mesh.corner_vertex + first_vertex)

@@ -1,0 +1,224 @@
+"""Bake points: where light is received, one per distinct corner normal, material and albedo."""
+
+from dataclasses import dataclass, fields
+from types import SimpleNamespace
+
+import numpy as np
+
+from prt_core.scene.refine import lattice_coordinates, lattice_size
+
+# Corners of one vertex share a point when normals and albedo agree to these steps.
+NORMAL_STEP = 1e-3
+ALBEDO_STEP = 1 / 32
+
+
+@dataclass
+class BakePoints:
+    """Points of a bake, in the scene's frame (see `Scene`).
+
+    Attributes
+    ----------
+    positions, normals, geometric_normals : (n_points, 3) float32
+        Normals are unit vectors; the geometric one belongs to the faces around the point.
+    areas : (n_points,) float32
+        Share of the surface, in squared frame units.
+    albedo : (n_points, 3) float32
+    object_index : (n_points,) int32
+    visible : (n_points,) bool
+        Whether a corner of a receiving object shows the point; the others only bounce.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    geometric_normals: np.ndarray
+    areas: np.ndarray
+    albedo: np.ndarray
+    object_index: np.ndarray
+    visible: np.ndarray
+
+    def __len__(self):
+        return len(self.positions)
+
+    def arrays(self):
+        """Name -> array of everything stored."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+def make_points(stacked, levels):
+    """Bake points of stacked meshes, and the lattice of points of each triangle.
+
+    Returns
+    -------
+    SimpleNamespace
+        points : BakePoints; corner_point (n_corners,) int64; lattice_start (n_triangles,) int64;
+        lattice, lattice_back (sum of lattice sizes,) int32.
+    """
+    corners = stacked["triangle_corners"].astype(np.int64)
+    vertices = stacked["vertices"]
+    corner_position = vertices[stacked["corner_vertex"].astype(np.int64)]
+    a, b, c = np.moveaxis(corner_position[corners], 1, 0)
+    cross = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(cross, axis=1, keepdims=True)
+    face_normal = cross / doubled
+    normal = _usable_normals(stacked["corner_normal"], corners, face_normal)
+
+    corner_point, n_points = _merge_corners(stacked, corners, normal)
+    columns = corner_point[corners]
+    angle = _corner_angles(a, b, c)
+    share = np.repeat(doubled / 6, 3, axis=1)
+    summed = _Sums(n_points, columns.ravel())
+    weight = np.maximum(angle, 1e-9).ravel()
+    of_corner = corners.ravel()
+    positions = summed.mean(corner_position[of_corner], weight)
+    normals = _unit(summed.mean(normal[of_corner], weight))
+    geometric = summed.mean(np.repeat(face_normal, 3, axis=0), weight)
+    geometric = _unit(
+        np.where(np.linalg.norm(geometric, axis=1, keepdims=True) > 1e-6, geometric, normals)
+    )
+    points = {
+        "positions": positions,
+        "normals": normals,
+        "geometric_normals": geometric,
+        "areas": np.bincount(columns.ravel(), share.ravel(), n_points),
+        "albedo": summed.mean(stacked["corner_albedo"][of_corner], weight),
+        "object_index": np.zeros(n_points, np.int64),
+        "visible": np.zeros(n_points, bool),
+    }
+    points["object_index"][columns] = stacked["triangle_object"].astype(np.int64)[:, None]
+    points["visible"] = stacked["receives"][points["object_index"]]
+
+    start, lattice, hidden = _lattices(
+        columns, levels, face_normal, doubled[:, 0], points, stacked, normal, corners
+    )
+    lattice_back = np.full(len(lattice), -1, np.int64)
+    two_sided = stacked["two_sided"][stacked["triangle_object"].astype(np.int64)]
+    points = {key: np.concatenate([points[key], hidden[key]]) for key in points}
+    if two_sided.any():
+        owner = np.repeat(np.arange(len(levels)), lattice_size(levels))
+        front = np.unique(lattice[two_sided[owner]])
+        back_of = np.full(len(points["positions"]), -1)
+        back_of[front] = len(points["positions"]) + np.arange(len(front))
+        lattice_back = np.where(two_sided[owner], back_of[lattice], -1)
+        back = {key: value[front] for key, value in points.items()}
+        back["normals"], back["geometric_normals"] = -back["normals"], -back["geometric_normals"]
+        back["visible"] = np.zeros(len(front), bool)
+        points = {key: np.concatenate([points[key], back[key]]) for key in points}
+    kinds = {"object_index": np.int32, "visible": bool}
+    return SimpleNamespace(
+        points=BakePoints(
+            **{k: np.asarray(v, kinds.get(k, np.float32)) for k, v in points.items()}
+        ),
+        corner_point=corner_point,
+        lattice_start=start,
+        lattice=lattice.astype(np.int32),
+        lattice_back=lattice_back.astype(np.int32),
+    )
+
+
+def _usable_normals(corner_normal, corners, face_normal):
+    """Unit corner normals; where one is missing (zero), the normal of its face."""
+    normal = np.array(corner_normal, np.float64)
+    length = np.linalg.norm(normal, axis=1)
+    of_face = np.zeros_like(normal)
+    of_face[corners] = face_normal[:, None]
+    normal = np.where(length[:, None] > 1e-6, normal / np.maximum(length, 1e-30)[:, None], of_face)
+    return normal
+
+
+def _merge_corners(stacked, corners, normal):
+    """Point of each corner (-1 where no triangle uses it) and the number of points."""
+    used = np.unique(corners)
+    key = np.column_stack(
+        [
+            stacked["corner_vertex"][used],
+            stacked["corner_material"][used],
+            np.rint(normal[used] / NORMAL_STEP),
+            np.rint(stacked["corner_albedo"][used] / ALBEDO_STEP),
+        ]
+    ).astype(np.int64)
+    order = np.lexsort(key.T[::-1])
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(key[order], axis=0) != 0).any(axis=1)
+    corner_point = np.full(len(stacked["corner_vertex"]), -1, np.int64)
+    corner_point[used[order]] = np.cumsum(new) - 1
+    return corner_point, int(new.sum())
+
+
+class _Sums:
+    """Weighted means over groups, in float64."""
+
+    def __init__(self, n_groups, group):
+        self.n_groups, self.group = n_groups, group
+
+    def mean(self, values, weight):
+        total = np.bincount(self.group, weight, self.n_groups)
+        sums = [np.bincount(self.group, weight * column, self.n_groups) for column in values.T]
+        return np.stack(sums, axis=1) / total[:, None]
+
+
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30)
+
+
+def _corner_angles(a, b, c):
+    """(n_triangles, 3) float64: the angle of each corner, by atan2 (stable for slivers)."""
+
+    def angle(p, q, r):
+        u, v = q - p, r - p
+        return np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
+
+    return np.stack([angle(a, b, c), angle(b, c, a), angle(c, a, b)], axis=1)
+
+
+def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, corners):
+    """Lattice point indices of every triangle, and the hidden points they need."""
+    sizes = lattice_size(levels)
+    start = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    lattice = np.empty(int(sizes.sum()), np.int64)
+    n_points = len(points["positions"])
+    hidden = {key: [] for key in points}
+    for level in np.unique(levels):
+        which = np.flatnonzero(levels == level)
+        coordinates = lattice_coordinates(int(level))
+        corner_slots = [
+            int(np.flatnonzero((coordinates == target).all(axis=1))[0])
+            for target in ((0, 0), (level, 0), (0, level))
+        ]
+        ids = np.empty((len(which), len(coordinates)), np.int64)
+        ids[:, corner_slots] = columns[which]
+        inner = np.setdiff1d(np.arange(len(coordinates)), corner_slots)
+        if len(inner):
+            ids[:, inner] = n_points + np.arange(len(which) * len(inner)).reshape(len(which), -1)
+            n_points += len(which) * len(inner)
+            uv = coordinates[inner] / level
+            weights = np.column_stack([1 - uv.sum(axis=1), uv])
+            triangle = columns[which]
+            n_new = len(which) * len(inner)
+            # Each hidden point takes an equal share of its triangle from the corners.
+            cell = doubled[which] / 2 / len(coordinates)
+            np.subtract.at(
+                points["areas"], triangle.ravel(), np.repeat(doubled[which] / 6 - cell, 3)
+            )
+            hidden["positions"].append(
+                np.einsum("lk,tkx->tlx", weights, points["positions"][triangle]).reshape(-1, 3)
+            )
+            corner_normals = normal[corners[which]]
+            hidden["normals"].append(
+                _unit(np.einsum("lk,tkx->tlx", weights, corner_normals).reshape(-1, 3))
+            )
+            hidden["geometric_normals"].append(np.repeat(face_normal[which], len(inner), axis=0))
+            hidden["albedo"].append(
+                np.einsum("lk,tkx->tlx", weights, stacked["corner_albedo"][corners[which]]).reshape(
+                    -1, 3
+                )
+            )
+            hidden["areas"].append(np.repeat(cell, len(inner)))
+            hidden["object_index"].append(
+                np.repeat(points["object_index"][triangle[:, 0]], len(inner))
+            )
+            hidden["visible"].append(np.zeros(n_new, bool))
+        lattice[(start[which][:, None] + np.arange(len(coordinates))).ravel()] = ids.ravel()
+    joined = {
+        key: np.concatenate(values) if values else points[key][:0] for key, values in hidden.items()
+    }
+    return start, lattice, joined

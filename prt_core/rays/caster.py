@@ -1,0 +1,126 @@
+"""The protocol every ray caster follows, and the table of back-ends."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from prt_core.errors import PRTError, expect_array
+
+MISS = -1
+_FACTORIES = {}
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Closest hits of m rays.
+
+    Attributes
+    ----------
+    triangle : (m,) int32
+        -1 where nothing was hit.
+    barycentric : (m, 2) float32
+        Weights of the triangle's second and third corner; 0 on a miss.
+    distance : (m,) float32
+        Infinity on a miss.
+    """
+
+    triangle: np.ndarray
+    barycentric: np.ndarray
+    distance: np.ndarray
+
+
+class RayCaster(Protocol):
+    """Answers batches of rays; offsets are the caller's business (`Scene.ray_origins`).
+
+    Attributes
+    ----------
+    name : str
+        Written into the report of a bake.
+    batch : int
+        Rays a call is best given; more is cut by the caller, to stay cancellable.
+    """
+
+    name: str
+    batch: int
+
+    def occluded(self, origins, directions, distances=None):
+        """(m,) bool: whether anything is hit, up to `distances` (m,) where given.
+
+        `origins` (m, 3) float32; `directions` (m, 3) float32, unit length.
+        """
+
+    def intersect(self, origins, directions) -> Hits:
+        """The closest hit of each ray."""
+
+    def close(self):
+        """Free what the caster holds; it cannot be used afterwards."""
+
+
+def as_rays(origins, directions):
+    """Both arrays as (m, 3) float32, contiguous and finite."""
+    origins = expect_array("origins", origins, (None, 3), np.float32)
+    directions = expect_array("directions", directions, (len(origins), 3), np.float32)
+    return np.ascontiguousarray(origins), np.ascontiguousarray(directions)
+
+
+def barycentric_of(vertices, triangles, origins, directions, triangle):
+    """Barycentric weights and distances of known hits, float64 inside (Möller & Trumbore 1997).
+
+    Parameters
+    ----------
+    vertices : (n_vertices, 3), triangles : (n_triangles, 3)
+    origins, directions : (m, 3)
+    triangle : (m,) int
+        The triangle each ray hits; -1 is a miss.
+    """
+    hit = triangle >= 0
+    barycentric = np.zeros((len(triangle), 2), np.float32)
+    distance = np.full(len(triangle), np.inf, np.float32)
+    if hit.any():
+        a, b, c = np.moveaxis(vertices[triangles[triangle[hit]]].astype(np.float64), 1, 0)
+        direction = directions[hit].astype(np.float64)
+        edge1, edge2, start = b - a, c - a, origins[hit] - a
+        p = np.cross(direction, edge2)
+        determinant = np.einsum("ij,ij->i", edge1, p)
+        scale = 1 / np.where(np.abs(determinant) > 1e-300, determinant, np.inf)
+        q = np.cross(start, edge1)
+        barycentric[hit, 0] = np.clip(np.einsum("ij,ij->i", start, p) * scale, 0, 1)
+        barycentric[hit, 1] = np.clip(np.einsum("ij,ij->i", direction, q) * scale, 0, 1)
+        distance[hit] = np.einsum("ij,ij->i", edge2, q) * scale
+    return barycentric, distance
+
+
+def register_caster(name, factory):
+    """Make a back-end known: `factory(vertices, triangles) -> RayCaster`."""
+    _FACTORIES[name] = factory
+
+
+def make_caster(name, vertices, triangles):
+    """A ray caster over triangles, by name.
+
+    Parameters
+    ----------
+    name : str
+        `blender`, `bvhtree`, `embree`, `brute` or `auto`: Embree where it is installed, else
+        Blender's BVH where bpy is there.
+    vertices : (n_vertices, 3) float32, triangles : (n_triangles, 3) int32
+
+    Raises
+    ------
+    PRTError
+        The back-end is unknown or not installed; nothing falls back in silence.
+    """
+    if name == "auto":
+        name = next((n for n in ("embree", "blender") if n in _FACTORIES), None)
+        if name is None:
+            raise PRTError(
+                "caster: 'auto' found neither Embree nor Blender; "
+                "pip install 'prt-core[embree]' or run inside Blender"
+            )
+    if name not in _FACTORIES:
+        known = {"embree": "pip install embreex", "blender": "pip install bpy or run in Blender"}
+        known["bvhtree"] = known["blender"]
+        hint = known.get(name, f"choose one of {', '.join(sorted(_FACTORIES))}, auto")
+        raise PRTError(f"caster: '{name}' is not available here; {hint}")
+    return _FACTORIES[name](vertices, triangles)

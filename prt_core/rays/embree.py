@@ -1,0 +1,65 @@
+"""Intel's Embree through embreex (optional extra), on all cores: it releases the GIL."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
+
+from prt_core.rays.caster import Hits, as_rays, barycentric_of, register_caster
+
+_SLICE = 1 << 16
+
+
+class EmbreeCaster:
+    """Rays cut into slices that a pool of threads casts."""
+
+    name = "embree"
+    batch = 1 << 20
+
+    def __init__(self, vertices, triangles):
+        self._vertices = np.ascontiguousarray(vertices, np.float32)
+        self._triangles = np.ascontiguousarray(triangles, np.int32)
+        self._scene = rtcore_scene.EmbreeScene()
+        TriangleMesh(self._scene, self._vertices, self._triangles)
+        # Embree builds its BVH on the first query; two threads must not both do it.
+        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")
+        self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
+
+    def _slices(self, cast, n_rays, dtype):
+        result = np.empty(n_rays, dtype)
+
+        def one(first):
+            result[first : first + _SLICE] = cast(slice(first, first + _SLICE))
+
+        list(self._pool.map(one, range(0, n_rays, _SLICE)))
+        return result
+
+    def occluded(self, origins, directions, distances=None):
+        origins, directions = as_rays(origins, directions)
+
+        def cast(part):
+            limit = None if distances is None else np.ascontiguousarray(distances[part], np.float32)
+            return self._scene.run(origins[part], directions[part], limit, query="OCCLUDED") == 0
+
+        return self._slices(cast, len(origins), bool)
+
+    def intersect(self, origins, directions):
+        origins, directions = as_rays(origins, directions)
+
+        def cast(part):
+            return self._scene.run(origins[part], directions[part], query="INTERSECT")
+
+        triangle = self._slices(cast, len(origins), np.int32)
+        barycentric, distance = barycentric_of(
+            self._vertices, self._triangles, origins, directions, triangle
+        )
+        return Hits(triangle, barycentric, distance)
+
+    def close(self):
+        self._pool.shutdown()
+        self._scene = None
+
+
+register_caster("embree", EmbreeCaster)

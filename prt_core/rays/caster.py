@@ -39,10 +39,13 @@ class RayCaster(Protocol):
         Written into the report of a bake.
     batch : int
         Rays a call is best given; more is cut by the caller, to stay cancellable.
+    threads : int
+        How many threads may call it at once; 1 where the back-end spreads the work itself.
     """
 
     name: str
     batch: int
+    threads: int
 
     def occluded(self, origins, directions, distances=None):
         """(m,) bool: whether anything is hit, up to `distances` (m,) where given.

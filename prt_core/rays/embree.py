@@ -9,14 +9,17 @@ from embreex.mesh_construction import TriangleMesh
 
 from prt_core.rays.caster import Hits, as_rays, barycentric_of, register_caster
 
-_SLICE = 1 << 16
+_SLICE = 1 << 17
 
 
 class EmbreeCaster:
-    """Rays cut into slices that a pool of threads casts."""
+    """Rays cut into slices that a pool of threads casts; up to one slice stays in the caller's.
+
+    Several threads may call it at once.
+    """
 
     name = "embree"
-    batch = 1 << 20
+    batch = _SLICE
 
     def __init__(self, vertices, triangles):
         self._vertices = np.ascontiguousarray(vertices, np.float32)
@@ -25,9 +28,12 @@ class EmbreeCaster:
         TriangleMesh(self._scene, self._vertices, self._triangles)
         # Embree builds its BVH on the first query; two threads must not both do it.
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")
-        self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
+        self.threads = os.cpu_count() or 1
+        self._pool = ThreadPoolExecutor(self.threads)
 
     def _slices(self, cast, n_rays, dtype):
+        if n_rays <= _SLICE:
+            return cast(slice(0, n_rays))
         result = np.empty(n_rays, dtype)
 
         def one(first):

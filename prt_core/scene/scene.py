@@ -6,6 +6,7 @@ float32 rays and one ray offset serve scenes of size 1e-3 and 1e5, and far from 
 
 import hashlib
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -193,12 +194,20 @@ class Scene:
             messages=messages,
         )
 
-    @property
+    @cached_property
     def ray_origins(self):
         """(n_points, 3) float32: where the rays of each point start, in the scene's frame."""
         points = self.points
         offset = RAY_OFFSET * points.geometric_normals
         return (points.positions + offset).astype(np.float32)
+
+    @cached_property
+    def triangle_normals(self):
+        """(n_triangles, 3) float32: unit normals of the front sides."""
+        a, b, c = np.moveaxis(self.vertices[self.triangles].astype(np.float64), 1, 0)
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        return (normal / np.maximum(length, 1e-300)).astype(np.float32)
 
     def hit_points(self, triangle, barycentric, back):
         """The bake points around hits and their weights.

@@ -1,0 +1,19 @@
+"""What shines: directions, environment maps, images, sun and local lamps."""
+
+from prt_core.light.cubemap import CubeMap
+from prt_core.light.environment import EnvironmentMap
+from prt_core.light.images import read_image, write_image
+from prt_core.light.local import Lamp
+from prt_core.light.rotation import rotation_about_z, rotation_matrix
+from prt_core.light.sun import sun_light
+
+__all__ = [
+    "CubeMap",
+    "EnvironmentMap",
+    "Lamp",
+    "read_image",
+    "rotation_about_z",
+    "rotation_matrix",
+    "sun_light",
+    "write_image",
+]

@@ -1,0 +1,129 @@
+"""The directions of a bake: the texels of a cube map, with exact solid angles."""
+
+from functools import cached_property
+
+import numpy as np
+
+from prt_core.errors import expect, expect_array
+
+# Per face (+x, -x, +y, -y, +z, -z): the axis it looks along, and those of its columns and rows.
+_FACES = np.array(
+    [
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
+        [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+        [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
+        [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
+    ],
+    np.float64,
+)
+
+
+class CubeMap:
+    """6 x n x n directions, in the order face (+x, -x, +y, -y, +z, -z), row, column.
+
+    Directions point from the surface to the light, in Blender's world axes (z up).
+
+    Parameters
+    ----------
+    resolution : int
+        Texels along an edge, n; n_directions = 6 n^2.
+
+    Attributes
+    ----------
+    directions : (n_directions, 3) float64
+        Unit vectors through the texel centres.
+    solid_angles : (n_directions,) float64
+        Exact; they sum to 4 pi.
+    vectors : (n_directions, 3) float64
+        The exact integral of the direction over each texel: `normal @ vectors[d]` is the
+        cosine-weighted solid angle of a texel above the horizon.
+    """
+
+    def __init__(self, resolution):
+        expect(
+            int(resolution) == resolution and 1 <= resolution <= 1024,
+            f"resolution: expected a whole number from 1 to 1024, got {resolution}",
+        )
+        self.resolution = int(resolution)
+
+    @property
+    def n_directions(self):
+        return 6 * self.resolution**2
+
+    def _edges(self):
+        """Texel edges on a face, from -1 to 1."""
+        return np.linspace(-1, 1, self.resolution + 1)
+
+    @cached_property
+    def directions(self):
+        edges = self._edges()
+        centre = (edges[:-1] + edges[1:]) / 2
+        v, u = np.meshgrid(centre, centre, indexing="ij")
+        local = np.stack([np.ones_like(u), u, v], axis=-1).reshape(-1, 3)
+        local /= np.linalg.norm(local, axis=1, keepdims=True)
+        return np.concatenate([local @ face for face in _FACES])
+
+    @cached_property
+    def solid_angles(self):
+        edges = self._edges()
+        v, u = np.meshgrid(edges, edges, indexing="ij")
+        corner = np.arctan2(u * v, np.sqrt(u * u + v * v + 1))
+        face = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
+        return np.tile(face.ravel(), 6)
+
+    @cached_property
+    def vectors(self):
+        # Over a spherical polygon the integral of the direction is half the sum, over its edges,
+        # of the edge's angle times the unit normal of the edge's plane (Lambert).
+        edges = self._edges()
+        v, u = np.meshgrid(edges, edges, indexing="ij")
+        corner = np.stack([np.ones_like(u), u, v], axis=-1)
+        ring = [corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]]
+        local = np.zeros((self.resolution, self.resolution, 3))
+        for p, q in zip(ring, ring[1:] + ring[:1], strict=True):
+            normal = np.cross(p, q)
+            length = np.linalg.norm(normal, axis=-1, keepdims=True)
+            angle = np.arctan2(length, (p * q).sum(axis=-1, keepdims=True))
+            local += angle / 2 * normal / length
+        return np.concatenate([local.reshape(-1, 3) @ face for face in _FACES])
+
+    def texel_of(self, directions):
+        """The texel that each direction falls into.
+
+        Parameters
+        ----------
+        directions : (m, 3) float
+            Any length but zero.
+
+        Returns
+        -------
+        (m,) int32
+        """
+        directions = expect_array("directions", directions, (None, 3), np.float64)
+        axis = np.abs(directions).argmax(axis=1)
+        along = np.take_along_axis(directions, axis[:, None], axis=1)[:, 0]
+        expect((along != 0).all(), "directions: a vector of length zero has no direction")
+        face = 2 * axis + (along < 0)
+        frame = _FACES[face]
+        u = np.einsum("ij,ij->i", directions, frame[:, 1]) / np.abs(along)
+        v = np.einsum("ij,ij->i", directions, frame[:, 2]) / np.abs(along)
+        n = self.resolution
+        column = np.clip(((u + 1) / 2 * n).astype(np.int64), 0, n - 1)
+        row = np.clip(((v + 1) / 2 * n).astype(np.int64), 0, n - 1)
+        return (face * n * n + row * n + column).astype(np.int32)
+
+    def coarser(self, factor):
+        """(n_directions,) int32: the texel of the cube map `factor` times coarser around each.
+
+        Raises
+        ------
+        PRTError
+            `factor` does not divide the resolution.
+        """
+        n = self.resolution
+        expect(n % factor == 0, f"coarser: {factor} does not divide the resolution {n}")
+        small = n // factor
+        face, row, column = np.unravel_index(np.arange(self.n_directions), (6, n, n))
+        return (face * small * small + row // factor * small + column // factor).astype(np.int32)

@@ -1,0 +1,240 @@
+"""`Transport`: T factored into visibility bits, the gather operator K and the materials."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from prt_core.errors import expect, expect_array
+from prt_core.light.cubemap import CubeMap
+from prt_core.transport.bounce import all_bounces
+from prt_core.transport.visibility import received_light, unpack
+
+_BLOCK = 1024
+
+
+@dataclass
+class Transport:
+    """The transport matrix T of a scene, never stored: made from its factors on demand.
+
+    `B = albedo (E + K B)` with `E = D L`, so `T = (I - A K)^-1 A D`.
+
+    Attributes
+    ----------
+    cube_map : CubeMap
+    bits : (n_points, n_bytes) uint8
+        Visibility (see `visibility_bits`).
+    gather : (n_points, n_points) CSR float32, or None
+        K; None where only direct light was baked.
+    normals : (n_points, 3) float32
+    albedo : (n_points, 3) float32
+        May be replaced after the bake: T follows.
+    tolerance : float
+        Of the bounces (see `all_bounces`).
+    bounces : int or None
+        Exactly so many; None: as many as the tolerance needs.
+    """
+
+    cube_map: CubeMap
+    bits: np.ndarray
+    gather: sp.csr_matrix | None
+    normals: np.ndarray
+    albedo: np.ndarray
+    tolerance: float = 1e-3
+    bounces: int | None = None
+    _coarse: dict = field(default_factory=dict, repr=False)
+
+    @property
+    def n_points(self):
+        return len(self.bits)
+
+    @property
+    def n_directions(self):
+        return self.cube_map.n_directions
+
+    @property
+    def shape(self):
+        """(n_points, n_directions); each entry has three channels."""
+        return self.n_points, self.n_directions
+
+    def received(self, light):
+        """Direct irradiance / pi, (n_points, 3) float32, under `light` (n_directions, 3)."""
+        light = expect_array("light", light, (self.n_directions, None), np.float32)
+        return received_light(self.bits, self.normals, self.cube_map, light)
+
+    def relight(self, light, lamps=None, bounces="baked"):
+        """Outgoing radiance of every point under a light, exactly (nothing is compressed).
+
+        Parameters
+        ----------
+        light : (n_directions, 3) float32, or None
+            Radiance of the environment.
+        lamps : (n_points, 3) float32, optional
+            Irradiance / pi of lamps (see `lamp_light`), added to that of the environment.
+        bounces : int or None
+            Default: as baked. 0 is direct light.
+
+        Returns
+        -------
+        (n_points, 3) float32
+            Linear Rec.709 radiance.
+        """
+        received = np.zeros((self.n_points, 3), np.float32)
+        if light is not None:
+            received = received + self.received(light)
+        if lamps is not None:
+            received = received + expect_array("lamps", lamps, (self.n_points, 3), np.float32)
+        return self.bounce(received, bounces)
+
+    def bounce(self, received, bounces="baked"):
+        """Outgoing radiance for any received light (irradiance / pi)."""
+        bounces = self.bounces if bounces == "baked" else bounces
+        return all_bounces(self.gather, self.albedo, received, self.tolerance, bounces)[0]
+
+    def direct(self, points):
+        """Rows of D: irradiance / pi for unit radiance, (n, n_directions) float32."""
+        cosine = self.normals[points] @ self.cube_map.vectors.T.astype(np.float32) / np.pi
+        return unpack(self.bits[points], self.n_directions) * np.maximum(cosine, 0)
+
+    def rows(self, points, indirect=True):
+        """Rows of T.
+
+        Parameters
+        ----------
+        points : (n,) int
+        indirect : bool
+            With all bounces; by the adjoint series, so that only these rows are made.
+
+        Returns
+        -------
+        (n, n_directions, 3) float32
+        """
+        points = np.atleast_1d(points)
+        if not indirect or self.gather is None:
+            return self.albedo[points, None] * self.direct(points)[..., None]
+        transposed = self.gather.T.tocsr()
+        result = np.empty((len(points), self.n_directions, 3), np.float32)
+        for channel in range(3):
+            albedo = self.albedo[:, [channel]]
+            start = np.zeros((self.n_points, len(points)), np.float32)
+            start[points, np.arange(len(points))] = 1
+            # w = e + K^T A w: how much each point's received light adds to the wanted rows.
+            weights = self._adjoint(transposed, albedo, start) * albedo
+            result[:, :, channel] = self._times_direct(weights)
+        return result
+
+    def _adjoint(self, transposed, albedo, start):
+        total, term, before = start.copy(), start, None
+        for bounce in range(1, (self.bounces if self.bounces is not None else 2000) + 1):
+            term = transposed @ (albedo * term)
+            total += term
+            size = float(np.abs(term).sum(dtype=np.float64))
+            if self.bounces is None and before is not None:
+                ratio = size / before if before else 0.0
+                rest = size * ratio / max(1 - ratio, 1e-9)
+                if bounce > 1 and rest <= self.tolerance * np.abs(total).sum(dtype=np.float64):
+                    break
+            before = size
+        return total
+
+    def _times_direct(self, weights):
+        """weights^T D, (n, n_directions) float32, in blocks of points."""
+        n = weights.shape[1]
+        sums = np.zeros((3 * n, self.n_directions), np.float32)
+        for first in range(0, self.n_points, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            left = (self.normals[part][:, :, None] * weights[part][:, None]).reshape(-1, 3 * n)
+            sums += left.T @ unpack(self.bits[part], self.n_directions)
+        vectors = self.cube_map.vectors.T.astype(np.float32) / np.float32(np.pi)
+        return (sums.reshape(3, n, -1) * vectors[:, None]).sum(axis=0)
+
+    def columns(self, directions, indirect=True):
+        """Columns of T: the scene under unit radiance from single texels.
+
+        Parameters
+        ----------
+        directions : (m,) int
+        indirect : bool
+
+        Returns
+        -------
+        (n_points, m, 3) float32
+        """
+        directions = np.atleast_1d(directions)
+        byte, bit = directions // 8, directions % 8
+        seen = (self.bits[:, byte] >> bit.astype(np.uint8)) & 1
+        cosine = self.normals @ self.cube_map.vectors[directions].T.astype(np.float32) / np.pi
+        received = (seen * np.maximum(cosine, 0)).astype(np.float32)
+        return self._with_bounces(received, indirect)
+
+    def _with_bounces(self, received, indirect=True):
+        """(n_points, m) received light to (n_points, m, 3) radiance."""
+        result = np.empty((*received.shape, 3), np.float32)
+        gather = self.gather if indirect else None
+        for channel in range(3):
+            same = [c for c in range(channel) if (self.albedo[:, c] == self.albedo[:, channel]).all()]
+            if same:
+                result[:, :, channel] = result[:, :, same[0]]
+            else:
+                result[:, :, channel] = all_bounces(
+                    gather, self.albedo[:, [channel]], received, self.tolerance, self.bounces
+                )[0]
+        return result
+
+    def coarse_indirect(self, factor):
+        """The indirect part of T on a grid of directions `factor` times coarser; kept.
+
+        Returns
+        -------
+        (n_points, n_directions / factor^2, 3) float32
+            Radiance after at least one bounce, for unit radiance from whole coarse texels.
+        """
+        if factor not in self._coarse:
+            fine_to_coarse = self.cube_map.coarser(factor)
+            n_coarse = self.n_directions // factor**2
+            received = np.empty((self.n_points, n_coarse), np.float32)
+            group = sp.csr_matrix(
+                (np.ones(self.n_directions, np.float32), (np.arange(self.n_directions), fine_to_coarse)),
+                shape=(self.n_directions, n_coarse),
+            )
+            for first in range(0, self.n_points, _BLOCK):
+                part = slice(first, first + _BLOCK)
+                rows = np.arange(self.n_points)[part]
+                received[part] = self.direct(rows) @ group
+            result = np.empty((self.n_points, n_coarse, 3), np.float32)
+            for first in range(0, n_coarse, 64):
+                part = slice(first, first + 64)
+                result[:, part] = self._with_bounces(received[:, part])
+                result[:, part] -= self.albedo[:, None] * received[:, part, None]
+            self._coarse[factor] = result
+        return self._coarse[factor]
+
+    def block(self, points, indirect="full"):
+        """Rows of T as compressors read them.
+
+        Parameters
+        ----------
+        points : (n,) int
+        indirect : {"none", "full"} or int
+            Direct light only; all bounces at every direction; or all bounces with the indirect
+            part on a grid of directions so many times coarser (it is smooth), spread evenly
+            over the texels.
+
+        Returns
+        -------
+        (n, n_directions, 3) float32
+        """
+        if indirect in ("none", "full"):
+            return self.rows(points, indirect == "full")
+        expect(
+            isinstance(indirect, int | np.integer) and indirect >= 1,
+            f"indirect: expected 'none', 'full' or a whole number >= 1, got {indirect!r}",
+        )
+        direct = self.rows(points, False)
+        if self.gather is None:
+            return direct
+        fine_to_coarse = self.cube_map.coarser(int(indirect))
+        solid_angles = self.cube_map.solid_angles
+        share = solid_angles / np.bincount(fine_to_coarse, solid_angles)[fine_to_coarse]
+        coarse = self.coarse_indirect(int(indirect))[points]
+        return direct + coarse[:, fine_to_coarse] * share[None, :, None].astype(np.float32)

@@ -1,0 +1,102 @@
+"""Visibility: one bit for each point and direction, and the light that the bits let through."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+# Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
+_UNPACK = 256
+
+
+def visibility_bits(scene, cube_map, caster, points, tally=None):
+    """Trace every direction of the upper hemisphere of some points.
+
+    A bit is set where the direction lies above both the shading and the geometric horizon and
+    nothing is in the way: no light comes through the surface.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    points : slice or (n,) int
+    tally : callable(int), optional
+        Told the number of rays of each batch.
+
+    Returns
+    -------
+    (n, ceil(n_directions / 8)) uint8
+        Little bit order: direction d is bit d % 8 of byte d // 8.
+    """
+    origins = scene.ray_origins[points]
+    shading = scene.points.normals[points]
+    geometric = scene.points.geometric_normals[points]
+    directions = cube_map.directions.astype(np.float32)
+    bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
+
+    def one(part):
+        above = shading[part] @ directions.T > 0
+        above &= geometric[part] @ directions.T > 0
+        point, direction = np.nonzero(above)
+        free = np.zeros(above.shape, bool)
+        if len(point):
+            free[point, direction] = ~caster.occluded(
+                origins[part].take(point, axis=0), directions.take(direction, axis=0)
+            )
+        bits[part] = np.packbits(free, axis=1, bitorder="little")
+        if tally is not None:
+            tally(len(point))
+
+    step = max(1, 2 * caster.batch // cube_map.n_directions)
+    parts = [slice(first, first + step) for first in range(0, len(origins), step)]
+    threads = getattr(caster, "threads", 1)
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(one, parts))
+    else:
+        for part in parts:
+            one(part)
+    return bits
+
+
+def unpack(bits, n_directions, dtype=np.float32):
+    """Bits (n, ceil(n_directions / 8)) uint8 as (n, n_directions) of `dtype`, 0 or 1."""
+    spread = np.unpackbits(bits, axis=1, count=n_directions, bitorder="little")
+    return spread if dtype == np.uint8 else spread.astype(dtype)
+
+
+def received_light(bits, normals, cube_map, light):
+    """Irradiance / pi at points: the light that comes straight from the sky.
+
+    `E(x) = 1/pi sum_d L_d V_d(x) n(x) . v_d` with the exact cosine integral v_d of each texel.
+
+    Parameters
+    ----------
+    bits : (n_points, n_bytes) uint8
+    normals : (n_points, 3) float32
+    cube_map : CubeMap
+    light : (n_directions, n_channels) float
+        Radiance.
+
+    Returns
+    -------
+    (n_points, n_channels) float32
+    """
+    light = np.asarray(light, np.float64)
+    n_channels = light.shape[1]
+    # Three vectors for each channel: the cosine is taken after the sum over directions.
+    factors = cube_map.vectors[:, :, None] * light[:, None] / np.pi
+    factors = factors.reshape(len(light), -1).astype(np.float32)
+    result = np.empty((len(bits), n_channels), np.float32)
+
+    def one(first):
+        part = slice(first, first + _UNPACK)
+        vectors = unpack(bits[part], cube_map.n_directions) @ factors
+        vectors = vectors.reshape(-1, 3, n_channels)
+        result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        list(pool.map(one, range(0, len(bits), _UNPACK)))
+    # A texel cut by the horizon may count a trace below it.
+    return np.maximum(result, 0, out=result)

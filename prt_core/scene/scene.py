@@ -42,6 +42,10 @@ class Mesh:
         Whether its colours are wanted; other objects cast shadows and bounce only.
     two_sided : bool
         Whether its back sides receive and bounce as well (cloth, leaves).
+    face_sizes : (n_faces,) int, optional
+        Corners of each face, in order; default: triangles.
+    own_mesh : bool
+        Whether colours can go to the object's own mesh (see `blender.colours`).
     """
 
     name: str
@@ -53,6 +57,8 @@ class Mesh:
     corner_material: np.ndarray | None = None
     receives: bool = True
     two_sided: bool = False
+    face_sizes: np.ndarray | None = None
+    own_mesh: bool = False
 
     def __post_init__(self):
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
@@ -67,6 +73,14 @@ class Mesh:
         self.triangle_corners = np.asarray(self.triangle_corners, np.int64).reshape(-1, 3)
         if self.corner_material is None:
             self.corner_material = np.zeros(n_corners, np.int64)
+        if self.face_sizes is None:
+            self.face_sizes = np.full(n_corners // 3, 3)
+        self.face_sizes = np.asarray(self.face_sizes, np.int32)
+        expect(
+            int(self.face_sizes.sum()) == n_corners,
+            f"{self.name}: face_sizes expected to sum to the {n_corners} corners, "
+            f"got {int(self.face_sizes.sum())}",
+        )
         for name, index, limit in (
             ("corner_vertex", self.corner_vertex, len(self.vertices)),
             ("triangle_corners", self.triangle_corners, n_corners),
@@ -97,9 +111,11 @@ class SceneObject:
     name: str
     corner_point: np.ndarray
     corner_vertex: np.ndarray
+    face_sizes: np.ndarray
     n_vertices: int
     receives: bool
     two_sided: bool
+    own_mesh: bool
 
 
 @dataclass
@@ -171,9 +187,11 @@ class Scene:
                 mesh.name,
                 built.corner_point[first : first + n].astype(np.int32),
                 mesh.corner_vertex.astype(np.int32),
+                mesh.face_sizes,
                 len(mesh.vertices),
                 mesh.receives,
                 mesh.two_sided,
+                mesh.own_mesh,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True

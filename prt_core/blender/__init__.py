@@ -1,0 +1,18 @@
+"""Blender's side of the core: the only folder that imports bpy.
+
+Importing it makes Blender's ray casters known by name (`blender`, `bvhtree`) and lends the
+image reader its .hdr format.
+"""
+
+import bpy  # noqa: F401  (must come before mathutils)
+
+from prt_core.blender import casters, images
+from prt_core.blender.colours import build_objects, write_colours
+from prt_core.blender.depsgraph import read_meshes
+from prt_core.blender.lamps import read_lamps
+from prt_core.blender.world import read_world
+
+casters.register()
+images.register()
+
+__all__ = ["build_objects", "read_lamps", "read_meshes", "read_world", "write_colours"]

@@ -1,0 +1,182 @@
+"""What Blender evaluates, as `Mesh`es: modifiers, curves, instances, normals and materials."""
+
+import bpy
+import numpy as np
+
+from prt_core.blender.materials import corner_albedo
+from prt_core.errors import PRTError
+from prt_core.scene.scene import Mesh
+
+_GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
+
+def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
+    """Every mesh that renders, in world space.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene, optional
+        Default: the current one.
+    receivers : sequence of str, optional
+        Names of the objects that receive colours; default all. Others cast and bounce.
+    two_sided : sequence of str
+        Objects whose back sides receive and bounce as well.
+    messages : list of str, optional
+        Told what was ignored or replaced.
+
+    Returns
+    -------
+    list of Mesh
+
+    Raises
+    ------
+    PRTError
+        A name belongs to no object that renders, or nothing renders.
+    """
+    scene = scene or bpy.context.scene
+    messages = [] if messages is None else messages
+    view_layer = scene.view_layers[0]
+    if scene == bpy.context.scene and bpy.context.view_layer is not None:
+        view_layer = bpy.context.view_layer
+    with bpy.context.temp_override(scene=scene, view_layer=view_layer):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        rendered = _rendered_objects(scene)
+        meshes, asked = [], set()
+        for instance in depsgraph.object_instances:
+            mesh, owners = _read_instance(
+                instance, rendered, receivers, set(two_sided), messages, meshes
+            )
+            asked |= owners
+            if mesh is not None:
+                meshes.append(mesh)
+    for wanted in (receivers, two_sided):
+        missing = sorted(set(wanted or ()) - asked)
+        if missing:
+            raise PRTError(
+                f"objects: no geometry that renders is called {', '.join(map(repr, missing))}; "
+                f"there are {', '.join(sorted(asked)) or 'none'}"
+            )
+    if not meshes:
+        raise PRTError(
+            f"scene '{scene.name}': nothing that renders has faces; add a mesh, "
+            "or show its collection in renders"
+        )
+    for item in scene.objects:
+        if item.type in _GEOMETRY and item.name in rendered and not item.visible_get():
+            messages.append(f"{item.name}: hidden in the viewport, so it was not baked")
+    return meshes
+
+
+def _rendered_objects(scene):
+    """Names of the objects whose collections and own switch let them render."""
+    names = set()
+
+    def visit(collection):
+        if not collection.hide_render:
+            names.update(o.name for o in collection.objects if not o.hide_render)
+            for child in collection.children:
+                visit(child)
+
+    visit(scene.collection)
+    return names
+
+
+def _read_instance(instance, rendered, receivers, two_sided, messages, meshes):
+    """One `Mesh` (or None), and the names by which the user may call it."""
+    source = instance.object
+    parent = instance.parent
+    shown = source.original.name not in rendered if parent is None else False
+    if parent is not None:
+        shown = parent.original.name not in rendered or source.original.hide_render
+    if shown or not instance.show_self or source.type not in _GEOMETRY:
+        return None, set()
+    if source.display_type in {"BOUNDS", "WIRE"} and source.original.hide_render:
+        return None, set()
+    owner = source.original.name if parent is None else parent.original.name
+    owners = {owner, source.original.name}
+    data = source.data if source.type == "MESH" else source.to_mesh()
+    try:
+        if data is None or not len(data.polygons):
+            return None, set()
+        name = owner
+        if parent is not None:
+            name = f"{owner}/{source.original.name}"
+        taken = {mesh.name for mesh in meshes}
+        if name in taken:
+            count = 1
+            while f"{name}.{count:03d}" in taken:
+                count += 1
+            name = f"{name}.{count:03d}"
+        mesh = _to_mesh(name, source, data, np.array(instance.matrix_world), messages)
+    finally:
+        if source.type != "MESH":
+            source.to_mesh_clear()
+    mesh.receives = receivers is None or bool(owners & set(receivers))
+    mesh.two_sided = bool(owners & two_sided)
+    mesh.own_mesh = parent is None and _own_mesh(source, mesh)
+    return mesh, owners
+
+
+def _own_mesh(evaluated, mesh):
+    """Whether the object's own mesh has the corners that were evaluated, and nobody shares it."""
+    original = evaluated.original
+    if original.type != "MESH" or original.data.users > 1 or original.data.library:
+        return False
+    if len(original.data.loops) != len(mesh.corner_vertex):
+        return False
+    own = np.empty(len(original.data.loops), np.int32)
+    original.data.loops.foreach_get("vertex_index", own)
+    return len(original.data.vertices) == len(mesh.vertices) and bool(
+        (own == mesh.corner_vertex).all()
+    )
+
+
+def _to_mesh(name, source, data, matrix, messages):
+    n_corners = len(data.loops)
+    vertices = np.empty(len(data.vertices) * 3, np.float32)
+    data.vertices.foreach_get("co", vertices)
+    corner_vertex = np.empty(n_corners, np.int32)
+    data.loops.foreach_get("vertex_index", corner_vertex)
+    normals = np.empty(n_corners * 3, np.float32)
+    data.corner_normals.foreach_get("vector", normals)
+    data.calc_loop_triangles()
+    triangles = np.empty(len(data.loop_triangles) * 3, np.int32)
+    data.loop_triangles.foreach_get("loops", triangles)
+    sizes = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("loop_total", sizes)
+    slots = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("material_index", slots)
+
+    matrix = matrix.astype(np.float64)
+    linear = matrix[:3, :3]
+    world = vertices.reshape(-1, 3).astype(np.float64) @ linear.T + matrix[:3, 3]
+    bad = ~np.isfinite(world).all(axis=1)
+    triangles = triangles.reshape(-1, 3)
+    if bad.any():
+        messages.append(f"{name}: {int(bad.sum())} vertices are NaN or infinite; faces ignored")
+        triangles = triangles[~bad[corner_vertex[triangles]].any(axis=1)]
+        world[bad] = 0
+    determinant = np.linalg.det(linear)
+    if determinant == 0:
+        messages.append(f"{name}: scaled to nothing in one direction; faces ignored")
+        triangles = triangles[:0]
+        turned = np.zeros((n_corners, 3))
+    else:
+        turned = normals.reshape(-1, 3).astype(np.float64) @ np.linalg.inv(linear)
+        turned = np.nan_to_num(turned)
+        turned /= np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
+    if determinant < 0:
+        # A mirror turns the winding round, not the side that is the front.
+        triangles = triangles[:, ::-1]
+    corner_slot = np.repeat(slots, sizes)
+    albedo = corner_albedo(source, data, corner_slot, corner_vertex, messages)
+    return Mesh(
+        name=name,
+        vertices=world,
+        corner_vertex=corner_vertex,
+        corner_normal=turned,
+        triangle_corners=triangles,
+        corner_albedo=albedo,
+        corner_material=corner_slot,
+        face_sizes=sizes,
+    )

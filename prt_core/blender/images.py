@@ -1,0 +1,62 @@
+"""Blender images as linear float arrays."""
+
+import bpy
+import numpy as np
+
+from prt_core.errors import PRTError, expect
+from prt_core.light.images import register_reader
+
+_LINEAR = ("Linear Rec.709", "Linear", "Non-Color", "Linear BT.709", "scene_linear", "Raw")
+
+
+def pixels_of(image):
+    """(height, width, 4) float32 of a Blender image, linear Rec.709, first row on top.
+
+    Raises
+    ------
+    PRTError
+        The file is missing, or the colour space is neither sRGB nor linear Rec.709.
+    """
+    width, height = image.size
+    expect(
+        width > 0 and height > 0,
+        f"image '{image.name}': no pixels; its file '{image.filepath}' is missing or unreadable",
+    )
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    values = values.reshape(height, width, image.channels)[::-1]
+    if image.channels < 3:
+        values = np.concatenate([values[..., :1]] * 3 + [np.ones_like(values[..., :1])], axis=-1)
+    elif image.channels == 3:
+        values = np.concatenate([values, np.ones_like(values[..., :1])], axis=-1)
+    space = image.colorspace_settings.name
+    if space == "sRGB":
+        # Float images are kept linear in memory whatever their file holds.
+        if not image.is_float:
+            values = np.concatenate([linear_of_srgb(values[..., :3]), values[..., 3:]], axis=-1)
+    elif space not in _LINEAR:
+        raise PRTError(
+            f"image '{image.name}': colour space '{space}' is not understood; "
+            "use sRGB, Linear Rec.709 or Non-Color"
+        )
+    return np.ascontiguousarray(values)
+
+
+def linear_of_srgb(values):
+    """Linear values of sRGB ones (IEC 61966-2-1)."""
+    low = values / np.float32(12.92)
+    high = ((np.maximum(values, 0) + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    return np.where(values <= 0.04045, low, high)
+
+
+def _read_hdr(path):
+    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        image.colorspace_settings.name = "Linear Rec.709"
+        return pixels_of(image)[..., :3]
+    finally:
+        bpy.data.images.remove(image)
+
+
+def register():
+    register_reader(".hdr", _read_hdr)

@@ -1,0 +1,196 @@
+"""Diffuse albedo of Blender materials at face corners."""
+
+import numpy as np
+
+from prt_core.blender.images import pixels_of
+from prt_core.errors import PRTError
+
+# What Blender shows for a face without material.
+_NO_MATERIAL = (0.8, 0.8, 0.8)
+
+
+def corner_albedo(source, data, corner_slot, corner_vertex, messages):
+    """(n_corners, 3) float64 albedo in [0, 1]; what is not understood is said in `messages`.
+
+    Parameters
+    ----------
+    source : bpy.types.Object
+        Evaluated, for its material slots.
+    data : bpy.types.Mesh
+    corner_slot, corner_vertex : (n_corners,) int
+    messages : list of str
+    """
+    albedo = np.empty((len(corner_slot), 3))
+    for slot in np.unique(corner_slot):
+        which = corner_slot == slot
+        material = None
+        if source.material_slots:
+            material = source.material_slots[min(slot, len(source.material_slots) - 1)].material
+        if material is None:
+            albedo[which] = _NO_MATERIAL
+            continue
+        albedo[which] = _material_albedo(material, data, corner_vertex, which, messages)
+    if (albedo < 0).any() or (albedo > 1).any():
+        _say(messages, f"{source.name}: albedo outside 0..1 was cut to it")
+    return np.clip(np.nan_to_num(albedo), 0, 1)
+
+
+def _say(messages, text):
+    if text not in messages:
+        messages.append(text)
+
+
+def _material_albedo(material, data, corner_vertex, which, messages):
+    what = f"material '{material.name}'"
+    shader = _surface_shader(material)
+    if shader is None:
+        _say(messages, f"{what}: no surface shader; its viewport colour was used")
+        return np.array(material.diffuse_color[:3])
+    if shader.type == "BSDF_DIFFUSE":
+        return _colour(shader.inputs["Color"], data, corner_vertex, which, what, messages)
+    if shader.type == "BSDF_PRINCIPLED":
+        colour = _colour(shader.inputs["Base Color"], data, corner_vertex, which, what, messages)
+        share = 1.0
+        for name in ("Metallic", "Transmission Weight"):
+            amount = _constant(shader.inputs[name], what, messages)
+            if amount:
+                _say(messages, f"{what}: {name.split()[0].lower()} {amount:.2g} is not baked, "
+                     "only its diffuse share is")
+                share *= 1 - amount
+        ignored = [
+            label
+            for name, label, neutral in (
+                ("Specular IOR Level", "specular reflection", 0),
+                ("Alpha", "transparency", 1),
+                ("Subsurface Weight", "subsurface scattering", 0),
+                ("Coat Weight", "coat", 0),
+                ("Sheen Weight", "sheen", 0),
+                ("Emission Strength", "emission", 0),
+            )
+            if shader.inputs[name].is_linked or shader.inputs[name].default_value != neutral
+        ]
+        if "emission" in ignored and not shader.inputs["Emission Color"].is_linked:
+            if not any(shader.inputs["Emission Color"].default_value[:3]):
+                ignored.remove("emission")
+        if ignored:
+            _say(messages, f"{what}: {', '.join(ignored)} ignored, the diffuse colour is baked")
+        return colour * share
+    _say(
+        messages,
+        f"{what}: shader '{shader.name}' is not understood (Diffuse and Principled are); "
+        "its viewport colour was used",
+    )
+    return np.array(material.diffuse_color[:3])
+
+
+def _surface_shader(material):
+    if material.node_tree is None or not getattr(material, "use_nodes", True):
+        return None
+    output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node(
+        "ALL"
+    )
+    link = _source(output.inputs["Surface"]) if output else None
+    return link.node if link else None
+
+
+def _source(socket):
+    """The output socket that feeds an input, past reroutes; None when nothing does."""
+    while socket.is_linked:
+        output = socket.links[0].from_socket
+        if output.node.type != "REROUTE":
+            return output
+        socket = output.node.inputs[0]
+    return None
+
+
+def _constant(socket, what, messages):
+    if socket.is_linked:
+        _say(messages, f"{what}: a texture on '{socket.name}' is ignored, its value is used")
+    return float(socket.default_value)
+
+
+def _colour(socket, data, corner_vertex, which, what, messages):
+    source = _source(socket)
+    if source is None:
+        return np.array(socket.default_value[:3])
+    node = source.node
+    if node.type == "RGB":
+        return np.array(source.default_value[:3])
+    if node.type in {"VERTEX_COLOR", "ATTRIBUTE"} and source.name == "Color":
+        name = node.layer_name if node.type == "VERTEX_COLOR" else node.attribute_name
+        found = _attribute_colour(data, name, corner_vertex, which)
+        if found is not None:
+            return found
+        _say(messages, f"{what}: there is no colour attribute '{name}'; its viewport grey is used")
+        return np.array(_NO_MATERIAL)
+    if node.type == "TEX_IMAGE" and source.name == "Color" and node.image is not None:
+        uv = _texture_coordinates(node, data, which, what, messages)
+        if uv is not None:
+            try:
+                return _sample(pixels_of(node.image), uv, node)
+            except PRTError as error:
+                _say(messages, f"{what}: {error}; grey is used")
+                return np.array(_NO_MATERIAL)
+    _say(
+        messages,
+        f"{what}: node '{node.name}' is not understood as a colour; the socket's own is used",
+    )
+    return np.array(socket.default_value[:3])
+
+
+def _attribute_colour(data, name, corner_vertex, which):
+    attribute = data.color_attributes.get(name) if name else data.color_attributes.active_color
+    if attribute is None or attribute.domain not in {"CORNER", "POINT"}:
+        return None
+    values = np.empty(len(attribute.data) * 4, np.float32)
+    # "color" is linear for both kinds of colour attribute.
+    attribute.data.foreach_get("color", values)
+    values = values.reshape(-1, 4)[:, :3].astype(np.float64)
+    return values[which] if attribute.domain == "CORNER" else values[corner_vertex[which]]
+
+
+def _texture_coordinates(node, data, which, what, messages):
+    source = _source(node.inputs["Vector"])
+    name = None
+    if source is not None:
+        if source.node.type == "UVMAP":
+            name = source.node.uv_map
+        elif not (source.node.type == "TEX_COORD" and source.name == "UV"):
+            _say(messages, f"{what}: texture coordinates of '{source.node.name}' not understood")
+            return None
+    if node.projection != "FLAT":
+        _say(messages, f"{what}: projection '{node.projection}' of '{node.name}' not understood")
+        return None
+    layer = data.uv_layers.get(name) if name else data.uv_layers.active
+    if layer is None:
+        _say(messages, f"{what}: no UV map for the texture '{node.image.name}'")
+        return None
+    uv = np.empty(len(data.loops) * 2, np.float32)
+    layer.data.foreach_get("uv", uv)
+    return uv.reshape(-1, 2)[which].astype(np.float64)
+
+
+def _sample(pixels, uv, node):
+    """Texture values at UV (m, 2), as the node's interpolation and extension say."""
+    height, width = pixels.shape[:2]
+    position = uv * [width, height] - 0.5
+    if node.interpolation == "Closest":
+        position = np.floor(position + 0.5)
+    first = np.floor(position).astype(np.int64)
+    share = position - first
+    result = np.zeros((len(uv), 3))
+    for dx in (0, 1):
+        for dy in (0, 1):
+            x, y = first[:, 0] + dx, first[:, 1] + dy
+            if node.extension == "REPEAT":
+                x, y = x % width, y % height
+            elif node.extension == "MIRROR":
+                x, y = (np.minimum(k % (2 * n), 2 * n - 1 - k % (2 * n)) for k, n in
+                        ((x, width), (y, height)))
+            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
+            weight = np.abs(1 - dx - share[:, 0]) * np.abs(1 - dy - share[:, 1])
+            if node.extension == "CLIP":
+                weight = weight * inside
+            result += weight[:, None] * pixels[height - 1 - y, x, :3]
+    return result

@@ -224,9 +224,9 @@ def street_bench():
         bar(f"back {i}", (0, 0.34 + 0.03 * i, 0.58 + 0.14 * i), (1.8, 0.03, 0.1), wood)
     for x in (-0.8, 0.8):
         for y in (-0.25, 0.3):
-            bar(f"leg {x} {y}", (x, y, 0.22), (0.05, 0.05, 0.43), iron)
+            bar(f"leg {x} {y}", (x, y, 0.225), (0.05, 0.05, 0.46), iron)
     for x in (-2.2, 2.2):
-        bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.05, depth=3, location=(x, 1, 1.5))
+        bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.05, depth=3.02, location=(x, 1, 1.5))
         added(f"post {x}", iron, smooth=False)
         bpy.ops.mesh.primitive_uv_sphere_add(
             segments=32, ring_count=16, radius=0.2, location=(x, 1, 3.1)
@@ -234,7 +234,7 @@ def street_bench():
         added(f"globe {x}", diffuse(f"globe {x}", (0.8, 0.8, 0.75)), smooth=True)
         lamp(f"light {x}", "POINT", (x, 0.7, 3.1), 80, shadow_soft_size=0.1)
     for i in range(25):
-        bar(f"rail {i}", (-2.4 + 0.2 * i, 1.6, 0.5), (0.03, 0.03, 1), iron, cuts=3)
+        bar(f"rail {i}", (-2.4 + 0.2 * i, 1.6, 0.5), (0.03, 0.03, 1.02), iron, cuts=3)
     bar("hand rail", (0, 1.6, 1.02), (4.9, 0.06, 0.04), iron, cuts=15)
     camera((3.2, -5.5, 2.6), (0, 0.3, 0.7))
 

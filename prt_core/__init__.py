@@ -1,11 +1,52 @@
 """Precomputed radiance transfer: bake how light travels in a scene once, relight it at once.
 
-Vocabulary: a *bake* stores visibility bits V (n_points x n_directions), the gather operator K
-(n_points x n_points, sparse) and the bake points with their albedo. Transport rows, columns and
-blocks are derived from it: B = albedo (E + K B), E = 1/pi sum_d L_d V cos omega.
+The calls most people need:
 
-Axes: Blender's world axes, z up; directions point from the surface to the light. Lengths are
-Blender units, radiance is linear Rec.709.
+>>> bake("scene.blend", "scene.prt")                        # with bpy: once
+>>> bake = load("scene.prt")                                # then, anywhere
+>>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
+
+Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
+are the texels of a cube map, from the surface to the light, in Blender's world axes (z up); a
+*light* is (n_directions, 3) radiance, linear Rec.709; *received* light is irradiance / pi; the
+*radiance* of a point is what it sends out. Lengths are Blender units.
+
+Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeStore`, `CubeMap`,
+`EnvironmentMap`, `Lamp`. Functions on arrays are in `prt_core.transport` and `prt_core.light`.
 """
 
 __version__ = "0.1.0"
+
+from prt_core.api import bake, environment_light, relight
+from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.errors import PRTError
+from prt_core.light import CubeMap, EnvironmentMap, Lamp
+from prt_core.progress import Progress, run
+from prt_core.rays import Hits, RayCaster, make_caster
+from prt_core.scene import BakePoints, Mesh, Scene
+from prt_core.store import BakeStore
+from prt_core.transport import Transport
+
+__all__ = [
+    "Bake",
+    "BakePoints",
+    "BakeSettings",
+    "BakeStore",
+    "CubeMap",
+    "EnvironmentMap",
+    "Hits",
+    "Lamp",
+    "Mesh",
+    "PRTError",
+    "Progress",
+    "RayCaster",
+    "Scene",
+    "Transport",
+    "bake",
+    "bake_steps",
+    "environment_light",
+    "load",
+    "make_caster",
+    "relight",
+    "run",
+]

@@ -5,7 +5,7 @@ import numpy as np
 
 from prt_core.blender.materials import corner_albedo
 from prt_core.errors import PRTError
-from prt_core.scene.scene import Mesh
+from prt_core.scene.scene import Mesh, Scene
 
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -42,7 +42,11 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
         depsgraph = bpy.context.evaluated_depsgraph_get()
         rendered = _rendered_objects(scene)
         meshes, asked = [], set()
+        # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
+        as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
         for instance in depsgraph.object_instances:
+            if instance.object.type != "MESH" and _key(instance) in as_mesh:
+                continue
             mesh, owners = _read_instance(
                 instance, rendered, receivers, set(two_sided), messages, meshes
             )
@@ -67,6 +71,10 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
     return meshes
 
 
+def _key(instance):
+    return instance.object.original.name, np.array(instance.matrix_world).tobytes()
+
+
 def _rendered_objects(scene):
     """Names of the objects whose collections and own switch let them render."""
     names = set()
@@ -85,12 +93,8 @@ def _read_instance(instance, rendered, receivers, two_sided, messages, meshes):
     """One `Mesh` (or None), and the names by which the user may call it."""
     source = instance.object
     parent = instance.parent
-    shown = source.original.name not in rendered if parent is None else False
-    if parent is not None:
-        shown = parent.original.name not in rendered or source.original.hide_render
-    if shown or not instance.show_self or source.type not in _GEOMETRY:
-        return None, set()
-    if source.display_type in {"BOUNDS", "WIRE"} and source.original.hide_render:
+    hidden = (parent or source).original.name not in rendered or source.original.hide_render
+    if hidden or not instance.show_self or source.type not in _GEOMETRY:
         return None, set()
     owner = source.original.name if parent is None else parent.original.name
     owners = {owner, source.original.name}
@@ -99,7 +103,7 @@ def _read_instance(instance, rendered, receivers, two_sided, messages, meshes):
         if data is None or not len(data.polygons):
             return None, set()
         name = owner
-        if parent is not None:
+        if parent is not None and owner != source.original.name:
             name = f"{owner}/{source.original.name}"
         taken = {mesh.name for mesh in meshes}
         if name in taken:
@@ -180,3 +184,29 @@ def _to_mesh(name, source, data, matrix, messages):
         corner_material=corner_slot,
         face_sizes=sizes,
     )
+
+
+def read_scene(scene=None, receivers=None, two_sided=(), messages=None):
+    """The current Blender scene as a `Scene` (see `read_meshes`)."""
+    messages = [] if messages is None else messages
+    meshes = read_meshes(scene, receivers, two_sided, messages)
+    copies = [mesh.name for mesh in meshes if mesh.receives and not mesh.own_mesh]
+    if copies:
+        some = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
+        messages.append(
+            f"{len(copies)} objects are made by modifiers, curves or instances ({some}); "
+            "their colours go to realised copies in the collection 'PRT'"
+        )
+    return Scene.from_meshes(meshes)
+
+
+def read_camera(scene=None):
+    """The scene's camera as `evaluate.view` takes it, or None."""
+    scene = scene or bpy.context.scene
+    if scene.camera is None or scene.camera.data.type != "PERSP":
+        return None
+    data = scene.camera.data
+    return {
+        "matrix": np.array(scene.camera.matrix_world, np.float64).tolist(),
+        "tangent": float(np.tan(data.angle / 2)),
+    }

@@ -10,6 +10,8 @@ from prt_core.scene.refine import lattice_coordinates, lattice_size
 # Corners of one vertex share a point when normals and albedo agree to these steps.
 NORMAL_STEP = 1e-3
 ALBEDO_STEP = 1 / 32
+# Cosine between face normals above which the surface around a point counts as flat.
+_FLAT = 0.9999
 
 
 @dataclass
@@ -20,6 +22,9 @@ class BakePoints:
     ----------
     positions, normals, geometric_normals : (n_points, 3) float32
         Normals are unit vectors; the geometric one belongs to the faces around the point.
+    inward : (n_points, 3) float32
+        Along a flat surface towards its middle, zero elsewhere: points on the rim of a wall
+        must not look along the wall that touches it there.
     areas : (n_points,) float32
         Share of the surface, in squared frame units.
     albedo : (n_points, 3) float32
@@ -31,6 +36,7 @@ class BakePoints:
     positions: np.ndarray
     normals: np.ndarray
     geometric_normals: np.ndarray
+    inward: np.ndarray
     areas: np.ndarray
     albedo: np.ndarray
     object_index: np.ndarray
@@ -75,10 +81,19 @@ def make_points(stacked, levels):
     geometric = _unit(
         np.where(np.linalg.norm(geometric, axis=1, keepdims=True) > 1e-6, geometric, normals)
     )
+    middle = summed.mean(np.repeat((a + b + c) / 3, 3, axis=0), share.ravel())
+    bend = np.full(n_points, 1.0)
+    np.minimum.at(
+        bend,
+        columns.ravel(),
+        np.einsum("tx,tkx->tk", face_normal, geometric[columns]).ravel(),
+    )
+    inward = np.where((bend > _FLAT)[:, None], middle - positions, 0)
     points = {
         "positions": positions,
         "normals": normals,
         "geometric_normals": geometric,
+        "inward": inward,
         "areas": np.bincount(columns.ravel(), share.ravel(), n_points),
         "albedo": summed.mean(stacked["corner_albedo"][of_corner], weight),
         "object_index": np.zeros(n_points, np.int64),
@@ -213,6 +228,9 @@ def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, co
                 )
             )
             hidden["areas"].append(np.repeat(cell, len(inner)))
+            middle = points["positions"][triangle].mean(axis=1, keepdims=True)
+            place = np.einsum("lk,tkx->tlx", weights, points["positions"][triangle])
+            hidden["inward"].append((middle - place).reshape(-1, 3))
             hidden["object_index"].append(
                 np.repeat(points["object_index"][triangle[:, 0]], len(inner))
             )

@@ -214,10 +214,17 @@ class Scene:
 
     @cached_property
     def ray_origins(self):
-        """(n_points, 3) float32: where the rays of each point start, in the scene's frame."""
+        """(n_points, 3) float32: where the rays of each point start, in the scene's frame.
+
+        Off the surface along the geometric normal; on flat parts also a little inwards, so that
+        the rim of a floor does not look along the wall it touches.
+        """
         points = self.points
-        offset = RAY_OFFSET * points.geometric_normals
-        return (points.positions + offset).astype(np.float32)
+        inward = points.inward.astype(np.float64)
+        length = np.linalg.norm(inward, axis=1, keepdims=True)
+        inward *= np.minimum(0.25, 2 * RAY_OFFSET / np.maximum(length, 1e-30))
+        offset = RAY_OFFSET * points.geometric_normals.astype(np.float64)
+        return (points.positions + offset + inward).astype(np.float32)
 
     @cached_property
     def triangle_normals(self):
@@ -269,6 +276,8 @@ class Scene:
             self.points.positions,
             self.points.normals,
             self.points.geometric_normals,
+            self.points.albedo,
+            self.points.visible,
             self.lattice,
             self.lattice_back,
         ):

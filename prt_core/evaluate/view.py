@@ -1,0 +1,145 @@
+"""Pictures of relit scenes: camera rays through any ray caster, colours from the bake points."""
+
+from pathlib import Path
+
+import numpy as np
+
+from prt_core.errors import expect
+
+_BATCH = 1 << 20
+
+
+def auto_camera(scene, width=960, height=540):
+    """A camera that sees the whole scene from the front, a little from above.
+
+    Returns
+    -------
+    dict
+        `matrix` (4 x 4, camera to world), `tangent` of half the wider angle.
+    """
+    away = np.array([0.35, -0.85, 0.45])
+    away /= np.linalg.norm(away)
+    right = np.cross([0, 0, 1.0], away)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.column_stack([right, np.cross(away, right), away])
+    matrix[:3, 3] = scene.centre + away * scene.size * 1.6
+    return {"matrix": matrix.tolist(), "tangent": 0.42}
+
+
+class CameraRays:
+    """What each pixel of a view sees; kept, so that many lights can be shown cheaply.
+
+    Parameters
+    ----------
+    scene : Scene
+    caster : RayCaster
+    camera : dict
+        See `auto_camera`.
+    width, height : int
+        Pixels.
+    samples : int
+        Along each side of a pixel.
+    """
+
+    def __init__(self, scene, caster, camera=None, width=960, height=540, samples=2):
+        camera = camera or auto_camera(scene)
+        self.width, self.height, self.samples = width, height, samples
+        matrix = np.asarray(camera["matrix"], np.float64)
+        step = 2 * camera["tangent"] / max(width, height)
+        x = (np.arange(width * samples) + 0.5) / samples - width / 2
+        y = height / 2 - (np.arange(height * samples) + 0.5) / samples
+        x, y = np.meshgrid(x * step, y * step)
+        local = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3)
+        axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+        directions = local @ axes.T
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        self.directions = directions.astype(np.float32)
+        origin = scene.to_frame(matrix[:3, 3]).astype(np.float32)
+        self.points = np.full((len(directions), 3), -1, np.int32)
+        self.weights = np.zeros((len(directions), 3), np.float32)
+        self.hit = np.zeros(len(directions), bool)
+        for first in range(0, len(directions), _BATCH):
+            part = slice(first, first + _BATCH)
+            ways = self.directions[part]
+            found = caster.intersect(np.broadcast_to(origin, ways.shape), ways)
+            hit = np.flatnonzero(found.triangle >= 0)
+            triangle = found.triangle[hit]
+            back = (ways[hit] * scene.triangle_normals[triangle]).sum(axis=1) > 0
+            around, weights = scene.hit_points(triangle, found.barycentric[hit], back)
+            self.points[first + hit], self.weights[first + hit] = around, weights
+            self.hit[first + hit] = True
+
+    def picture(self, radiance, background=None):
+        """The view under one light.
+
+        Parameters
+        ----------
+        radiance : (n_points, 3) float32
+        background : callable((m, 3) directions) -> (m, 3), optional
+            What the sky looks like; default black.
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear. Sides that return no light are black.
+        """
+        lit = self.points[:, 0] >= 0
+        image = np.zeros((len(self.hit), 3), np.float32)
+        image[lit] = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
+        if background is not None:
+            sky = ~self.hit
+            image[sky] = background(self.directions[sky])
+        s = self.samples
+        return image.reshape(self.height, s, self.width, s, 3).mean(axis=(1, 3))
+
+
+def render_view(bake, radiance, caster, width=960, height=540, background=None):
+    """One picture, (height, width, 3) float32 linear, from the bake's camera."""
+    rays = CameraRays(bake.scene, caster, bake.camera, width, height)
+    return rays.picture(radiance, background)
+
+
+def to_srgb(linear, exposure=0.0):
+    """Linear radiance as sRGB bytes, `exposure` in stops; brighter than white is cut."""
+    value = np.clip(np.asarray(linear, np.float32) * np.float32(2.0**exposure), 0, 1)
+    curve = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+    return (curve * 255 + 0.5).astype(np.uint8)
+
+
+def write_png(path, image):
+    """Write (height, width, 3) uint8 sRGB pixels; through a temporary file, never half."""
+    from PIL import Image
+
+    path = Path(path)
+    expect(path.suffix.lower() == ".png", f"{path}: expected a name that ends in .png")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(path.name + ".part")
+    Image.fromarray(image).save(temporary, format="PNG")
+    temporary.replace(path)
+
+
+def contact_sheet(images, labels, columns):
+    """Pictures side by side with a line of text under each.
+
+    Parameters
+    ----------
+    images : sequence of (height, width, 3) uint8
+    labels : sequence of str
+    columns : int
+
+    Returns
+    -------
+    (n, m, 3) uint8
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = images[0].shape[:2]
+    bar, rows = 26, -(-len(images) // columns)
+    sheet = Image.new("RGB", (columns * width, rows * (height + bar)), (24, 24, 24))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    for index, (image, label) in enumerate(zip(images, labels, strict=True)):
+        x, y = index % columns * width, index // columns * (height + bar)
+        sheet.paste(Image.fromarray(image), (x, y))
+        draw.text((x + 8, y + height + 3), label, fill=(225, 225, 225), font=font)
+    return np.asarray(sheet)

@@ -1,0 +1,212 @@
+"""`BakeStore`: arrays and facts of a bake in a Zarr v3 group, chunked by block of points.
+
+A chunk is written to a temporary file and then renamed, so a kill leaves whole chunks only; each
+carries a checksum. Nothing is pickled, and nothing outside the folder is read or written.
+"""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import zarr
+from zarr.codecs import Crc32cCodec, ZstdCodec
+
+from prt_core.errors import PRTError, expect
+
+FORMAT, VERSION = "prt bake", 1
+_CODECS = {"bytes", "zstd", "crc32c"}
+_TYPES = {"bool", "uint8", "uint16", "int32", "int64", "float32", "float64"}
+_MOST_BYTES = 1 << 38
+
+
+class BakeStore:
+    """An open bake folder.
+
+    Parameters
+    ----------
+    path : str or Path
+        `NAME.prt`.
+    mode : {"r", "a", "w"}
+        Read what is there; go on with it or begin; begin anew.
+
+    Raises
+    ------
+    PRTError
+        The folder is no bake, of a newer version, or not one that this library wrote.
+    """
+
+    def __init__(self, path, mode="r"):
+        self.path = Path(path)
+        if mode == "w":
+            self._remove()
+        there = self.path.exists() or self.path.is_symlink()
+        if there:
+            _check_folder(self.path)
+        elif mode == "r":
+            raise PRTError(f"{self.path}: there is no such bake")
+        if not there:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            group = zarr.create_group(str(self.path), zarr_format=3)
+            group.attrs.update({"format": FORMAT, "version": VERSION, "complete": False})
+        self._group = zarr.open_group(str(self.path), mode="r" if mode == "r" else "r+")
+
+    def _remove(self):
+        if self.path.exists() or self.path.is_symlink():
+            # Only a folder that is a bake may be removed; whole or not does not matter.
+            _check_folder(self.path, whole=False)
+            shutil.rmtree(self.path)
+
+    @property
+    def facts(self):
+        """The group's attributes: settings, report, objects, versions."""
+        return dict(self._group.attrs)
+
+    def update(self, **facts):
+        """Replace attributes, in one atomic write."""
+        self._group.attrs.update(json.loads(json.dumps(facts, default=_plain)))
+
+    def __contains__(self, name):
+        return name in self._group
+
+    def write(self, name, array):
+        """Write a whole array, replacing one of the same name."""
+        array = np.ascontiguousarray(array)
+        made = self.create(name, array.shape, array.dtype, None)
+        if array.size:
+            made[...] = array
+
+    def create(self, name, shape, dtype, chunks, fill=0):
+        """An array to be written block by block; opened as it is where it exists alike."""
+        if name in self._group:
+            existing = self._group[name]
+            if existing.shape == tuple(shape) and existing.dtype == dtype:
+                return existing
+            del self._group[name]
+        return self._group.create_array(
+            name,
+            shape=shape,
+            dtype=dtype,
+            chunks=chunks or tuple(max(1, n) for n in shape),
+            fill_value=fill,
+            compressors=[ZstdCodec(level=3), Crc32cCodec()],
+        )
+
+    def has_chunk(self, name, *index):
+        """Whether a chunk was written (chunks appear whole or not at all)."""
+        return (self.path / name / "c" / "/".join(map(str, index))).is_file()
+
+    def array(self, name):
+        """The array itself, read where it is indexed."""
+        try:
+            return self._group[name]
+        except KeyError:
+            raise PRTError(f"{self.path}: '{name}' is missing; the bake is damaged") from None
+
+    def read(self, name, shape=None, dtype=None):
+        """A whole array into memory.
+
+        Raises
+        ------
+        PRTError
+            Missing, of another shape or type, or damaged (checksum, truncated).
+        """
+        array = self.array(name)
+        fits = shape is None or (
+            array.ndim == len(shape)
+            and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
+        )
+        expect(
+            fits and (dtype is None or array.dtype == dtype),
+            f"{self.path}: '{name}' is {array.shape} {array.dtype}, expected {shape} "
+            f"{np.dtype(dtype) if dtype else ''}; the bake is damaged or not of this library",
+        )
+        try:
+            return array[...]
+        except Exception as error:
+            raise PRTError(
+                f"{self.path}: '{name}' cannot be read ({_short(error)}); the bake is damaged, "
+                "bake again with --restart"
+            ) from error
+
+    def nbytes(self):
+        """Bytes on disk."""
+        return sum(
+            (Path(folder) / name).stat().st_size
+            for folder, _, names in os.walk(self.path)
+            for name in names
+        )
+
+
+def _plain(value):
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value)} cannot be stored")
+
+
+def _short(error):
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]
+
+
+def _check_folder(path, whole=True):
+    """Refuse what this library did not write, before any of it is decoded."""
+    expect(not path.is_symlink(), f"{path}: is a symbolic link; give the folder itself")
+    expect(path.is_dir(), f"{path}: is a file, expected a folder NAME.prt made by 'prt bake'")
+    meta = _json(path / "zarr.json", path)
+    facts = meta.get("attributes")
+    expect(
+        meta.get("zarr_format") == 3
+        and meta.get("node_type") == "group"
+        and isinstance(facts, dict)
+        and facts.get("format") == FORMAT,
+        f"{path}: is not a bake of this library; expected a folder made by 'prt bake'",
+    )
+    version = facts.get("version")
+    expect(
+        isinstance(version, int) and 1 <= version <= VERSION,
+        f"{path}: has store version {version}, this library reads up to {VERSION}; update it",
+    )
+    for folder, folders, names in os.walk(path):
+        for name in folders + names:
+            entry = Path(folder) / name
+            expect(
+                not entry.is_symlink(),
+                f"{path}: holds a symbolic link ({name}); it was tampered with",
+            )
+        if whole and "zarr.json" in names and Path(folder) != path:
+            _check_array(_json(Path(folder) / "zarr.json", path), path, Path(folder).name)
+
+
+def _check_array(meta, path, name):
+    if meta.get("node_type") == "group":
+        return
+    codecs = [codec.get("name") if isinstance(codec, dict) else codec for codec in meta["codecs"]]
+    shape = meta.get("shape", [])
+    grid = meta.get("chunk_grid", {})
+    key = meta.get("chunk_key_encoding", {})
+    size = float(np.prod([float(n) for n in shape])) if shape else 1.0
+    expect(
+        meta.get("node_type") == "array"
+        and set(codecs) <= _CODECS
+        and meta.get("data_type") in _TYPES
+        and not meta.get("storage_transformers")
+        and grid.get("name") == "regular"
+        and key.get("name") == "default"
+        and 0 <= size * 8 < _MOST_BYTES,
+        f"{path}: array '{name}' is described in a way this library never writes; "
+        "it was damaged or tampered with",
+    )
+
+
+def _json(file, path):
+    try:
+        meta = json.loads(file.read_text())
+        expect(isinstance(meta, dict), f"{path}: {file.name} is damaged")
+        return meta
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError):
+        raise PRTError(
+            f"{path}: is not a bake of this library or is damaged ({file.name} cannot be read)"
+        ) from None

@@ -304,7 +304,7 @@ def _report(scene, cube_map, caster, rays, gathered, rounds, error, seconds, sto
     if rounds:
         back = store.array("gather_rays")[:rounds, :, 1:].sum(axis=(0, 1))
         for item, count in zip(scene.objects, back, strict=True):
-            if count > 0.005 * gathered:
+            if count > 0.02 * gathered:
                 messages.append(
                     f"{item.name}: {count / gathered:.1%} of the bounce rays met its back, which "
                     f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"

@@ -162,7 +162,9 @@ def coloured_walls():
     ):
         wall = grid(name, 65, -1, 1, principled(name, colour))
         wall.location, wall.rotation_euler = (x, 0, 1 + gap), (0, turn, 0)
-    bpy.ops.mesh.primitive_cube_add(size=0.7, location=(-0.4, 0.3, 0.35 + gap), rotation=(0, 0, 0.4))
+    bpy.ops.mesh.primitive_cube_add(
+        size=0.7, location=(-0.4, 0.3, 0.35 + gap), rotation=(0, 0, 0.4)
+    )
     box = added("box", diffuse("box", (0.7, 0.7, 0.7)))
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
@@ -228,7 +230,9 @@ def street_bench():
         for y in (-0.25, 0.3):
             bar(f"leg {x} {y}", (x, y, 0.225), (0.05, 0.05, 0.46), iron)
     for x in (-2.2, 2.2):
-        bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.05, depth=3.02, location=(x, 1, 1.5))
+        bpy.ops.mesh.primitive_cylinder_add(
+            vertices=24, radius=0.05, depth=3.02, location=(x, 1, 1.5)
+        )
         added(f"post {x}", iron, smooth=False)
         bpy.ops.mesh.primitive_uv_sphere_add(
             segments=32, ring_count=16, radius=0.2, location=(x, 1, 3.1)
@@ -262,7 +266,12 @@ def instances():
     spline.points.add(47)
     for i, point in enumerate(spline.points):
         angle = math.tau * i / 48
-        point.co = (0.9 * math.cos(angle), 0.9 * math.sin(angle), 0.4 + 0.2 * math.sin(3 * angle), 1)
+        point.co = (
+            0.9 * math.cos(angle),
+            0.9 * math.sin(angle),
+            0.4 + 0.2 * math.sin(3 * angle),
+            1,
+        )
     spline.use_cyclic_u = True
     ring = bpy.data.objects.new("ring", curve)
     curve.materials.append(diffuse("ring", (0.8, 0.5, 0.2)))

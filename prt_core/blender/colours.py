@@ -1,5 +1,7 @@
 """Relit colours onto Blender meshes: FLOAT_COLOR attributes, and realised copies."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 
@@ -28,9 +30,7 @@ def write_colours(target, colours, name="PRT", domain="CORNER"):
         attribute that is no colour.
     """
     mesh = target.data
-    expect(
-        domain in {"CORNER", "POINT"}, f"domain: expected 'CORNER' or 'POINT', got '{domain}'"
-    )
+    expect(domain in {"CORNER", "POINT"}, f"domain: expected 'CORNER' or 'POINT', got '{domain}'")
     expect(target.mode != "EDIT", f"{target.name}: leave Edit Mode before colours are written")
     expect(
         len(mesh.loops) == len(colours),
@@ -44,10 +44,10 @@ def write_colours(target, colours, name="PRT", domain="CORNER"):
         colours = corners_to_vertices(colours, corner_vertex, len(mesh.vertices))
     existing = mesh.attributes.get(name)
     if existing is not None and name not in mesh.color_attributes:
-        raise PRTError(f"{target.name}: '{name}' is an attribute that is no colour; use another name")
-    if existing is not None and (
-        existing.data_type != "FLOAT_COLOR" or existing.domain != domain
-    ):
+        raise PRTError(
+            f"{target.name}: '{name}' is an attribute that is no colour; use another name"
+        )
+    if existing is not None and (existing.data_type != "FLOAT_COLOR" or existing.domain != domain):
         mesh.color_attributes.remove(mesh.color_attributes[name])
         existing = None
     if existing is None:
@@ -69,7 +69,7 @@ def corners_to_vertices(colours, corner_vertex, n_vertices):
     return (np.stack(sums, axis=1) / count).astype(np.float32)
 
 
-def build_objects(scene, names=None, collection=COLLECTION):
+def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT"):
     """Realised copies of baked objects, in a collection of their own, in world space.
 
     Parameters
@@ -78,7 +78,8 @@ def build_objects(scene, names=None, collection=COLLECTION):
         From a bake.
     names : sequence of str, optional
         Default: every object that receives.
-    collection : str
+    collection, attribute : str
+        The collection's name; the colour attribute that the copies' material shows.
 
     Returns
     -------
@@ -88,7 +89,13 @@ def build_objects(scene, names=None, collection=COLLECTION):
     if home is None:
         home = bpy.data.collections.new(collection)
         bpy.context.scene.collection.children.link(home)
-    material = _emission_material()
+    # Copies of an earlier run are replaced, not stacked upon.
+    for old in [o for o in home.objects if o.get("prt_copy")]:
+        mesh = old.data
+        bpy.data.objects.remove(old)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    material = _emission_material(attribute)
     made, first = {}, 0
     for item in scene.objects:
         vertices = scene.to_world(scene.vertices[first : first + item.n_vertices])
@@ -106,13 +113,15 @@ def build_objects(scene, names=None, collection=COLLECTION):
         mesh.update(calc_edges=True)
         mesh.materials.append(material)
         copy = bpy.data.objects.new(item.name, mesh)
+        copy["prt_copy"] = True
         home.objects.link(copy)
         made[item.name] = copy
     return made
 
 
-def _emission_material(name="PRT colours", attribute="PRT"):
+def _emission_material(attribute):
     """Shows the colour attribute as it is, in every render engine."""
+    name = f"{attribute} colours"
     material = bpy.data.materials.get(name)
     if material is not None:
         return material
@@ -128,3 +137,53 @@ def _emission_material(name="PRT colours", attribute="PRT"):
     tree.links.new(colour.outputs["Color"], shader.inputs["Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     return material
+
+
+def write_all(scene, colours, attribute="PRT", domain="CORNER", all_copies=False):
+    """Colours of a bake onto the open Blender scene.
+
+    An object whose own mesh was baked gets them itself; what modifiers, curves or instances
+    made gets a realised copy in a collection of its own.
+
+    Parameters
+    ----------
+    scene : Scene
+    colours : dict of str -> (n_corners, 3) float32
+    attribute : str
+    domain : {"CORNER", "POINT"}
+    all_copies : bool
+        Build every object, as for an empty file.
+
+    Returns
+    -------
+    list of str
+        Names of the realised copies.
+    """
+    own = [] if all_copies else [o for o in scene.objects if o.own_mesh and o.name in colours]
+    for item in own:
+        target = bpy.data.objects.get(item.name)
+        expect(
+            target is not None and target.type == "MESH",
+            f"{item.name}: the open scene has no such mesh object; give the baked .blend",
+        )
+        expect(
+            len(target.data.loops) == len(item.corner_vertex),
+            f"{item.name}: has {len(target.data.loops)} corners, the bake "
+            f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
+        )
+    copies = [name for name in colours if name not in {item.name for item in own}]
+    made = build_objects(scene, copies, attribute=attribute) if copies else {}
+    for item in own:
+        write_colours(bpy.data.objects[item.name], colours[item.name], attribute, domain)
+    for name, copy in made.items():
+        write_colours(copy, colours[name], attribute, domain)
+    return copies
+
+
+def save_scene(path):
+    """Save the open file under a name, through a temporary one; never half."""
+    path = Path(path).resolve()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(path.stem + ".part.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, compress=True)
+    temporary.replace(path)

@@ -54,8 +54,11 @@ def _material_albedo(material, data, corner_vertex, which, messages):
         for name in ("Metallic", "Transmission Weight"):
             amount = _constant(shader.inputs[name], what, messages)
             if amount:
-                _say(messages, f"{what}: {name.split()[0].lower()} {amount:.2g} is not baked, "
-                     "only its diffuse share is")
+                _say(
+                    messages,
+                    f"{what}: {name.split()[0].lower()} {amount:.2g} is not baked, "
+                    "only its diffuse share is",
+                )
                 share *= 1 - amount
         ignored = [
             label
@@ -185,8 +188,10 @@ def _sample(pixels, uv, node):
             if node.extension == "REPEAT":
                 x, y = x % width, y % height
             elif node.extension == "MIRROR":
-                x, y = (np.minimum(k % (2 * n), 2 * n - 1 - k % (2 * n)) for k, n in
-                        ((x, width), (y, height)))
+                x, y = (
+                    np.minimum(k % (2 * n), 2 * n - 1 - k % (2 * n))
+                    for k, n in ((x, width), (y, height))
+                )
             inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
             x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
             weight = np.abs(1 - dx - share[:, 0]) * np.abs(1 - dy - share[:, 1])

@@ -7,7 +7,6 @@ import numpy as np
 from prt_core.errors import PRTError, expect, expect_array
 
 _READERS = {}
-# Rec.709 luminance coefficients are not needed: a luminance-only image is grey.
 _RGB, _GREY = ("R", "G", "B"), "Y"
 
 

@@ -127,3 +127,8 @@ def make_caster(name, vertices, triangles):
         hint = known.get(name, f"choose one of {', '.join(sorted(_FACTORIES))}, auto")
         raise PRTError(f"caster: '{name}' is not available here; {hint}")
     return _FACTORIES[name](vertices, triangles)
+
+
+def known_casters():
+    """Names of the back-ends that can be made here and now."""
+    return sorted(_FACTORIES)

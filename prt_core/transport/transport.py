@@ -172,7 +172,9 @@ class Transport:
         result = np.empty((*received.shape, 3), np.float32)
         gather = self.gather if indirect else None
         for channel in range(3):
-            same = [c for c in range(channel) if (self.albedo[:, c] == self.albedo[:, channel]).all()]
+            same = [
+                c for c in range(channel) if (self.albedo[:, c] == self.albedo[:, channel]).all()
+            ]
             if same:
                 result[:, :, channel] = result[:, :, same[0]]
             else:
@@ -194,7 +196,10 @@ class Transport:
             n_coarse = self.n_directions // factor**2
             received = np.empty((self.n_points, n_coarse), np.float32)
             group = sp.csr_matrix(
-                (np.ones(self.n_directions, np.float32), (np.arange(self.n_directions), fine_to_coarse)),
+                (
+                    np.ones(self.n_directions, np.float32),
+                    (np.arange(self.n_directions), fine_to_coarse),
+                ),
                 shape=(self.n_directions, n_coarse),
             )
             for first in range(0, self.n_points, _BLOCK):

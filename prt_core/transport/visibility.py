@@ -35,18 +35,23 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
     directions = cube_map.directions.astype(np.float32)
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
+    transposed = np.ascontiguousarray(directions.T)
+
     def one(part):
-        above = shading[part] @ directions.T > 0
-        above &= geometric[part] @ directions.T > 0
-        point, direction = np.nonzero(above)
-        free = np.zeros(above.shape, bool)
-        if len(point):
-            free[point, direction] = ~caster.occluded(
-                origins[part].take(point, axis=0), directions.take(direction, axis=0)
-            )
-        bits[part] = np.packbits(free, axis=1, bitorder="little")
+        above = shading[part] @ transposed > 0
+        above &= geometric[part] @ transposed > 0
+        counts = np.count_nonzero(above, axis=1)
+        ends = np.cumsum(counts)
+        ways = np.empty((int(ends[-1]), 3), np.float32)
+        starts = np.repeat(origins[part], counts, axis=0)
+        # Point by point, so that what is picked and written stays in the cache.
+        for row, end, count in zip(above, ends, counts, strict=True):
+            directions.compress(row, axis=0, out=ways[end - count : end])
+        if len(ways):
+            above[above] = ~caster.occluded(starts, ways)
+        bits[part] = np.packbits(above, axis=1, bitorder="little")
         if tally is not None:
-            tally(len(point))
+            tally(len(ways))
 
     step = max(1, 2 * caster.batch // cube_map.n_directions)
     parts = [slice(first, first + step) for first in range(0, len(origins), step)]

@@ -1,0 +1,33 @@
+"""The same with the objects in hand, a bounce more or less and another albedo.
+
+python examples/objects.py SCENE.blend LIGHT.exr
+"""
+
+import sys
+
+import numpy as np
+
+from prt_core import BakeSettings, EnvironmentMap, bake_steps, load, run
+from prt_core.api import open_blend
+from prt_core.evaluate import render_view, to_srgb, write_png
+
+blend, image = sys.argv[1:3]
+open_blend(blend)
+from prt_core.blender.depsgraph import read_camera, read_scene  # noqa: E402  (needs bpy)
+
+scene = read_scene()
+settings = BakeSettings(resolution=16, tolerance=0.01, caster="auto")
+steps = bake_steps(scene, "example_objects.prt", settings, camera=read_camera(), restart=True)
+run(steps, lambda p: print(f"\r{p.stage} {p.done:,} of {p.total:,}", end=""))
+
+bake = load("example_objects.prt")
+transport = bake.transport
+light = EnvironmentMap.read(image).to_cube_map(bake.cube_map, rotation=45)
+direct = transport.relight(light, bounces=0)
+everything = transport.relight(light)
+print(f"\nbounces add {everything.mean() / direct.mean() - 1:.1%}")
+
+# The bake does not know the albedo: T follows when it changes.
+transport.albedo = np.full_like(transport.albedo, 0.9)
+caster = bake.make_caster()
+write_png("example_objects.png", to_srgb(render_view(bake, transport.relight(light), caster)))

@@ -1,0 +1,404 @@
+"""`prt bake | relight | info | bench`: the command line, also `python -m prt_core`."""
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import prt_core
+from prt_core.errors import PRTError, expect
+
+_IN_BLENDER = "the scene that is open"
+
+
+def main(argv=None, in_blender=False):
+    """Run one command; returns the exit code.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Default: the command line.
+    in_blender : bool
+        Inside a running Blender: the scene that is open is used where no .blend is named.
+    """
+    parser = _parser(in_blender)
+    options = parser.parse_args(argv)
+    try:
+        return options.run(options) or 0
+    except PRTError as error:
+        print(f"prt: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("prt: stopped; the same command goes on where it was", file=sys.stderr)
+        return 130
+
+
+def _parser(in_blender):
+    parser = argparse.ArgumentParser(
+        prog="prt", description="Bake how light travels in a scene once, relight it at once."
+    )
+    parser.add_argument("--version", action="version", version=f"prt {prt_core.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    bake = commands.add_parser("bake", help="bake a .blend file into NAME.prt")
+    _scene_argument(bake, in_blender)
+    bake.add_argument("-o", "--output", help="default: the scene's name with .prt")
+    bake.add_argument("--resolution", type=int, default=32, help="texels along a cube edge (32)")
+    bake.add_argument("--objects", nargs="+", metavar="NAME", help="that receive; default all")
+    bake.add_argument(
+        "--two-sided", nargs="+", metavar="NAME", default=[], help="whose backs are lit as well"
+    )
+    bake.add_argument("--bounces", type=_bounces, default=None, help="auto or a number (auto)")
+    bake.add_argument(
+        "--tolerance", type=float, default=5e-3, help="relative error of the bounces (0.005)"
+    )
+    _caster_argument(bake)
+    bake.add_argument("--seed", type=int, default=0)
+    bake.add_argument("--restart", action="store_true", help="replace what the output holds")
+    _quiet_arguments(bake)
+    bake.set_defaults(run=_bake, in_blender=in_blender)
+
+    relight = commands.add_parser("relight", help="light a bake")
+    relight.add_argument("bake", help="NAME.prt")
+    relight.add_argument("--light", metavar="IMAGE", help=".exr or .hdr, or 'world'")
+    relight.add_argument("--rotate", type=float, help="degrees about z")
+    relight.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
+    relight.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")
+    relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
+    relight.add_argument("--lamp-samples", type=int, default=64, help="shadow rays a lamp (64)")
+    relight.add_argument(
+        "--bounces", type=_bounces, default="baked", help="default: as baked; 0 is direct light"
+    )
+    relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
+    relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
+    relight.add_argument("--size", type=_size, default=(960, 540), help="of the picture (960x540)")
+    relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
+    relight.add_argument(
+        "--scene", metavar="BLEND", help="the baked .blend, to colour a copy of it (for --blend)"
+    )
+    relight.add_argument("--attribute", default="PRT", help="name of the colour attribute (PRT)")
+    relight.add_argument("--domain", choices=("corner", "point"), default="corner")
+    _caster_argument(relight)
+    relight.set_defaults(run=_relight, in_blender=in_blender)
+
+    info = commands.add_parser("info", help="what a bake holds")
+    info.add_argument("bake", help="NAME.prt")
+    info.add_argument("--json", action="store_true")
+    info.set_defaults(run=_info)
+
+    bench = commands.add_parser("bench", help="measure on this machine")
+    kinds = bench.add_subparsers(required=True, metavar="WHAT")
+    rays = kinds.add_parser("rays", help="rays a second of every back-end on a scene")
+    _scene_argument(rays, in_blender)
+    rays.add_argument("--resolution", type=int, default=32)
+    rays.add_argument("--points", type=int, default=2048, help="points traced (2048)")
+    _quiet_arguments(rays)
+    rays.set_defaults(run=_bench_rays, in_blender=in_blender)
+    return parser
+
+
+def _scene_argument(parser, in_blender):
+    if in_blender:
+        parser.add_argument("scene", nargs="?", help=f".blend; default: {_IN_BLENDER}")
+    else:
+        parser.add_argument("scene", help=".blend")
+
+
+def _caster_argument(parser):
+    parser.add_argument(
+        "--caster", default="auto", choices=("auto", "blender", "bvhtree", "embree"),
+        help="who traces rays; auto: Embree where installed, else Blender",
+    )  # fmt: skip
+
+
+def _quiet_arguments(parser):
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _bounces(text):
+    if text == "auto":
+        return None
+    if text == "baked":
+        return text
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"expected auto or a number >= 0, got '{text}'")
+    return value
+
+
+def _size(text):
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and 0 < int(width) * int(height) < 1 << 28):
+        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
+    return int(width), int(height)
+
+
+class _Bar:
+    """Shows `Progress` as one bar a stage, on stderr."""
+
+    def __init__(self, silent):
+        self._silent = silent or not sys.stderr.isatty()
+        self._stage, self._bar = None, None
+
+    def __call__(self, progress):
+        if self._silent:
+            return
+        from tqdm import tqdm
+
+        if progress.stage != self._stage or progress.done < self._bar.n:
+            self.close()
+            self._stage = progress.stage
+            self._bar = tqdm(total=progress.total, desc=progress.stage, unit=" points")
+        self._bar.update(progress.done - self._bar.n)
+
+    def close(self):
+        if self._bar is not None:
+            self._bar.close()
+
+
+class _Hushed:
+    """Blender writes its own lines to stdout; keep them off it while `--json` is asked for."""
+
+    def __enter__(self):
+        sys.stdout.flush()
+        self._kept = os.dup(1)
+        os.dup2(2, 1)
+
+    def __exit__(self, *_):
+        sys.stdout.flush()
+        os.dup2(self._kept, 1)
+        os.close(self._kept)
+
+
+def _bake(options):
+    blend = options.scene
+    if blend is None:
+        from prt_core.api import import_bpy
+
+        name = import_bpy().data.filepath
+        expect(options.output or name, "output: the open scene has no file; name one with -o")
+    else:
+        name = blend
+    output = Path(options.output or Path(name).with_suffix(".prt"))
+    bar = _Bar(options.quiet or options.json)
+    with _Hushed():
+        try:
+            report = prt_core.bake(
+                blend,
+                output,
+                objects=options.objects,
+                two_sided=options.two_sided,
+                restart=options.restart,
+                report=bar,
+                resolution=options.resolution,
+                bounces=options.bounces,
+                tolerance=options.tolerance,
+                caster=options.caster,
+                seed=options.seed,
+            )
+        finally:
+            bar.close()
+    if options.json:
+        print(json.dumps({"bake": str(output), **report}))
+    else:
+        _print_report(output, report)
+    return 0
+
+
+def _print_report(path, report):
+    seconds = report["seconds"]
+    stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
+    print(f"{path}: {report['points']:,} points, {report['directions']:,} directions")
+    print(
+        f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}, "
+        f"{report['rays_per_second'] / 1e6:.1f} M a second"
+    )
+    print(f"  time    {sum(seconds.values()):.1f} s ({stages})")
+    print(
+        f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
+    )
+    if report["error"] is not None:
+        print(
+            f"  error   {report['error']:.2%} of the relit colours, from the bounces "
+            f"({report['rays_a_point']} rays a point); the direct light is exact"
+        )
+    for message in report["messages"]:
+        print(f"  note    {message}")
+
+
+def _relight(options):
+    expect(
+        options.output or options.png or options.blend,
+        "relight: nothing to write; give --output NPZ, --png PNG or --blend BLEND",
+    )
+    expect(
+        options.light or options.lamps,
+        "relight: no light; give --light IMAGE, --light world or --lamps",
+    )
+    needs_bpy = options.caster in ("blender", "bvhtree") or options.blend
+    if needs_bpy:
+        _load_bpy()
+    for path, suffix in ((options.output, ".npz"), (options.blend, ".blend")):
+        expect(
+            path is None or Path(path).suffix == suffix,
+            f"{path}: expected a name that ends in {suffix}",
+        )
+    baked = prt_core.load(options.bake)
+    start = time.perf_counter()
+    radiance = _radiance(baked, options)
+    spent = time.perf_counter() - start
+    radiance = radiance * np.float32(2.0**options.exposure)
+    colours = baked.colours(radiance)
+    if options.output:
+        _write_npz(options.output, colours)
+    if options.png:
+        _write_png(baked, radiance, options)
+    if options.blend:
+        _write_blend(baked, colours, options)
+    written = ", ".join(p for p in (options.output, options.png, options.blend) if p)
+    print(f"{written}: {len(baked.scene.points):,} points relit in {spent:.2f} s")
+    return 0
+
+
+def _load_bpy():
+    from prt_core.api import import_bpy
+
+    return import_bpy()
+
+
+def _radiance(baked, options):
+    from prt_core.api import relight_points
+
+    if options.lamps and options.caster == "auto":
+        _bpy_where_needed()
+    return relight_points(
+        baked,
+        options.light,
+        rotation=options.rotate,
+        strength=options.strength,
+        lamps=options.lamps,
+        lamp_samples=options.lamp_samples,
+        caster=options.caster,
+        bounces=options.bounces,
+    )
+
+
+def _bpy_where_needed():
+    """`auto` may need Blender's rays where Embree is not installed."""
+    from prt_core.rays.caster import known_casters
+
+    if "embree" not in known_casters():
+        _load_bpy()
+
+
+def _write_npz(path, colours):
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(path.name + ".part")
+    with temporary.open("wb") as file:
+        np.savez(file, **colours)
+    temporary.replace(path)
+
+
+def _write_png(baked, radiance, options):
+    from prt_core.evaluate import render_view, to_srgb, write_png
+
+    _bpy_where_needed()
+    caster = baked.make_caster(options.caster)
+    try:
+        sky = None
+        if options.light and options.light != "world":
+            sky = _sky(options)
+        picture = render_view(baked, radiance, caster, *options.size, background=sky)
+    finally:
+        caster.close()
+    write_png(options.png, to_srgb(picture))
+
+
+def _sky(options):
+    """The environment behind the scene, at the exposure of the picture."""
+    from prt_core.light import EnvironmentMap, rotation_matrix
+
+    environment = EnvironmentMap.read(options.light)
+    back = rotation_matrix(options.rotate)
+    factor = np.float32(options.strength * 2.0**options.exposure)
+    return lambda directions: environment.sample(directions @ back) * factor
+
+
+def _write_blend(baked, colours, options):
+    """Colours on the meshes of the scene that is open, of a named .blend, or on built ones."""
+    from prt_core.api import open_blend
+    from prt_core.blender.colours import save_scene, write_all
+
+    bpy = _load_bpy()
+    with _Hushed():
+        if options.scene:
+            open_blend(options.scene)
+        elif not options.in_blender:
+            bpy.ops.wm.read_factory_settings(use_empty=True)
+        fresh = not options.scene and not options.in_blender
+        write_all(baked.scene, colours, options.attribute, options.domain.upper(), all_copies=fresh)
+        save_scene(options.blend)
+
+
+def _info(options):
+    from prt_core.store import BakeStore
+
+    store = BakeStore(options.bake)
+    facts = store.facts
+    report = facts.get("report") or {}
+    if options.json:
+        keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
+        found = {key: facts.get(key) for key in keys}
+        print(json.dumps({**found, **report, "bytes": store.nbytes()}))
+        return 0
+    if not facts.get("complete"):
+        print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
+        return 0
+    _print_report(options.bake, report)
+    settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
+    print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
+    for item in facts["objects"]:
+        role = "receives" if item["receives"] else "casts and bounces only"
+        print(f"  object  {item['name']}: {item['n_corners']:,} corners, {role}")
+    for lamp in facts["lamps"]:
+        print(f"  lamp    {lamp['name']}: {lamp['kind']}")
+    return 0
+
+
+def _bench_rays(options):
+    from prt_core.api import open_blend
+    from prt_core.evaluate.bench_rays import bench_rays
+
+    with _Hushed():
+        if options.scene:
+            open_blend(options.scene)
+        else:
+            _load_bpy()
+        from prt_core.blender.depsgraph import read_scene
+
+        rows = bench_rays(read_scene(), options.resolution, options.points)
+    if options.json:
+        print(json.dumps(rows))
+        return 0
+    print(f"{rows['points']:,} points, {rows['directions']:,} directions, {rows['rays']:,} rays")
+    print("back-end   stage M/s   bare M/s   stage/bare   incoherent M/s   disagree")
+    for row in rows["back_ends"]:
+        print(
+            f"{row['back_end']:9}  {row['stage_rays_per_second'] / 1e6:9.2f}  "
+            f"{row['bare_rays_per_second'] / 1e6:9.2f}  {row['overhead']:11.2f}  "
+            f"{row['incoherent_rays_per_second'] / 1e6:15.2f}  {row['disagree']:9d}"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

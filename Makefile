@@ -1,11 +1,16 @@
 # make demo | make test | make lint | make bench; everything lives in .venv
-PYTHON ?= python3
+PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || echo python3)
 VENV ?= .venv
 RUN = $(VENV)/bin/python
+
+setup: $(VENV)/.ready
 
 $(VENV)/.ready: pyproject.toml scripts/setup.sh
 	PYTHON=$(PYTHON) sh scripts/setup.sh $(VENV)
 	touch $@
+
+demo: $(VENV)/.ready
+	$(RUN) scripts/demo.py
 
 test: $(VENV)/.ready
 	$(RUN) -m pytest
@@ -14,7 +19,19 @@ lint: $(VENV)/.ready
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 
-clean:
-	rm -rf $(VENV) demo_output build
+# Speed, memory and error tables into RESULTS.md; the Cycles truth takes hours the first time.
+bench: $(VENV)/.ready
+	$(RUN) tests/benchmarks/results.py
 
-.PHONY: test lint clean
+# The bridge inside a real Blender: make test-window BLENDER=/path/to/blender
+test-window: $(VENV)/.ready
+	BLENDER=$(BLENDER) $(RUN) -m pytest tests/window
+
+# The tests on every supported Blender: bpy 4.2, 4.5, 5.0 (Python 3.11) and 5.2 (Python 3.13).
+matrix:
+	sh scripts/matrix.sh
+
+clean:
+	rm -rf $(VENV) .venv-* demo_output build
+
+.PHONY: setup demo test lint bench test-window matrix clean

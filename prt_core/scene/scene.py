@@ -74,7 +74,9 @@ class Mesh:
         if self.corner_material is None:
             self.corner_material = np.zeros(n_corners, np.int64)
         if self.face_sizes is None:
-            self.face_sizes = np.full(n_corners // 3, 3)
+            # Unknown faces: triangles where the corners allow it, else one face of them all.
+            triangles = n_corners % 3 == 0
+            self.face_sizes = np.full(n_corners // 3, 3) if triangles else [n_corners]
         self.face_sizes = np.asarray(self.face_sizes, np.int32)
         expect(
             int(self.face_sizes.sum()) == n_corners,

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+
+from prt_core import PRTError
+from prt_core.light import CubeMap, EnvironmentMap, rotation_about_z, rotation_matrix, sun_light
+from prt_core.light.environment import equirectangular
+
+
+def power(light, cube_map):
+    return (light * cube_map.solid_angles[:, None]).sum(axis=0)
+
+
+def test_an_even_sky_stays_even():
+    light = EnvironmentMap(np.full((16, 32, 3), 2.5, np.float32)).to_cube_map(CubeMap(11))
+    np.testing.assert_allclose(light, 2.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("row", [0, 17, 63])
+def test_a_sun_of_one_pixel_keeps_its_power(row):
+    pixels = np.zeros((64, 128, 3), np.float32)
+    pixels[row, 31] = [1e5, 2e4, 3.0]
+    top, bottom = (np.sin(np.pi / 2 - r / 64 * np.pi) for r in (row, row + 1))
+    wanted = pixels[row, 31] * (top - bottom) * 2 * np.pi / 128
+    cube_map = CubeMap(32)
+    light = EnvironmentMap(pixels).to_cube_map(cube_map, rotation=12.3)
+    np.testing.assert_allclose(power(light, cube_map), wanted, rtol=1e-5)
+    assert (light.any(axis=1)).sum() < 80
+
+
+def test_a_sun_in_a_dim_sky_keeps_both():
+    pixels = np.full((64, 128, 3), 0.1, np.float32)
+    pixels[20, 40] = 1e5
+    cube_map = CubeMap(8)
+    light = EnvironmentMap(pixels).to_cube_map(cube_map)
+    area = (np.sin(np.pi / 2 - 20 / 64 * np.pi) - np.sin(np.pi / 2 - 21 / 64 * np.pi)) / 64 * np.pi
+    np.testing.assert_allclose(power(light, cube_map), 1e5 * area + 0.1 * 4 * np.pi, rtol=1e-4)
+    assert abs(np.median(light) - 0.1) < 1e-4
+
+
+def test_lookup_puts_the_image_where_cycles_does():
+    # Blue straight ahead (-x is the middle of the image's right border … +x its centre).
+    u, v = equirectangular(np.array([[1.0, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]))
+    np.testing.assert_allclose(u[:3], [0.5, 0.25, 0.75])
+    np.testing.assert_allclose(v, [0.5, 0.5, 0.5, 1, 0])
+
+
+def test_cube_map_and_lookup_agree():
+    rng = np.random.default_rng(1)
+    environment = EnvironmentMap(rng.random((8, 16, 3), np.float32))
+    cube_map = CubeMap(64)
+    light = environment.to_cube_map(cube_map)
+    centre = environment.sample(cube_map.directions)
+    # Only texels cut by a pixel's edge differ.
+    assert (np.abs(light - centre).max(axis=1) > 1e-3).mean() < 0.2
+
+
+@pytest.mark.parametrize("degrees", [0, 30, -90, 180])
+def test_rotation_turns_the_light_about_z(degrees):
+    pixels = np.zeros((64, 128, 3), np.float32)
+    pixels[22, 40] = 100
+    cube_map = CubeMap(32)
+    environment = EnvironmentMap(pixels)
+    plain, turned = (
+        environment.to_cube_map(cube_map, r)[:, 0] * cube_map.solid_angles for r in (None, degrees)
+    )
+    mean = plain @ cube_map.directions, turned @ cube_map.directions
+    moved = rotation_about_z(degrees) @ mean[0]
+    np.testing.assert_allclose(mean[1] / np.linalg.norm(mean[1]), moved / np.linalg.norm(moved),
+                               atol=0.02)  # fmt: skip
+
+
+def test_rotations_of_every_form():
+    np.testing.assert_allclose(rotation_matrix([0, 0, 33]), rotation_about_z(33), atol=1e-12)
+    np.testing.assert_allclose(rotation_matrix(rotation_about_z(33)), rotation_about_z(33))
+    with pytest.raises(PRTError, match="turns without scaling"):
+        rotation_matrix(np.diag([1, 1, -1.0]))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.009, 0.5])
+def test_a_surface_that_faces_the_sun_gets_its_irradiance(angle):
+    cube_map, towards = CubeMap(32), np.array([0.3, -0.4, 0.8])
+    light = sun_light(cube_map, towards, [3, 2, 1], angle)
+    received = np.einsum("dc,dx,x->c", light, cube_map.vectors, towards / np.linalg.norm(towards))
+    np.testing.assert_allclose(received, [3, 2, 1], rtol=2e-3)
+
+
+def test_bad_pixels_are_refused():
+    with pytest.raises(PRTError, match="NaN or infinite"):
+        EnvironmentMap(np.full((2, 4, 3), np.nan, np.float32))
+    with pytest.raises(PRTError, match="radiance expected >= 0"):
+        EnvironmentMap(np.full((2, 4, 3), -1, np.float32))

@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+
+from prt_core import PRTError
+from prt_core.light import CubeMap, Lamp
+from prt_core.scene import Scene
+from prt_core.transport import (
+    Transport,
+    all_bounces,
+    gather_hits,
+    gather_operator,
+    lamp_light,
+    reference_rows,
+    visibility_bits,
+)
+from prt_core.transport.gather import ROUND, cosine_directions
+from tests.meshes import caster_of, plane, sphere
+
+
+def gathered(scene, rounds=4, seed=0):
+    caster = caster_of(scene)
+    every = slice(0, len(scene.points))
+    hits = [gather_hits(scene, caster, every, seed, r)[0] for r in range(rounds)]
+    return gather_operator(np.concatenate(hits, axis=1), len(scene.points))
+
+
+def transport_of(scene, resolution=4, rounds=4):
+    cube_map = CubeMap(resolution)
+    caster = caster_of(scene)
+    bits = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))
+    return Transport(
+        cube_map, bits, gathered(scene, rounds), scene.points.normals, scene.points.albedo, 1e-6
+    )
+
+
+@pytest.fixture(scope="module")
+def bench():
+    """A red ball over a floor, every side by which they see each other."""
+    ball = sphere(8, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
+    return Scene.from_meshes([ball, plane(9, albedo=0.7)])
+
+
+@pytest.mark.parametrize("albedo", [0.3, 0.8])
+def test_inside_a_closed_ball_light_adds_up_to_the_series(albedo):
+    scene = Scene.from_meshes([sphere(12, inside=True, albedo=albedo)])
+    gather = gathered(scene)
+    share = gather.sum(axis=1).A1 if hasattr(gather.sum(axis=1), "A1") else gather.sum(axis=1)
+    assert np.min(share) > 0.97
+    emitted = np.ones((len(scene.points), 3), np.float32)
+    radiance, _ = all_bounces(gather, scene.points.albedo, emitted, 1e-5)
+    # A faceted ball loses the few rays between its shading and geometric horizon.
+    np.testing.assert_allclose(radiance, albedo / (1 - albedo), rtol=0.02)
+
+
+def test_gather_rays_are_cosine_distributed():
+    rng = np.random.default_rng(0)
+    normals = np.tile(np.float32([[0.6, 0, 0.8]]), (400, 1))
+    directions = cosine_directions(normals, rng.random((400, 2)).astype(np.float32))
+    assert directions.shape == (400, ROUND, 3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1, atol=1e-5)
+    cosine = (directions @ np.float32([0.6, 0, 0.8])).ravel()
+    # The squared cosine of Malley's method is uniform: chi-squared over 20 bins.
+    found, _ = np.histogram(cosine**2, 20, (0, 1))
+    expected = len(cosine) / 20
+    assert ((found - expected) ** 2 / expected).sum() < 45.3  # 99.9 % of 20 - 1 degrees
+
+
+def test_the_back_of_a_face_returns_nothing():
+    # Points of a floor under a sheet that faces up see only its back.
+    floor, sheet = plane(5, name="floor"), plane(5, -30, 30, name="sheet", z=0.5)
+    one = Scene.from_meshes([floor, sheet], max_hidden=0)
+    assert gathered(one, 2)[:25].nnz == 0
+    sheet.two_sided = True
+    two = Scene.from_meshes([floor, sheet], max_hidden=0)
+    seen = gathered(two, 2)[:25]
+    assert seen.nnz > 0
+    assert (two.points.normals[np.unique(seen.indices), 2] < 0).all()
+
+
+def test_rows_columns_and_relighting_are_one_matrix(bench):
+    transport = transport_of(bench)
+    every = np.arange(len(bench.points))
+    rows, columns = transport.rows(every), transport.columns(np.arange(transport.n_directions))
+    scale = np.abs(rows).max()
+    np.testing.assert_allclose(rows, columns, atol=2e-5 * scale)
+    light = np.random.default_rng(0).random((transport.n_directions, 3)).astype(np.float32)
+    np.testing.assert_allclose(
+        np.einsum("pdc,dc->pc", rows, light), transport.relight(light), rtol=2e-4, atol=1e-5
+    )
+    direct = np.einsum("pdc,dc->pc", transport.rows(every, indirect=False), light)
+    np.testing.assert_allclose(direct, transport.relight(light, bounces=0), rtol=2e-4, atol=1e-5)
+
+
+def test_blocks_on_a_coarser_grid_keep_the_energy(bench):
+    transport = transport_of(bench)
+    some = np.array([2, 3, 70, 71])
+    full, coarse = transport.block(some), transport.block(some, indirect=2)
+    np.testing.assert_allclose(coarse.sum(axis=1), full.sum(axis=1), rtol=1e-4)
+    with pytest.raises(PRTError, match="indirect: expected"):
+        transport.block(some, indirect="half")
+
+
+def test_two_bounces_are_the_first_terms_of_the_series(bench):
+    transport = transport_of(bench)
+    received = transport.received(np.ones((transport.n_directions, 3), np.float32))
+    a = bench.points.albedo
+    zero = a * received
+    one = a * (transport.gather @ zero)
+    two = a * (transport.gather @ one)
+    found = all_bounces(transport.gather, a, received, bounces=2)[0]
+    np.testing.assert_allclose(found, zero + one + two, rtol=1e-6)
+
+
+def test_rows_agree_with_path_tracing(bench):
+    """Indirect rows, direction by direction, within the noise of both."""
+    cube_map = CubeMap(4)
+    caster = caster_of(bench)
+    seen = np.linalg.norm(bench.points.positions[:, :2], axis=1)
+    points = np.argsort(seen)[[3, 40, 100]]
+    truth, error = reference_rows(bench, cube_map, caster, points, n_paths=400, max_bounces=12)
+    halves = [transport_of_seed(bench, seed).rows(points) for seed in (0, 1, 2, 3)]
+    mean, spread = np.mean(halves, axis=0), np.std(halves, axis=0, ddof=1) / 2
+    total = mean.sum(axis=1), truth.sum(axis=1)
+    sigma = np.sqrt((error**2).sum(axis=1) + (spread**2).sum(axis=1))
+    # What is left is the mesh: radiosity interpolated between its points.
+    assert (np.abs(total[0] - total[1]) < 4 * sigma + 0.01 * total[1]).all()
+    z = (mean - truth) / np.sqrt(error**2 + spread**2 + (0.02 * truth.max()) ** 2)
+    assert np.abs(z).max() < 4
+    # The test can fail: without bounces it does.
+    direct = transport_of_seed(bench, 0).rows(points, indirect=False).sum(axis=1)
+    assert (np.abs(direct - total[1]) > 4 * sigma + 0.01 * total[1]).any()
+
+
+def transport_of_seed(scene, seed):
+    transport = transport_of(scene, rounds=1)
+    transport.gather = gathered(scene, 6, seed)
+    return transport
+
+
+def test_light_that_never_settles_is_said():
+    scene = Scene.from_meshes([sphere(6, inside=True, albedo=1.0)])
+    gather = gathered(scene, 1)
+    full = gather.multiply(1 / np.asarray(gather.sum(axis=1))).tocsr()
+    with pytest.raises(PRTError, match="not settled"):
+        all_bounces(full, scene.points.albedo, np.ones((len(scene.points), 3), np.float32))
+
+
+def test_lamps_follow_closed_forms():
+    scene = Scene.from_meshes([plane(3, -0.01, 0.01)])
+    caster = caster_of(scene)
+    middle = np.argmin(np.linalg.norm(scene.points.positions, axis=1))
+
+    def lit(lamp):
+        return lamp_light(scene, caster, [lamp], 256)[middle] * np.pi
+
+    up, power = (0, 0, 2.0), (100.0, 50.0, 10.0)
+    np.testing.assert_allclose(
+        lit(Lamp("point", power, up)), np.array(power) / (4 * np.pi * 4), rtol=1e-5
+    )
+    # A spot straight above shines as the point lamp does, and not outside its cone.
+    np.testing.assert_allclose(
+        lit(Lamp("spot", power, up)), np.array(power) / (4 * np.pi * 4), rtol=1e-5
+    )
+    assert not lit(Lamp("spot", power, (2.0, 0, 2.0))).any()
+    np.testing.assert_allclose(lit(Lamp("sun", power)), power, rtol=1e-6)
+    # A disc of radius r at height h: radiance P / (pi A) times pi sin^2 of its half angle.
+    disc = Lamp("area", power, up, size=(2.0, 2.0), ellipse=True)
+    wanted = np.array(power) / (np.pi * np.pi) * np.pi * (1 / (1 + 4))
+    np.testing.assert_allclose(lit(disc), wanted, rtol=0.01)
+
+
+def test_lamps_cast_shadows_only_up_to_themselves():
+    # A lid above the lamp casts no shadow; one below it does.
+    floor = plane(3, -0.1, 0.1, name="floor")
+    lamp = Lamp("point", (10, 10, 10), (0, 0, 1.0))
+    for height, shaded in ((1.5, False), (0.5, True)):
+        scene = Scene.from_meshes([floor, plane(3, -1, 1, name="lid", z=height)], max_hidden=0)
+        caster = caster_of(scene)
+        lit = lamp_light(scene, caster, [lamp])[:9]
+        assert lit.any() != shaded

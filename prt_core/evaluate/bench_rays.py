@@ -75,8 +75,8 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
 
 def _rays(scene, cube_map, points):
     """Every ray of the visibility stage for some points."""
-    directions = cube_map.directions.astype(np.float32)
-    above = scene.points.normals[points] @ directions.T > 0
+    directions = cube_map.samples.astype(np.float32)
+    above = scene.points.normals[points] @ cube_map.vectors.T.astype(np.float32) > 0
     above &= scene.points.geometric_normals[points] @ directions.T > 0
     point, direction = np.nonzero(above)
     return scene.ray_origins[points][point], directions[direction]

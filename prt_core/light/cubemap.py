@@ -20,6 +20,9 @@ _FACES = np.array(
 )
 
 
+_TILE = 8
+
+
 class CubeMap:
     """6 x n x n directions, in the order face (+x, -x, +y, -y, +z, -z), row, column.
 
@@ -36,6 +39,10 @@ class CubeMap:
         Unit vectors through the texel centres.
     solid_angles : (n_directions,) float64
         Exact; they sum to 4 pi.
+    samples : (n_directions, 3) float64
+        The direction inside each texel that is traced. Spread evenly over every row and column of
+        texels, so that a straight edge of the scene which runs along a row does not cover or
+        miss all of it at once, as it would the centres.
     vectors : (n_directions, 3) float64
         The exact integral of the direction over each texel: `normal @ vectors[d]` is the
         cosine-weighted solid angle of a texel above the horizon.
@@ -64,6 +71,26 @@ class CubeMap:
         local = np.stack([np.ones_like(u), u, v], axis=-1).reshape(-1, 3)
         local /= np.linalg.norm(local, axis=1, keepdims=True)
         return np.concatenate([local @ face for face in _FACES])
+
+    @cached_property
+    def samples(self):
+        # Tiles of _TILE x _TILE texels: along each row the heights, along each column the widths
+        # are a random order of equal strata. The same for every bake of a resolution.
+        n = self.resolution
+        faces, tiles = [], -(-n // _TILE)
+        for index, face in enumerate(_FACES):
+            rng = np.random.default_rng([index, n])
+            order = rng.permuted(np.tile(np.arange(_TILE), (2, tiles * tiles * _TILE, 1)), axis=-1)
+            order = order.reshape(2, tiles, tiles, _TILE, _TILE)
+            strata = np.stack([order[0].swapaxes(-1, -2), order[1]])
+            strata = strata.swapaxes(2, 3).reshape(2, tiles * _TILE, tiles * _TILE)[:, :n, :n]
+            offset = (strata + rng.random(strata.shape)) / _TILE
+            row, column = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+            u, v = (np.stack([column, row]) + offset) / n * 2 - 1
+            local = np.stack([np.ones_like(u), u, v], axis=-1).reshape(-1, 3)
+            local /= np.linalg.norm(local, axis=1, keepdims=True)
+            faces.append(local @ face)
+        return np.concatenate(faces)
 
     @cached_property
     def solid_angles(self):

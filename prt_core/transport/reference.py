@@ -54,13 +54,14 @@ def reference_rows(scene, cube_map, caster, points, n_paths=256, max_bounces=8, 
 
 def _direct(cube_map, caster, origins, normals, geometric):
     """(m, n_directions) float64: irradiance / pi for unit radiance from each texel."""
-    directions = cube_map.directions.astype(np.float32)
-    above = (normals @ directions.T > 0) & (geometric @ directions.T > 0)
+    directions = cube_map.samples.astype(np.float32)
+    cosine = normals @ cube_map.vectors.T.astype(np.float32)
+    above = (cosine > 0) & (geometric @ directions.T > 0)
     vertex, direction = np.nonzero(above)
     free = np.zeros(above.shape, bool)
     if len(vertex):
         free[vertex, direction] = ~caster.occluded(origins[vertex], directions[direction])
-    return np.where(free, np.maximum(normals @ cube_map.vectors.T, 0), 0) / np.pi
+    return np.where(free, cosine, 0) / np.pi
 
 
 def _bounce(scene, caster, alive, state, rng):

@@ -94,7 +94,7 @@ class Transport:
     def direct(self, points):
         """Rows of D: irradiance / pi for unit radiance, (n, n_directions) float32."""
         cosine = self.normals[points] @ self.cube_map.vectors.T.astype(np.float32) / np.pi
-        return unpack(self.bits[points], self.n_directions) * np.maximum(cosine, 0)
+        return unpack(self.bits[points], self.n_directions) * cosine
 
     def rows(self, points, indirect=True):
         """Rows of T.
@@ -164,7 +164,7 @@ class Transport:
         byte, bit = directions // 8, directions % 8
         seen = (self.bits[:, byte] >> bit.astype(np.uint8)) & 1
         cosine = self.normals @ self.cube_map.vectors[directions].T.astype(np.float32) / np.pi
-        received = (seen * np.maximum(cosine, 0)).astype(np.float32)
+        received = (seen * cosine).astype(np.float32)
         return self._with_bounces(received, indirect)
 
     def _with_bounces(self, received, indirect=True):

@@ -12,8 +12,9 @@ _UNPACK = 256
 def visibility_bits(scene, cube_map, caster, points, tally=None):
     """Trace every direction of the upper hemisphere of some points.
 
-    A bit is set where the direction lies above both the shading and the geometric horizon and
-    nothing is in the way: no light comes through the surface.
+    A bit is set where the texel lies above the shading horizon (its cosine integral is positive),
+    its traced direction above the geometric one, and nothing is in the way: no light comes
+    through the surface, and no entry of T is negative.
 
     Parameters
     ----------
@@ -32,13 +33,14 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
     origins = scene.ray_origins[points]
     shading = scene.points.normals[points]
     geometric = scene.points.geometric_normals[points]
-    directions = cube_map.directions.astype(np.float32)
+    directions = cube_map.samples.astype(np.float32)
+    vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
     transposed = np.ascontiguousarray(directions.T)
 
     def one(part):
-        above = shading[part] @ transposed > 0
+        above = shading[part] @ vectors > 0
         above &= geometric[part] @ transposed > 0
         counts = np.count_nonzero(above, axis=1)
         ends = np.cumsum(counts)
@@ -103,5 +105,5 @@ def received_light(bits, normals, cube_map, light):
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         list(pool.map(one, range(0, len(bits), _UNPACK)))
-    # A texel cut by the horizon may count a trace below it.
+    # Rounding may leave a trace below zero where nothing is seen.
     return np.maximum(result, 0, out=result)

@@ -36,6 +36,25 @@ def test_texels_hold_their_own_direction(resolution):
     np.testing.assert_array_equal(found, np.arange(cube_map.n_directions))
 
 
+@pytest.mark.parametrize("resolution", [1, 3, 8, 32])
+def test_traced_directions_lie_in_their_texels_and_are_always_the_same(resolution):
+    cube_map = CubeMap(resolution)
+    np.testing.assert_array_equal(
+        cube_map.texel_of(cube_map.samples), np.arange(cube_map.n_directions)
+    )
+    np.testing.assert_array_equal(cube_map.samples, CubeMap(resolution).samples)
+
+
+def test_traced_directions_are_spread_along_rows_and_columns():
+    # Heights of a row of eight texels on +x fall into eight different eighths, and so the widths.
+    face = CubeMap(32).samples[: 32 * 32]
+    u, v = ((face[:, k] / face[:, 0] + 1) * 16 for k in (1, 2))
+    heights = np.sort((v.reshape(32, 4, 8) % 1 * 8).astype(int), axis=2)
+    widths = np.sort((u.reshape(4, 8, 32) % 1 * 8).astype(int), axis=1)
+    assert (heights == np.arange(8)).all()
+    assert (widths == np.arange(8)[:, None]).all()
+
+
 def test_random_directions_fall_into_the_nearest_texels():
     cube_map, rng = CubeMap(9), np.random.default_rng(0)
     directions = rng.normal(size=(2000, 3))

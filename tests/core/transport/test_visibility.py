@@ -32,7 +32,8 @@ def test_an_unoccluded_plate_sees_the_whole_sky(scale, shift):
 def test_a_convex_body_shades_only_itself_by_its_horizon():
     scene = Scene.from_meshes([sphere(12)])
     cube_map, bits = traced(scene, 16)
-    np.testing.assert_allclose(even(cube_map, bits, scene), 1, atol=5e-3)
+    # Less the sliver between the texels' traced directions and the horizon.
+    np.testing.assert_allclose(even(cube_map, bits, scene), 1, atol=1e-2)
 
 
 def test_inside_a_closed_ball_nothing_is_seen():
@@ -61,8 +62,8 @@ def test_no_light_through_the_surface():
     scene = Scene.from_meshes([mesh])
     cube_map, bits = traced(scene, 8)
     seen = unpack(bits, cube_map.n_directions) > 0
-    assert not seen[:, cube_map.directions[:, 2] < 0].any()
-    assert not seen[:, cube_map.directions @ [0.8, 0, 0.6] < 0].any()
+    assert not seen[:, cube_map.samples[:, 2] < 0].any()
+    assert not seen[:, cube_map.vectors @ [0.8, 0, 0.6] < 0].any()
     assert seen.any()
 
 

@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 
+from prt_core.blender.compat import has_nodes
 from prt_core.light.local import Lamp
 
 _KINDS = {"POINT": "point", "SPOT": "spot", "AREA": "area", "SUN": "sun"}
@@ -41,7 +42,7 @@ def _lamp(source, matrix, messages):
         colour = colour * np.array(data.temperature_color[:])
     power = colour * data.energy * 2 ** getattr(data, "exposure", 0.0)
     ignored = []
-    if getattr(data, "use_nodes", False) and data.node_tree is not None:
+    if has_nodes(data):
         used = [n for n in data.node_tree.nodes if n.type not in {"OUTPUT_LIGHT", "EMISSION"}]
         emission = [n for n in data.node_tree.nodes if n.type == "EMISSION"]
         if len(emission) == 1 and not any(s.is_linked for s in emission[0].inputs):

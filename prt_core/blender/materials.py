@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import pixels_of
 from prt_core.errors import PRTError
 
@@ -87,7 +88,7 @@ def _material_albedo(material, data, corner_vertex, which, messages):
 
 
 def _surface_shader(material):
-    if material.node_tree is None or not getattr(material, "use_nodes", True):
+    if not has_nodes(material):
         return None
     output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node(
         "ALL"

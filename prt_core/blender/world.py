@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 
+from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import pixels_of
 from prt_core.blender.lamps import read_lamps
 from prt_core.blender.materials import _source
@@ -48,7 +49,7 @@ def read_world(cube_map, scene=None, suns=True):
 def _background(world, cube_map):
     what = f"world '{world.name}'"
     tree = world.node_tree
-    if tree is None or not getattr(world, "use_nodes", True):
+    if not has_nodes(world):
         return np.broadcast_to(np.float32(world.color[:]), (cube_map.n_directions, 3))
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     shader = _source(output.inputs["Surface"]) if output else None

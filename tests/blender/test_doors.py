@@ -1,0 +1,183 @@
+"""The three doors, API, command line and headless Blender, give the same arrays."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import build
+import numpy as np
+import pytest
+
+import prt_core
+from prt_core import PRTError
+from prt_core.blender.colours import write_all, write_colours
+
+ROOT = Path(__file__).resolve().parents[2]
+NAME = "08_two_triangle_floor"
+
+
+@pytest.fixture(scope="module")
+def blend(tmp_path_factory):
+    return build.build(NAME, tmp_path_factory.mktemp("scenes"))
+
+
+@pytest.fixture(scope="module")
+def baked(blend):
+    path = blend.with_suffix(".prt")
+    prt_core.bake(blend, path, resolution=8, tolerance=0.02, caster="blender")
+    return path
+
+
+def prt(*arguments, code=0):
+    done = subprocess.run(
+        [sys.executable, "-m", "prt_core", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+    )
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def test_command_line_and_api_give_the_same(blend, baked, hdri, tmp_path):
+    done = prt(
+        "bake", blend, "-o", tmp_path / "c.prt", "--resolution", 8, "--tolerance", 0.02,
+        "--caster", "blender", "--json",
+    )  # fmt: skip
+    report = json.loads(done.stdout)
+    wanted = {"points", "directions", "back_end", "rays", "seconds", "bytes", "peak_bytes"}
+    assert wanted <= set(report) and report["back_end"] == "blender"
+    prt(
+        "relight", tmp_path / "c.prt", "--light", hdri("city"), "--rotate", 30, "--exposure", 1,
+        "--output", tmp_path / "c.npz", "--png", tmp_path / "c.png", "--size", "64x36",
+    )  # fmt: skip
+    found = np.load(tmp_path / "c.npz")
+    colours = prt_core.relight(baked, hdri("city"), rotation=30)
+    assert set(found.files) == set(colours) == {"floor", "ball"}
+    for name in colours:
+        assert found[name].dtype == np.float32
+        np.testing.assert_array_equal(found[name], colours[name] * np.float32(2))
+    assert (tmp_path / "c.png").stat().st_size > 500
+    assert json.loads(prt("info", tmp_path / "c.prt", "--json").stdout)["complete"] is True
+
+
+def test_colours_reach_the_meshes_exactly(blend, baked, hdri, tmp_path):
+    prt(
+        "relight", baked, "--light", hdri("city"), "--blend", tmp_path / "o.blend",
+        "--scene", blend, "--attribute", "Lit",
+    )  # fmt: skip
+    colours = prt_core.relight(baked, hdri("city"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "o.blend"))
+    for name, wanted in colours.items():
+        mesh = bpy.data.objects[name].data
+        attribute = mesh.color_attributes["Lit"]
+        assert (attribute.data_type, attribute.domain) == ("FLOAT_COLOR", "CORNER")
+        assert mesh.color_attributes.active_color.name == "Lit"
+        values = np.empty(len(attribute.data) * 4, np.float32)
+        attribute.data.foreach_get("color", values)
+        np.testing.assert_array_equal(values.reshape(-1, 4)[:, :3], wanted)
+        assert (values[3::4] == 1).all()
+
+
+def test_a_blend_is_built_where_none_is_named(baked, hdri, tmp_path):
+    prt("relight", baked, "--light", hdri("city"), "--blend", tmp_path / "o.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "o.blend"))
+    floor = bpy.data.collections["PRT"].objects["floor"].data
+    assert len(floor.loops) == 6 and len(floor.color_attributes["PRT"].data) == 6
+
+
+def test_instances_get_realised_copies_once(tmp_path):
+    blend = build.build("06_instances", tmp_path)
+    prt_core.bake(blend, tmp_path / "i.prt", resolution=2, bounces=0)
+    bake = prt_core.load(tmp_path / "i.prt")
+    colours = bake.colours(np.ones((len(bake.scene.points), 3), np.float32))
+    for _ in range(2):
+        copies = write_all(bake.scene, colours)
+    assert len(copies) == 8 and len(bpy.data.collections["PRT"].objects) == 8
+    floor = bpy.data.objects["floor"].data
+    assert "PRT" in floor.color_attributes
+
+
+@pytest.mark.parametrize("domain", ["CORNER", "POINT"])
+def test_a_mesh_that_changed_is_refused(domain):
+    bpy.ops.mesh.primitive_cube_add()
+    with pytest.raises(PRTError, match="has 24 corners, the bake 8; the mesh was changed"):
+        write_colours(bpy.context.object, np.zeros((8, 3), np.float32), domain=domain)
+    write_colours(bpy.context.object, np.full((24, 3), 0.5, np.float32), domain=domain)
+    assert bpy.context.object.data.color_attributes["PRT"].domain == domain
+
+
+def test_errors_are_one_line_and_an_exit_code(baked, hdri, tmp_path):
+    cases = [
+        (("bake", tmp_path / "none.blend"), "there is no such .blend"),
+        (("relight", tmp_path / "none.prt", "--light", hdri("city"), "--png", "x.png"), "no such"),
+        (
+            ("relight", baked, "--light", "none.exr", "--output", tmp_path / "x.npz"),
+            "no such image",
+        ),
+        (("relight", baked, "--light", hdri("city")), "nothing to write"),
+        (("relight", baked, "--lamps", "--output", tmp_path / "x.npz"), "had no lamps"),
+        (("relight", baked, "--light", hdri("city"), "--output", tmp_path / "x.csv"), "in .npz"),
+    ]
+    for arguments, message in cases:
+        done = prt(*arguments, code=2)
+        lines = [line for line in done.stderr.splitlines() if line.startswith("prt: ")]
+        assert len(lines) == 1 and message in lines[0], done.stderr
+        assert "Traceback" not in done.stderr
+    assert not (tmp_path / "x.npz").exists()
+
+
+@pytest.mark.parametrize("kills", [3])
+def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, kills):
+    """kill -9 at random moments, resumed each time, against an unbroken bake."""
+    import shutil
+    import signal
+    import time
+
+    arguments = [sys.executable, "-m", "prt_core", "bake", str(blend), "--resolution", "32",
+                 "--tolerance", "0.004", "--caster", "blender", "--quiet", "-o"]  # fmt: skip
+    subprocess.run([*arguments, str(tmp_path / "whole.prt")], check=True, cwd=ROOT,
+                   capture_output=True)  # fmt: skip
+    rng = np.random.default_rng(5)
+    broken = tmp_path / "broken.prt"
+    shutil.rmtree(broken, ignore_errors=True)
+    for _ in range(kills):
+        process = subprocess.Popen([*arguments, str(broken)], cwd=ROOT, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)  # fmt: skip
+        time.sleep(1.0 + 2.5 * rng.random())
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    subprocess.run([*arguments, str(broken)], check=True, cwd=ROOT, capture_output=True)
+    from prt_core.store import BakeStore
+
+    one, two = BakeStore(tmp_path / "whole.prt"), BakeStore(broken)
+    for name in ("visibility", "gather", "visibility_rays", "gather_rays", "point_positions"):
+        np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
+    assert one.facts["report"]["rays"] == two.facts["report"]["rays"]
+    assert one.facts["report"]["error"] == two.facts["report"]["error"]
+
+
+@pytest.mark.skipif(not os.environ.get("BLENDER"), reason="BLENDER names no Blender")
+def test_headless_blender_gives_the_same(blend, baked, hdri, tmp_path):
+    script = ROOT / "scripts" / "blender_prt.py"
+
+    def blender(*arguments):
+        command = [os.environ["BLENDER"], "-b", str(blend), "--python-exit-code", "1", "-P", script]
+        return subprocess.run(
+            [*command, "--", *map(str, arguments)], capture_output=True, text=True
+        )
+
+    done = blender("bake", "-o", tmp_path / "h.prt", "--resolution", 8, "--tolerance", 0.02,
+                   "--caster", "blender")  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = blender("relight", tmp_path / "h.prt", "--light", hdri("city"), "--output",
+                   tmp_path / "h.npz")  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    colours = prt_core.relight(baked, hdri("city"))
+    found = np.load(tmp_path / "h.npz")
+    for name in colours:
+        np.testing.assert_array_equal(found[name], colours[name])
+    assert blender("bake", "-o", tmp_path / "n.prt", "--objects", "nobody").returncode != 0

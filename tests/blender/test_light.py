@@ -1,0 +1,122 @@
+import math
+
+import bpy
+import build
+import numpy as np
+import pytest
+
+from prt_core import PRTError
+from prt_core.blender import read_lamps, read_world
+from prt_core.light import CubeMap, EnvironmentMap, read_image
+
+
+@pytest.fixture
+def world():
+    world = bpy.data.worlds.new("w")
+    if world.node_tree is None:
+        world.use_nodes = True
+    world.node_tree.nodes.clear()
+    bpy.context.scene.world = world
+    background = world.node_tree.nodes.new("ShaderNodeBackground")
+    output = world.node_tree.nodes.new("ShaderNodeOutputWorld")
+    world.node_tree.links.new(background.outputs[0], output.inputs["Surface"])
+    return world
+
+
+def test_a_plain_background(world):
+    node = world.node_tree.nodes["Background"]
+    node.inputs["Color"].default_value = (0.1, 0.2, 0.3, 1)
+    node.inputs["Strength"].default_value = 2
+    light = read_world(CubeMap(3))
+    np.testing.assert_allclose(light, np.tile([0.2, 0.4, 0.6], (54, 1)), rtol=1e-6)
+
+
+def environment(world, hdri, turn=None, kind="POINT"):
+    tree = world.node_tree
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(str(hdri("city")))
+    tree.links.new(texture.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    if turn is not None:
+        mapping, place = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+        mapping.vector_type = kind
+        mapping.inputs["Rotation"].default_value = (0, 0, math.radians(turn))
+        tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+        tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
+
+
+def test_the_world_is_the_image(world, hdri):
+    environment(world, hdri)
+    cube_map = CubeMap(8)
+    wanted = EnvironmentMap.read(hdri("city")).to_cube_map(cube_map)
+    np.testing.assert_allclose(read_world(cube_map), wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind, sign", [("POINT", -1), ("TEXTURE", 1)])
+def test_the_mapping_turns_the_light_as_cycles_does(world, hdri, kind, sign):
+    environment(world, hdri, 40, kind)
+    cube_map = CubeMap(8)
+    wanted = EnvironmentMap.read(hdri("city")).to_cube_map(cube_map, sign * 40)
+    np.testing.assert_allclose(read_world(cube_map), wanted, rtol=1e-4)
+
+
+def test_what_the_world_may_not_have_is_named(world):
+    tree = world.node_tree
+    sky = tree.nodes.new("ShaderNodeTexChecker")
+    tree.links.new(sky.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    with pytest.raises(PRTError, match="node 'Checker Texture' is not understood"):
+        read_world(CubeMap(2))
+
+
+def test_lamps_have_their_units():
+    bpy.ops.object.light_add(type="SUN", rotation=(0.5, 0, 0))
+    bpy.context.object.data.energy, bpy.context.object.data.angle = 3, 0.2
+    bpy.ops.object.light_add(type="AREA", location=(0, 0, 2))
+    bpy.context.object.scale = (2, 1, 1)
+    bpy.context.object.data.size = 0.5
+    sun, area = sorted(read_lamps(), key=lambda lamp: lamp.kind, reverse=True)
+    np.testing.assert_allclose(sun.towards, [0, -math.sin(0.5), math.cos(0.5)], atol=1e-6)
+    assert sun.angle == pytest.approx(0.2) and area.size == pytest.approx((1.0, 0.5))
+    cube_map = CubeMap(32)
+    light = read_world(cube_map) if bpy.context.scene.world is None else None
+    power = np.einsum("dc,dx,x->c", light, cube_map.vectors, sun.towards)
+    np.testing.assert_allclose(power, 3, rtol=2e-3)
+
+
+def test_radiance_hdr_is_read_through_blender(tmp_path):
+    # Flat RGBE: mantissas of 8 bits and an exponent; the highest row first.
+    mantissa = np.arange(4 * 8 * 3, dtype=np.uint8).reshape(4, 8, 3) + 100
+    exponent = np.array([120, 128, 129, 136], np.uint8)
+    rgbe = np.concatenate([mantissa, np.tile(exponent[:, None, None], (1, 8, 1))], axis=-1)
+    header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n"
+    (tmp_path / "sky.hdr").write_bytes(header + rgbe.tobytes())
+    wanted = mantissa * 2.0 ** (exponent.astype(float) - 136)[:, None, None]
+    np.testing.assert_allclose(read_image(tmp_path / "sky.hdr"), wanted, rtol=0.006)
+
+
+def test_cycles_agrees_on_where_the_light_is(world, hdri):
+    """A plane turned six ways, lit by an HDRI: Cycles' bake against ours."""
+    from prt_core import make_caster
+    from prt_core.blender.depsgraph import read_scene
+    from prt_core.transport import Transport, visibility_bits
+    from tests.benchmarks import cycles_truth
+
+    for i, angles in enumerate([(0, 0, 0), (1.57, 0, 0), (1.57, 0, 1.57), (1.57, 0, 3.1)]):
+        bpy.ops.mesh.primitive_plane_add(location=(100 * i, 0, 0), rotation=angles)
+        bpy.context.object.name = f"plane {i}"
+        bpy.context.object.data.materials.append(build.diffuse("d", (0.8, 0.8, 0.8)))
+    scene = read_scene()
+    cube_map = CubeMap(16)
+    caster = make_caster("blender", scene.vertices, scene.triangles)
+    bits = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))
+    caster.close()
+    points = scene.points
+    transport = Transport(cube_map, bits, None, points.normals, points.albedo)
+    light = EnvironmentMap.read(hdri("courtyard")).to_cube_map(cube_map)
+    ours = transport.relight(light)
+    cycles_truth.set_light(bpy.context.scene, "courtyard")
+    cycles_truth.set_cycles(bpy.context.scene, 512, 0)
+    names = [item.name for item in scene.objects]
+    truth, _ = cycles_truth.bake(bpy.context.scene, names, "direct")
+    for item in scene.objects:
+        mine = ours[item.corner_point].mean(axis=0)
+        np.testing.assert_allclose(mine, truth[item.name].mean(axis=0), rtol=0.03)

@@ -42,7 +42,7 @@ class BakeSettings:
 
     resolution: int = 32
     bounces: int | None = None
-    tolerance: float = 5e-3
+    tolerance: float = 1e-2
     caster: str = "auto"
     seed: int = 0
 

@@ -54,7 +54,7 @@ def _parser(in_blender):
     )
     bake.add_argument("--bounces", type=_bounces, default=None, help="auto or a number (auto)")
     bake.add_argument(
-        "--tolerance", type=float, default=5e-3, help="relative error of the bounces (0.005)"
+        "--tolerance", type=float, default=1e-2, help="relative error of the bounces (0.01)"
     )
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)

@@ -115,7 +115,7 @@ def test_errors_are_one_line_and_an_exit_code(baked, hdri, tmp_path):
         (("bake", tmp_path / "none.blend"), "there is no such .blend"),
         (("relight", tmp_path / "none.prt", "--light", hdri("city"), "--png", "x.png"), "no such"),
         (
-            ("relight", baked, "--light", "none.exr", "--output", tmp_path / "x.npz"),
+            ("relight", baked, "--light", "no.exr", "--output", tmp_path / "x.npz"),
             "no such image",
         ),
         (("relight", baked, "--light", hdri("city")), "nothing to write"),

@@ -244,8 +244,9 @@ def main():
     for name in options.only:
         done[name] = parts[name]()
         kept.write_text(json.dumps(done))
-    cpu = next((line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
-                if line.startswith("model name")), platform.processor())  # fmt: skip
+    about = Path("/proc/cpuinfo").read_text().splitlines()
+    names = [line.split(":")[1].strip() for line in about if line.startswith("model name")]
+    cpu = names[0] if names else platform.processor()
     head = [
         "# Results",
         f"Made by `make bench` on {time.strftime('%Y-%m-%d')}: {cpu}, {os.cpu_count()} cores, "

@@ -1,7 +1,6 @@
-"""The three doors, API, command line and headless Blender, give the same arrays."""
+"""API and command line give the same arrays."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -158,26 +157,3 @@ def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, kills):
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
     assert one.facts["report"]["rays"] == two.facts["report"]["rays"]
     assert one.facts["report"]["error"] == two.facts["report"]["error"]
-
-
-@pytest.mark.skipif(not os.environ.get("BLENDER"), reason="BLENDER names no Blender")
-def test_headless_blender_gives_the_same(blend, baked, hdri, tmp_path):
-    script = ROOT / "scripts" / "blender_prt.py"
-
-    def blender(*arguments):
-        command = [os.environ["BLENDER"], "-b", str(blend), "--python-exit-code", "1", "-P", script]
-        return subprocess.run(
-            [*command, "--", *map(str, arguments)], capture_output=True, text=True
-        )
-
-    done = blender("bake", "-o", tmp_path / "h.prt", "--resolution", 8, "--tolerance", 0.02,
-                   "--caster", "blender")  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    done = blender("relight", tmp_path / "h.prt", "--light", hdri("city"), "--output",
-                   tmp_path / "h.npz")  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    colours = prt_core.relight(baked, hdri("city"))
-    found = np.load(tmp_path / "h.npz")
-    for name in colours:
-        np.testing.assert_array_equal(found[name], colours[name])
-    assert blender("bake", "-o", tmp_path / "n.prt", "--objects", "nobody").returncode != 0

@@ -21,6 +21,7 @@ class BlenderCaster:
     name = "blender"
     batch = 1 << 21
     threads = 1
+    culls = True
 
     def __init__(self, vertices, triangles):
         self._vertices = np.ascontiguousarray(vertices, np.float32)
@@ -117,6 +118,7 @@ class BVHTreeCaster:
     name = "bvhtree"
     batch = 1 << 16
     threads = 1
+    culls = True
 
     def __init__(self, vertices, triangles):
         self._vertices = np.ascontiguousarray(vertices, np.float32)

@@ -22,7 +22,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "blend_scenes")]
 
 import build  # noqa: E402
-
 import prt_core  # noqa: E402
 import prt_core.blender  # noqa: E402, F401
 from prt_core.blender.colours import corners_to_vertices  # noqa: E402
@@ -51,13 +50,15 @@ def rays_table():
         "`prt bench rays blend_scenes/01_model_on_ground.blend`: "
         f"{rows['points']:,} points, {rows['rays']:,} rays of the visibility stage.",
         "",
-        "| back-end | stage M/s | bare caster M/s | stage / bare | incoherent M/s | disagree |",
-        "|---|---|---|---|---|---|",
+        "| back-end | stage M/s | bare caster M/s | stage / bare | with culling / bare "
+        "| incoherent M/s | disagree |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in rows["back_ends"]:
         lines.append(
             f"| {row['back_end']} | {row['stage_rays_per_second'] / 1e6:.2f} | "
             f"{row['bare_rays_per_second'] / 1e6:.2f} | {row['overhead']:.2f} | "
+            f"{row['culled_seconds'] / row['bare_seconds']:.2f} | "
             f"{row['incoherent_rays_per_second'] / 1e6:.2f} | "
             f"{row['disagree']} of {row['rays']:,} |"
         )

@@ -39,12 +39,11 @@ def test_bake_and_relight(blender, tmp_path):
     prt_core.bake(BLEND, tmp_path / "m.prt", resolution=8, tolerance=0.02, caster="blender")
     module = prt_core.load(tmp_path / "m.prt")
     np.testing.assert_array_equal(bake.transport.bits, module.transport.bits)
-    done = blender(
-        "relight", tmp_path / "h.prt", "--light", "world", "--output", tmp_path / "h.npz"
-    )
+    out = tmp_path / "h.npz"
+    done = blender("relight", tmp_path / "h.prt", "--light", "world", "--output", out)
     assert done.returncode == 0, done.stdout + done.stderr
     colours = prt_core.relight(bake, "world")
-    found = np.load(tmp_path / "h.npz")
+    found = np.load(out)
     for name, wanted in colours.items():
         np.testing.assert_array_equal(found[name], wanted)
 

@@ -21,7 +21,6 @@ class BlenderCaster:
     name = "blender"
     batch = 1 << 21
     threads = 1
-    culls = True
 
     def __init__(self, vertices, triangles):
         self._vertices = np.ascontiguousarray(vertices, np.float32)
@@ -51,6 +50,8 @@ class BlenderCaster:
             group = self._keep(_raycast_group(self._target, limited))
             rays.modifiers.new("prt rays", "NODES").node_group = group
             self._rays[limited] = rays
+            # Linked once: a change of links would evaluate the target again, and build its BVH.
+            self._scene.collection.objects.link(rays)
         self._scene.collection.objects.link(self._target)
 
     def _cast(self, origins, directions, distances):
@@ -63,19 +64,13 @@ class BlenderCaster:
         _set(mesh, _DIRECTION, "FLOAT_VECTOR", "vector", directions)
         if distances is not None:
             _set(mesh, _LENGTH, "FLOAT", "value", distances)
-        self._scene.collection.objects.link(rays)
-        try:
-            mesh.update_tag()
-            rays.update_tag()
-            with bpy.context.temp_override(
-                scene=self._scene, view_layer=self._scene.view_layers[0]
-            ):
-                depsgraph = bpy.context.evaluated_depsgraph_get()
-                found = rays.evaluated_get(depsgraph).data.attributes[_HIT]
-                triangle = np.empty(len(origins), np.int32)
-                found.data.foreach_get("value", triangle)
-        finally:
-            self._scene.collection.objects.unlink(rays)
+        mesh.update_tag()
+        rays.update_tag()
+        with bpy.context.temp_override(scene=self._scene, view_layer=self._scene.view_layers[0]):
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+            found = rays.evaluated_get(depsgraph).data.attributes[_HIT]
+            triangle = np.empty(len(origins), np.int32)
+            found.data.foreach_get("value", triangle)
         triangle -= 1
         return triangle
 
@@ -118,7 +113,6 @@ class BVHTreeCaster:
     name = "bvhtree"
     batch = 1 << 16
     threads = 1
-    culls = True
 
     def __init__(self, vertices, triangles):
         self._vertices = np.ascontiguousarray(vertices, np.float32)

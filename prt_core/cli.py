@@ -390,12 +390,11 @@ def _bench_rays(options):
         print(json.dumps(rows))
         return 0
     print(f"{rows['points']:,} points, {rows['directions']:,} directions, {rows['rays']:,} rays")
-    print("back-end   stage M/s   bare M/s   stage/bare   with culling   incoherent M/s   disagree")
+    print("back-end   stage M/s   bare M/s   stage/bare   incoherent M/s   disagree")
     for row in rows["back_ends"]:
         print(
             f"{row['back_end']:9}  {row['stage_rays_per_second'] / 1e6:9.2f}  "
             f"{row['bare_rays_per_second'] / 1e6:9.2f}  {row['overhead']:11.2f}  "
-            f"{row['culled_seconds'] / row['bare_seconds']:13.2f}  "
             f"{row['incoherent_rays_per_second'] / 1e6:15.2f}  {row['disagree']:9d}"
         )
     return 0

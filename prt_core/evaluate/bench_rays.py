@@ -25,9 +25,8 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
     -------
     dict
         points, directions, rays, and `back_ends`: for each its rays a second (stage, bare,
-        incoherent), `overhead` (stage time / bare time, no ray culled), the rays and seconds of
-        the stage as it is used, with culling, and `disagree`, the rays on which it differs from
-        the first back-end.
+        incoherent), `overhead` (stage time / bare time) and `disagree`, the rays on which it
+        differs from the first back-end.
     """
     cube_map = CubeMap(resolution)
     rng = np.random.default_rng(seed)
@@ -41,17 +40,14 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
         few = points[: max(1, len(points) // share)]
         some_origins, some_directions = _rays(scene, cube_map, few)
         caster.occluded(origins[:1000], directions[:1000])
-        stage, bare, tally = [], [], []
+        stage, bare = [], []
         for _ in range(repeats):
             start = time.perf_counter()
-            visibility_bits(scene, cube_map, caster, few, cull=False)
+            visibility_bits(scene, cube_map, caster, few)
             stage.append(time.perf_counter() - start)
             start = time.perf_counter()
             found = _bare(caster, some_origins, some_directions)
             bare.append(time.perf_counter() - start)
-        start = time.perf_counter()
-        visibility_bits(scene, cube_map, caster, few, tally.append)
-        culled = time.perf_counter() - start
         mixed = rng.permutation(len(some_origins))[: 1 << 19]
         start = time.perf_counter()
         _bare(caster, some_origins[mixed], some_directions[mixed])
@@ -63,9 +59,6 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
                 "rays": len(some_origins),
                 "stage_rays_per_second": len(some_origins) / min(stage),
                 "bare_rays_per_second": len(some_origins) / min(bare),
-                "culled_rays": sum(tally),
-                "culled_seconds": culled,
-                "bare_seconds": min(bare),
                 "overhead": min(stage) / min(bare),
                 "incoherent_rays_per_second": incoherent,
                 "disagree": int((found != truth[: len(found)]).sum()),

@@ -11,7 +11,6 @@ class BruteForceCaster:
     name = "brute"
     batch = 1 << 14
     threads = 1
-    culls = True
 
     def __init__(self, vertices, triangles):
         corner = np.asarray(vertices, np.float64)[np.asarray(triangles)]

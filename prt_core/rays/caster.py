@@ -41,14 +41,11 @@ class RayCaster(Protocol):
         Rays a call is best given; more is cut by the caller, to stay cancellable.
     threads : int
         How many threads may call it at once; 1 where the back-end spreads the work itself.
-    culls : bool
-        Whether a ray costs more than a test against a few boxes (see `transport.culling`).
     """
 
     name: str
     batch: int
     threads: int
-    culls: bool
 
     def occluded(self, origins, directions, distances=None):
         """(m,) bool: whether anything is hit, up to `distances` (m,) where given.

@@ -20,7 +20,6 @@ class EmbreeCaster:
 
     name = "embree"
     batch = _SLICE
-    culls = False
 
     def __init__(self, vertices, triangles):
         self._vertices = np.ascontiguousarray(vertices, np.float32)

@@ -5,13 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from prt_core.transport.culling import BoxCulling, occluder_boxes
-
 # Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
 _UNPACK = 256
 
 
-def visibility_bits(scene, cube_map, caster, points, tally=None, cull=None):
+def visibility_bits(scene, cube_map, caster, points, tally=None):
     """Trace every direction of the upper hemisphere of some points.
 
     A bit is set where the texel lies above the shading horizon (its cosine integral is positive),
@@ -26,9 +24,6 @@ def visibility_bits(scene, cube_map, caster, points, tally=None, cull=None):
     points : slice or (n,) int
     tally : callable(int), optional
         Told the number of rays of each batch.
-    cull : bool, optional
-        Skip the rays that miss the boxes around all objects; the bits are the same. Default:
-        where the caster's rays cost more than the test.
 
     Returns
     -------
@@ -43,25 +38,19 @@ def visibility_bits(scene, cube_map, caster, points, tally=None, cull=None):
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
     transposed = np.ascontiguousarray(directions.T)
-    cull = caster.culls if cull is None else cull
-    culling = BoxCulling(occluder_boxes(scene), directions) if cull else None
 
     def one(part):
         above = shading[part] @ vectors > 0
         above &= geometric[part] @ transposed > 0
-        cast = above
-        if cull:
-            may_hit = [culling.may_hit(origin) for origin in origins[part]]
-            cast = np.stack([row & may for row, may in zip(above, may_hit, strict=True)])
-        counts = np.count_nonzero(cast, axis=1)
+        counts = np.count_nonzero(above, axis=1)
         ends = np.cumsum(counts)
         ways = np.empty((int(ends[-1]), 3), np.float32)
         starts = np.repeat(origins[part], counts, axis=0)
         # Point by point, so that what is picked and written stays in the cache.
-        for row, end, count in zip(cast, ends, counts, strict=True):
+        for row, end, count in zip(above, ends, counts, strict=True):
             directions.compress(row, axis=0, out=ways[end - count : end])
         if len(ways):
-            above[cast] = ~caster.occluded(starts, ways)
+            above[above] = ~caster.occluded(starts, ways)
         bits[part] = np.packbits(above, axis=1, bitorder="little")
         if tally is not None:
             tally(len(ways))

@@ -50,15 +50,13 @@ def rays_table():
         "`prt bench rays blend_scenes/01_model_on_ground.blend`: "
         f"{rows['points']:,} points, {rows['rays']:,} rays of the visibility stage.",
         "",
-        "| back-end | stage M/s | bare caster M/s | stage / bare | with culling / bare "
-        "| incoherent M/s | disagree |",
-        "|---|---|---|---|---|---|---|",
+        "| back-end | stage M/s | bare caster M/s | stage / bare | incoherent M/s | disagree |",
+        "|---|---|---|---|---|---|",
     ]
     for row in rows["back_ends"]:
         lines.append(
             f"| {row['back_end']} | {row['stage_rays_per_second'] / 1e6:.2f} | "
             f"{row['bare_rays_per_second'] / 1e6:.2f} | {row['overhead']:.2f} | "
-            f"{row['culled_seconds'] / row['bare_seconds']:.2f} | "
             f"{row['incoherent_rays_per_second'] / 1e6:.2f} | "
             f"{row['disagree']} of {row['rays']:,} |"
         )

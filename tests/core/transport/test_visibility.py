@@ -89,19 +89,3 @@ def test_relighting_is_linear_and_a_sun_does_no_harm():
     sun[300] = 1e5
     parts = [received_light(bits, scene.points.normals, cube_map, x) for x in (dim, sun, dim + sun)]
     np.testing.assert_allclose(parts[2], parts[0] + parts[1], rtol=2e-5, atol=1e-4)
-
-
-@pytest.mark.parametrize("count", [1, 3, 20])
-def test_culled_rays_are_free_rays(count):
-    rng = np.random.default_rng(count)
-    balls = [
-        sphere(5, 0.2, rng.uniform(-1, 1, 3) + [0, 0, 1.3], name=f"ball {i}") for i in range(count)
-    ]
-    scene = Scene.from_meshes([plane(7, -2, 2), *balls])
-    cube_map, caster = CubeMap(9), caster_of(scene)
-    every = slice(0, len(scene.points))
-    rays, fewer = [], []
-    plain = visibility_bits(scene, cube_map, caster, every, rays.append, cull=False)
-    culled = visibility_bits(scene, cube_map, caster, every, fewer.append, cull=True)
-    np.testing.assert_array_equal(plain, culled)
-    assert sum(fewer) < 0.95 * sum(rays)

@@ -2,15 +2,16 @@
 
 import os
 import platform
-import resource
 import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 import prt_core
 from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, Lamp
+from prt_core.machine import peak_bytes
 from prt_core.progress import Progress
 from prt_core.rays import make_caster
 from prt_core.scene import Scene
@@ -284,8 +285,6 @@ def _bounce_error(hits, scene, rounds, probes, settings):
 
 def read_gather(hits, rounds, n_points):
     """K (CSR float32) from the stored hits of some rounds, block by block."""
-    import scipy.sparse as sp
-
     rounds = list(rounds)
     parts = []
     for block in _blocks(n_points):
@@ -324,7 +323,7 @@ def _report(scene, cube_map, caster, rays, gathered, rounds, error, seconds, sto
         "error": error,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "bytes": 0,
-        "peak_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "peak_bytes": peak_bytes(),
         "cores": os.cpu_count(),
         "versions": {
             "prt_core": prt_core.__version__,

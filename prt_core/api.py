@@ -124,7 +124,7 @@ def relight(
     rotation=None,
     strength=1.0,
     lamps=False,
-    lamp_samples=64,
+    lamp_samples=256,
     caster="auto",
     bounces="baked",
 ):

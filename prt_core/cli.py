@@ -69,7 +69,7 @@ def _parser(in_blender):
     relight.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
     relight.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")
     relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
-    relight.add_argument("--lamp-samples", type=int, default=64, help="shadow rays a lamp (64)")
+    relight.add_argument("--lamp-samples", type=int, default=256, help="shadow rays a lamp (256)")
     relight.add_argument(
         "--bounces", type=_bounces, default="baked", help="default: as baked; 0 is direct light"
     )

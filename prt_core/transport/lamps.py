@@ -9,7 +9,7 @@ _SEED_STAGE = 2
 _SHORT = 1 - 1e-4
 
 
-def lamp_light(scene, caster, lamps, n_samples=64, seed=0, block=4096, report=None):
+def lamp_light(scene, caster, lamps, n_samples=256, seed=0, block=4096, report=None):
     """Irradiance / pi of lamps at all points (direct-to-indirect transfer gathers it onwards).
 
     Parameters

@@ -1,12 +1,13 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
 from prt_core.errors import PRTError, expect, expect_array
-from prt_core.light import EnvironmentMap
+from prt_core.light import EnvironmentMap, split_sun
 from prt_core.progress import run
 from prt_core.transport import lamp_light
 
@@ -123,6 +124,7 @@ def relight(
     *,
     rotation=None,
     strength=1.0,
+    sharp_sun=False,
     lamps=False,
     lamp_samples=256,
     caster="auto",
@@ -139,6 +141,9 @@ def relight(
     rotation : float, (3,) or (3, 3), optional
         Of the environment: degrees about z, Euler angles in degrees, or a matrix.
     strength : float
+    sharp_sun : bool
+        Take what is far brighter than the rest out of the environment and cast its shadow rays
+        now: shadows as sharp as the image, not as the cube map's texels.
     lamps : bool or sequence of Lamp
         True: the lamps of the baked scene; their shadow rays are cast now.
     lamp_samples : int
@@ -160,6 +165,7 @@ def relight(
         light,
         rotation=rotation,
         strength=strength,
+        sharp_sun=sharp_sun,
         lamps=lamps,
         lamp_samples=lamp_samples,
         caster=caster,
@@ -169,25 +175,53 @@ def relight(
 
 
 def relight_points(
-    bake, light, *, rotation, strength, lamps, lamp_samples, caster, bounces="baked"
+    bake,
+    light=None,
+    *,
+    rotation=None,
+    strength=1.0,
+    sharp_sun=False,
+    lamps=False,
+    lamp_samples=256,
+    caster="auto",
+    bounces="baked",
 ):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
     expect(
         light is not None or lamps is not False,
         "light: give an environment image, 'world', or ask for the lamps",
     )
-    chosen = bake.lamps if lamps is True else (lamps or [])
+    chosen = list(bake.lamps if lamps is True else (lamps or []))
     if lamps is True:
         expect(chosen, "lamps: the baked scene had no lamps that render")
+    if chosen and strength != 1.0:
+        chosen = [replace(lamp, power=lamp.power * strength) for lamp in chosen]
+    if sharp_sun:
+        light = read_environment(light)
+        expect(
+            isinstance(light, EnvironmentMap),
+            "sharp_sun: needs an environment image, not a light that is on texels already",
+        )
+        light, sun = split_sun(light, rotation, strength)
+        chosen += [sun] if sun is not None else []
     radiance = environment_light(bake, light, rotation, strength)
     received = None
     if chosen:
         rays = bake.make_caster(caster)
         try:
-            received = lamp_light(bake.scene, rays, chosen, lamp_samples) * np.float32(strength)
+            received = lamp_light(bake.scene, rays, chosen, lamp_samples)
         finally:
             rays.close()
     return bake.transport.relight(radiance, received, bounces)
+
+
+def read_environment(light):
+    """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
+    if isinstance(light, Path) or (isinstance(light, str) and light != "world"):
+        if Path(light).suffix.lower() == ".hdr":
+            import_bpy()
+        return EnvironmentMap.read(light)
+    return light
 
 
 def environment_light(bake, light, rotation=None, strength=1.0):
@@ -202,10 +236,7 @@ def environment_light(bake, light, rotation=None, strength=1.0):
         )
         expect(rotation is None, "rotation: the world's light is fixed; give its image to turn it")
         return bake.world * np.float32(strength)
-    if isinstance(light, str | Path):
-        if Path(light).suffix.lower() == ".hdr":
-            import_bpy()
-        light = EnvironmentMap.read(light)
+    light = read_environment(light)
     if isinstance(light, EnvironmentMap):
         return light.to_cube_map(cube_map, rotation, strength)
     expect(rotation is None, "rotation: turns an environment image, not a light on texels")

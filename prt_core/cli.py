@@ -68,6 +68,9 @@ def _parser(in_blender):
     relight.add_argument("--rotate", type=float, help="degrees about z")
     relight.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
     relight.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")
+    relight.add_argument(
+        "--sharp-sun", action="store_true", help="cast the shadow rays of the image's sun"
+    )
     relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
     relight.add_argument("--lamp-samples", type=int, default=256, help="shadow rays a lamp (256)")
     relight.add_argument(
@@ -277,13 +280,14 @@ def _load_bpy():
 def _radiance(baked, options):
     from prt_core.api import relight_points
 
-    if options.lamps and options.caster == "auto":
+    if (options.lamps or options.sharp_sun) and options.caster == "auto":
         _bpy_where_needed()
     return relight_points(
         baked,
         options.light,
         rotation=options.rotate,
         strength=options.strength,
+        sharp_sun=options.sharp_sun,
         lamps=options.lamps,
         lamp_samples=options.lamp_samples,
         caster=options.caster,

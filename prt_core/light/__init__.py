@@ -1,5 +1,6 @@
 """What shines: directions, environment maps, images, sun and local lamps."""
 
+from prt_core.light.bright import BrightPixels, split_sun
 from prt_core.light.cubemap import CubeMap
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.images import read_image, write_image
@@ -8,12 +9,14 @@ from prt_core.light.rotation import rotation_about_z, rotation_matrix
 from prt_core.light.sun import sun_light
 
 __all__ = [
+    "BrightPixels",
     "CubeMap",
     "EnvironmentMap",
     "Lamp",
     "read_image",
     "rotation_about_z",
     "rotation_matrix",
+    "split_sun",
     "sun_light",
     "write_image",
 ]

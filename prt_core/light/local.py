@@ -55,6 +55,12 @@ class Lamp:
         self.axes = expect_array(f"{self.name}: axes", axes, (3, 3), np.float64)
 
     @property
+    def is_small(self):
+        """Whether the lamp is a single point or direction: one sample shows all of it."""
+        area = self.kind == "area"
+        return not (area or (self.angle if self.kind == "sun" else self.radius) > 0)
+
+    @property
     def towards(self):
         """(3,) float64: from the scene towards a sun."""
         return self.axes[:, 2]

@@ -16,7 +16,7 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0, block=4096, report=N
     ----------
     scene : Scene
     caster : RayCaster
-    lamps : sequence of Lamp
+    lamps : sequence of Lamp or BrightPixels
     n_samples : int
         Shadow rays a point and lamp; a lamp without size needs one.
     seed, block : int
@@ -32,8 +32,7 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0, block=4096, report=N
     received = np.zeros((len(points), 3))
     total = len(lamps) * len(points)
     for index, lamp in enumerate(lamps):
-        extent = (lamp.radius, lamp.angle, *(lamp.size if lamp.kind == "area" else ()))
-        count = n_samples if any(x > 0 for x in extent) else 1
+        count = 1 if lamp.is_small else n_samples
         for first in range(0, len(points), block):
             part = slice(first, min(first + block, len(points)))
             rng = np.random.default_rng([seed, _SEED_STAGE, index, first])

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.light import CubeMap, EnvironmentMap, rotation_about_z, rotation_matrix, sun_light
+from prt_core.light import (
+    CubeMap,
+    EnvironmentMap,
+    rotation_about_z,
+    rotation_matrix,
+    split_sun,
+    sun_light,
+)
 from prt_core.light.environment import equirectangular
 
 
@@ -89,3 +96,25 @@ def test_bad_pixels_are_refused():
         EnvironmentMap(np.full((2, 4, 3), np.nan, np.float32))
     with pytest.raises(PRTError, match="radiance expected >= 0"):
         EnvironmentMap(np.full((2, 4, 3), -1, np.float32))
+
+
+@pytest.mark.parametrize("turn", [None, 70])
+def test_the_sun_taken_out_is_what_the_map_loses(turn):
+    rng = np.random.default_rng(0)
+    pixels = rng.random((64, 128, 3)).astype(np.float32)
+    pixels[20, 30:32] = [[4e3, 3e3, 2e3], [1e3, 2e3, 9e3]]
+    environment, cube_map = EnvironmentMap(pixels), CubeMap(16)
+    rest, sun = split_sun(environment, turn, 2.0)
+    assert rest.pixels.max() < 200 and len(sun.rows) == 2
+    lost = environment.to_cube_map(cube_map, turn, 2.0) - rest.to_cube_map(cube_map, turn, 2.0)
+    np.testing.assert_allclose(power(lost, cube_map), sun.power, rtol=1e-3)
+    # Samples: the mean of their irradiance is the power, and they lie where the light was.
+    direction, _, irradiance = sun.sample(np.zeros((4000, 3)), rng.random((4000, 2)))
+    np.testing.assert_allclose(irradiance.mean(axis=0), sun.power, rtol=0.05)
+    centre = (lost * cube_map.solid_angles[:, None]).sum(axis=1) @ cube_map.directions
+    assert direction.mean(axis=0) @ (centre / np.linalg.norm(centre)) > 0.998
+
+
+def test_an_even_sky_has_no_sun():
+    environment = EnvironmentMap(np.ones((8, 16, 3), np.float32))
+    assert split_sun(environment) == (environment, None)

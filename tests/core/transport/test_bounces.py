@@ -181,3 +181,29 @@ def test_lamps_cast_shadows_only_up_to_themselves():
         caster = caster_of(scene)
         lit = lamp_light(scene, caster, [lamp])[:9]
         assert lit.any() != shaded
+
+
+def test_a_sharp_sun_shades_as_the_image_says():
+    """A lid over a floor: the sun's shadow falls where the pixel is, not where its texel's is."""
+    from prt_core import Bake, EnvironmentMap
+    from prt_core.api import relight_points
+
+    floor = plane(41, name="floor", albedo=1.0)
+    scene = Scene.from_meshes([floor, plane(3, -0.2, 0.2, name="lid", z=0.5)], max_hidden=0)
+    pixels = np.full((128, 256, 3), 0.01, np.float32)
+    pixels[40, 77] = 5e4
+    environment = EnvironmentMap(pixels)
+    transport = transport_of(scene, resolution=8, rounds=1)
+    bake = Bake(scene, transport, [], None, None, {}, {})
+    relit = relight_points(bake, environment, sharp_sun=True, bounces=0)[:1681, 0]
+    u, v = (77.5 / 256, 1 - 40.5 / 128)
+    angle, height = 2 * np.pi * (0.5 - u), np.pi * (v - 0.5)
+    towards = [np.cos(height) * np.cos(angle), np.cos(height) * np.sin(angle), np.sin(height)]
+    ground = scene.to_world(scene.points.positions[:1681])
+    above = ground + np.outer(np.full(1681, 0.5), towards) / towards[2]
+    inside = np.abs(above[:, :2]).max(axis=1)
+    shaded, lit = inside < 0.19, inside > 0.21
+    assert shaded.sum() > 30
+    sun = 5e4 * towards[2] / np.pi * 2 * np.pi / 256 * np.cos(height) * np.pi / 128
+    np.testing.assert_allclose(relit[lit], sun, rtol=0.01)
+    assert relit[shaded].max() < 0.05 * sun

@@ -13,7 +13,6 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "blend_scenes"))
 
 import build  # noqa: E402  (lies in blend_scenes)
-
 import prt_core  # noqa: E402
 from prt_core.api import import_bpy  # noqa: E402
 from prt_core.cli import _Bar, _Hushed, _print_report  # noqa: E402

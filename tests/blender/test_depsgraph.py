@@ -1,8 +1,8 @@
 import bpy
-import build
 import numpy as np
 import pytest
 
+import build
 from prt_core import PRTError
 from prt_core.blender.depsgraph import read_meshes, read_scene
 

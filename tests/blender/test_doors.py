@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 import bpy
-import build
 import numpy as np
 import pytest
 
+import build
 import prt_core
 from prt_core import PRTError
 from prt_core.blender.colours import write_all, write_colours

@@ -1,10 +1,10 @@
 import math
 
 import bpy
-import build
 import numpy as np
 import pytest
 
+import build
 from prt_core import PRTError
 from prt_core.blender import read_lamps, read_world
 from prt_core.light import CubeMap, EnvironmentMap, read_image

@@ -12,11 +12,11 @@ import prt_core
 from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, Lamp
 from prt_core.machine import peak_bytes
-from prt_core.progress import Progress
+from prt_core.progress import Pace, Progress, beside
 from prt_core.rays import make_caster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
-from prt_core.transport import Transport, all_bounces, gather_hits, gather_operator, visibility_bits
+from prt_core.transport import Transport, all_bounces, gather_operator, gather_steps, visibility_bits
 from prt_core.transport.gather import ROUND
 from prt_core.transport.visibility import received_light
 
@@ -113,7 +113,7 @@ class Bake:
         }
 
 
-def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, restart=False):
+def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, restart=False, pace=None):
     """Bake a scene into a store; a generator of `Progress` (see `progress.run`).
 
     A store that is there and unfinished is gone on with; a finished one of the same scene and
@@ -129,6 +129,9 @@ def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, re
         Kept with the bake for relighting and pictures.
     restart : bool
         Begin anew whatever is there.
+    pace : float, optional
+        Seconds a step may take, for a user interface; default: whole blocks. The result is the
+        same.
 
     Returns
     -------
@@ -145,7 +148,7 @@ def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, re
     cube_map = CubeMap(settings.resolution)
     store = BakeStore(path, "w" if restart else "a")
     identity = {
-        "scene": scene.fingerprint(),
+        "scene": (yield from beside("scene", scene.fingerprint)),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
     }
     facts = store.facts
@@ -158,14 +161,14 @@ def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, re
     try:
         _write_lights(store, lamps, world, camera)
         if "identity" not in facts:
-            write_scene(store, scene)
+            yield from beside("scene", write_scene, store, scene)
             store.update(settings=asdict(settings), identity=identity)
         seconds = dict(facts.get("seconds", {}))
-        rays = yield from _bake_visibility(store, scene, cube_map, caster, seconds)
+        rays = yield from _bake_visibility(store, scene, cube_map, caster, seconds, pace)
         gathered, error, rounds = 0, None, 0
         if settings.bounces != 0:
             gathered, error, rounds = yield from _bake_gather(
-                store, scene, cube_map, caster, settings, seconds
+                store, scene, cube_map, caster, settings, seconds, pace
             )
     finally:
         caster.close()
@@ -196,7 +199,7 @@ def _blocks(n_points):
     return [slice(f, min(f + BLOCK, n_points)) for f in range(0, n_points, BLOCK)]
 
 
-def _bake_visibility(store, scene, cube_map, caster, seconds):
+def _bake_visibility(store, scene, cube_map, caster, seconds, pace):
     n_points = len(scene.points)
     n_bytes = -(-cube_map.n_directions // 8)
     blocks = _blocks(n_points)
@@ -204,10 +207,16 @@ def _bake_visibility(store, scene, cube_map, caster, seconds):
     bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
     counts = store.create("visibility_rays", (len(blocks),), "int64", (1,), -1)
     yield Progress("visibility", 0, n_points)
+    pace = Pace(pace)
     for index, block in enumerate(blocks):
         if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
             start, tally = time.perf_counter(), []
-            traced = visibility_bits(scene, cube_map, caster, block, tally.append)
+            traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
+            for part in pace.parts(block.start, block.stop):
+                inside = slice(part.start - block.start, part.stop - block.start)
+                traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
+                pace.worked()
+                yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)
             bits[block] = traced
             _add(store, seconds, "visibility", time.perf_counter() - start)
@@ -220,7 +229,7 @@ def _add(store, seconds, stage, spent):
     store.update(seconds=seconds)
 
 
-def _bake_gather(store, scene, cube_map, caster, settings, seconds):
+def _bake_gather(store, scene, cube_map, caster, settings, seconds, pace):
     n_points = len(scene.points)
     blocks = _blocks(n_points)
     shape, chunks = (n_points, _MOST_ROUNDS * ROUND), (BLOCK, ROUND)
@@ -229,9 +238,9 @@ def _bake_gather(store, scene, cube_map, caster, settings, seconds):
     table = (_MOST_ROUNDS, len(blocks), 1 + len(scene.objects))
     counts = store.create("gather_rays", table, "int64", (1, 1, table[2]), -1)
     start = time.perf_counter()
-    probes = _probe_light(store, scene, cube_map, blocks)
+    probes = yield from _probe_light(store, scene, cube_map, blocks)
     _add(store, seconds, "error", time.perf_counter() - start)
-    rounds, error = 0, np.inf
+    rounds, error, pace = 0, np.inf, Pace(pace, 4096)
     while rounds < _MOST_ROUNDS and error > settings.tolerance:
         rounds += 2
         yield Progress("gather", 0, n_points)
@@ -240,15 +249,17 @@ def _bake_gather(store, scene, cube_map, caster, settings, seconds):
                 done = store.has_chunk("gather", index, turn)
                 if not (done and store.has_chunk("gather_rays", turn, index, 0)):
                     start, tally = time.perf_counter(), []
-                    found, back = gather_hits(
-                        scene, caster, block, settings.seed, turn, tally.append
+                    found, back = yield from gather_steps(
+                        scene, caster, block, settings.seed, turn, tally.append, pace
                     )
                     counts[turn, index] = np.concatenate([[sum(tally)], back])
                     hits[block, turn * ROUND : (turn + 1) * ROUND] = found
                     _add(store, seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", block.stop, n_points)
         start = time.perf_counter()
-        error = _bounce_error(hits, scene, rounds, probes, settings)
+        error = yield from beside(
+            "bounces", _bounce_error, hits, scene, rounds, probes, settings
+        )
         _add(store, seconds, "error", time.perf_counter() - start)
     store.update(rounds=rounds)
     return int(counts[:rounds, :, 0].sum()), float(error), rounds
@@ -261,9 +272,12 @@ def _probe_light(store, scene, cube_map, blocks):
     light = np.ones((cube_map.n_directions, 3), np.float32)
     light[:, 1:] = np.exp(12 * (directions @ towards.T - 1))
     bits = store.array("visibility")
-    return np.concatenate(
-        [received_light(bits[b], scene.points.normals[b], cube_map, light) for b in blocks]
-    )
+    received = []
+    for block in blocks:
+        normals = scene.points.normals[block]
+        received.append(received_light(bits[block], normals, cube_map, light))
+        yield Progress("bounces", block.stop, len(scene.points))
+    return np.concatenate(received)
 
 
 def _bounce_error(hits, scene, rounds, probes, settings):

@@ -1,6 +1,11 @@
 """Long work is a generator that yields `Progress` and returns its result; closing it cancels."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+
+# How long `beside` lets its caller wait at most.
+_POLL = 0.02
 
 
 @dataclass(frozen=True)
@@ -32,3 +37,49 @@ def run(steps, report=None):
             except BaseException:
                 steps.close()
                 raise
+
+
+class Pace:
+    """Cuts work into steps that take about as long as asked for.
+
+    The results do not depend on it: only where the work pauses does. Between a part and the
+    next the worker calls `worked` before it yields, so that others' time is not counted.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Of a step; None: no cuts.
+    first : int
+        Units of the first step, until the speed is known.
+    """
+
+    def __init__(self, seconds=None, first=16):
+        self.seconds, self._units = seconds, float(first)
+
+    def parts(self, start, stop):
+        """Slices from `start` to `stop`."""
+        while start < stop:
+            count = stop - start if self.seconds is None else max(1, int(self._units))
+            end = min(start + count, stop)
+            self._began, self._count = time.perf_counter(), end - start
+            yield slice(start, end)
+            start = end
+
+    def worked(self):
+        """The part is done: how long it took decides how large the next one is."""
+        if self.seconds is not None:
+            spent = max(time.perf_counter() - self._began, 1e-6)
+            wanted = self._count * self.seconds / spent
+            self._units = min(max(wanted, self._units / 4), self._units * 2)
+
+
+def beside(stage, function, *arguments):
+    """Run pure numpy work in a thread, as a generator of `Progress` that returns its result.
+
+    For single calls that take long and cannot be cut; `function` must not touch Blender's data.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        future = pool.submit(function, *arguments)
+        while not wait([future], _POLL).done:
+            yield Progress(stage, 0, 0)
+        return future.result()

@@ -129,17 +129,24 @@ class CubeMap:
         (m,) int32
         """
         directions = expect_array("directions", directions, (None, 3), np.float64)
-        axis = np.abs(directions).argmax(axis=1)
-        along = np.take_along_axis(directions, axis[:, None], axis=1)[:, 0]
-        expect((along != 0).all(), "directions: a vector of length zero has no direction")
-        face = 2 * axis + (along < 0)
-        frame = _FACES[face]
-        u = np.einsum("ij,ij->i", directions, frame[:, 1]) / np.abs(along)
-        v = np.einsum("ij,ij->i", directions, frame[:, 2]) / np.abs(along)
         n = self.resolution
-        column = np.clip(((u + 1) / 2 * n).astype(np.int64), 0, n - 1)
-        row = np.clip(((v + 1) / 2 * n).astype(np.int64), 0, n - 1)
-        return (face * n * n + row * n + column).astype(np.int32)
+        sizes = np.abs(directions)
+        axis = sizes.argmax(axis=1)
+        result = np.empty(len(directions), np.int32)
+        for face in range(6):
+            here = np.flatnonzero((axis == face // 2) & ((directions[:, face // 2] < 0) == face % 2))
+            if not len(here):
+                continue
+            along = sizes[here, face // 2]
+            expect((along > 0).all(), "directions: a vector of length zero has no direction")
+            # A face's axes are world axes but for their sign.
+            place = []
+            for axis_of_face in _FACES[face][1:]:
+                world = int(np.abs(axis_of_face).argmax())
+                value = directions[here, world] * (axis_of_face[world] * n / 2) / along + n / 2
+                place.append(np.clip(value.astype(np.int32), 0, n - 1))
+            result[here] = (face * n + place[1]) * n + place[0]
+        return result
 
     def coarser(self, factor):
         """(n_directions,) int32: the texel of the cube map `factor` times coarser around each.

@@ -1,6 +1,9 @@
 """Environment maps: equirectangular images, and their light on the directions of a cube map."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -8,9 +11,10 @@ from prt_core.errors import PRTError, expect, expect_array
 from prt_core.light.images import read_image
 from prt_core.light.rotation import rotation_matrix
 
-# Sub-samples a texel is averaged over, at least; more where an image's pixels are finer.
-_SAMPLES_PER_TEXEL = 1000
-_BAND = 1 << 20
+# Parts of pixels a texel is averaged over, at least: what is even, and what is bright.
+_EVEN_SAMPLES, _BRIGHT_SAMPLES = 150, 4000
+_EVEN_HEIGHT = 512
+_BAND = 1 << 17
 # Pixels above so many times the mean count as small sources.
 _BRIGHT = 4.0
 
@@ -95,42 +99,35 @@ class EnvironmentMap:
             f"strength: expected a finite number >= 0, got {strength}",
         )
         matrix = rotation_matrix(rotation)
+        even, bright = self._layers
+        light, covered = _onto_texels(cube_map, matrix, *even, _EVEN_SAMPLES)
+        light /= np.maximum(covered, 1e-30)[:, None]
+        if bright is not None:
+            sums, _ = _onto_texels(cube_map, matrix, *bright, _BRIGHT_SAMPLES)
+            light += sums / cube_map.solid_angles[:, None]
+        return (light * strength).astype(np.float32)
+
+    @cached_property
+    def _layers(self):
+        """What is even and what is bright, each as rows, columns, shape and values of pixels."""
         height, width = self.pixels.shape[:2]
-        wanted = cube_map.n_directions * _SAMPLES_PER_TEXEL / (height * width)
-        parts = int(np.clip(np.ceil(np.sqrt(wanted)), 1, 4096))
-        n_directions = cube_map.n_directions
-        base = np.minimum(self.pixels, _BRIGHT * self.pixels.mean(axis=(0, 1), dtype=np.float64))
-        layers = np.concatenate([base, self.pixels - base], axis=-1)
-        used = np.flatnonzero(layers.any(axis=(0, 1)))
-        layers = layers[:, :, used]
-        sums, covered = np.zeros((n_directions, 6)), np.zeros(n_directions)
-        columns = -(np.arange(width * parts) + 0.5) / (width * parts) * 2 * np.pi + np.pi
-        cosine, sine = np.cos(columns), np.sin(columns)
-        rows_at_once = max(1, _BAND // (width * parts))
-        # Parts of a pixel's height that have equal area: equal steps of z inside the pixel.
-        top = np.sin(np.pi / 2 - np.arange(height) / height * np.pi)
-        bottom = np.sin(np.pi / 2 - (np.arange(height) + 1) / height * np.pi)
-        step = (top - bottom) / parts
-        z = (top[:, None] - step[:, None] * (np.arange(parts) + 0.5)).ravel()
-        area = np.repeat(step, parts) * (2 * np.pi / (width * parts))
-        for first in range(0, height * parts, rows_at_once):
-            band = slice(first, min(first + rows_at_once, height * parts))
-            level = z[band, None]
-            radius = np.sqrt(np.maximum(0, 1 - level * level))
-            shape = (len(level), width * parts)
-            directions = np.stack(
-                [radius * cosine, radius * sine, np.broadcast_to(level, shape)], axis=-1
-            ).reshape(-1, 3)
-            texel = cube_map.texel_of(directions @ matrix.T)
-            rows = np.arange(band.start, band.stop) // parts
-            share = np.repeat(area[band], width * parts)
-            covered += np.bincount(texel, share, n_directions)
-            for channel, layer in zip(used, np.moveaxis(layers, -1, 0), strict=True):
-                values = np.repeat(layer[rows], parts, axis=1).ravel() * share
-                sums[:, channel] += np.bincount(texel, values, n_directions)
-        even = sums[:, :3] / np.maximum(covered, 1e-30)[:, None]
-        bright = sums[:, 3:] / cube_map.solid_angles[:, None]
-        return ((even + bright) * strength).astype(np.float32)
+        mean = self.pixels.mean(axis=(0, 1), dtype=np.float64)
+        small = self.pixels > _BRIGHT * mean
+        base = np.where(small, mean, self.pixels)
+        rows, columns = np.nonzero(small.any(axis=-1))
+        bright = None
+        if len(rows):
+            values = (self.pixels - base)[rows, columns]
+            bright = rows, columns, (height, width), values
+        # Far finer than any cube map in use: means of squares of pixels, by their area.
+        while height % 2 == 0 and height > _EVEN_HEIGHT:
+            z = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
+            area = (z[:-1] - z[1:])[:, None, None]
+            base = (base * area).reshape(height // 2, 2, width // 2, 2, 3).sum(axis=(1, 3))
+            height, width = height // 2, width // 2
+            base = base / (2 * area.reshape(height, 2, 1, 1).sum(axis=1))
+        rows, columns = np.divmod(np.arange(height * width), width)
+        return (rows, columns, (height, width), base.reshape(-1, 3).astype(np.float32)), bright
 
     def sample(self, directions):
         """Radiance (m, 3) float32 of the pixel each direction falls into."""
@@ -139,3 +136,37 @@ class EnvironmentMap:
         column = np.minimum((u * width).astype(np.int64), width - 1)
         row = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
         return self.pixels[row, column]
+
+
+def _onto_texels(cube_map, matrix, rows, columns, shape, values, samples):
+    """Power of pixels on each texel (n_directions, 3), and the solid angle that was covered."""
+    height, width = shape
+    wanted = cube_map.n_directions * samples / (height * width)
+    parts = int(np.clip(np.ceil(np.sqrt(wanted)), 1, 4096))
+    # Parts of a pixel's height that have equal area: equal steps of z inside the pixel.
+    edges = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
+    step = (edges[:-1] - edges[1:]) / parts
+    inside = np.arange(parts) + 0.5
+    z = edges[:-1, None] - step[:, None] * inside
+    angle = np.pi - (np.arange(width)[:, None] + inside / parts) / width * 2 * np.pi
+    cosine, sine = np.cos(angle), np.sin(angle)
+    area = step * (2 * np.pi / (width * parts))
+
+    def some(first):
+        part = slice(first, first + step_pixels)
+        row, column = rows[part], columns[part]
+        level = z[row][:, :, None]
+        radius = np.sqrt(np.maximum(0, 1 - level * level))
+        x, y = radius * cosine[column][:, None], radius * sine[column][:, None]
+        directions = np.stack([x, y, np.broadcast_to(level, x.shape)], axis=-1).reshape(-1, 3)
+        texel = cube_map.texel_of(directions @ matrix.T)
+        share = np.repeat(area[row], parts * parts)
+        pixel = np.repeat(np.arange(len(row)), parts * parts)
+        n = cube_map.n_directions
+        sums = [np.bincount(texel, share * values[part, c][pixel], n) for c in range(3)]
+        return np.stack([*sums, np.bincount(texel, share, n)])
+
+    step_pixels = max(1, _BAND // parts**2)
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        total = sum(pool.map(some, range(0, len(rows), step_pixels)))
+    return total[:3].T.copy(), total[3]

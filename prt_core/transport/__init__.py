@@ -1,8 +1,8 @@
 """How light travels: visibility as bits, the gather operator K, and the factored transport."""
 
 from prt_core.transport.bounce import all_bounces
-from prt_core.transport.gather import gather_hits, gather_operator
-from prt_core.transport.lamps import lamp_light
+from prt_core.transport.gather import gather_hits, gather_operator, gather_steps
+from prt_core.transport.lamps import lamp_light, lamp_steps
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.transport import Transport
 from prt_core.transport.visibility import received_light, visibility_bits
@@ -12,7 +12,9 @@ __all__ = [
     "all_bounces",
     "gather_hits",
     "gather_operator",
+    "gather_steps",
     "lamp_light",
+    "lamp_steps",
     "received_light",
     "reference_rows",
     "visibility_bits",

@@ -9,13 +9,23 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.stats import qmc
 
+from prt_core.progress import Pace, Progress, run
+
 ROUND = 64
 MISS = -1
 _SEED_STAGE = 1
 
 
 def gather_hits(scene, caster, points, seed, round_index, tally=None):
-    """The bake points that one round of rays from some points ends at.
+    """The bake points that one round of rays from some points ends at, at once.
+
+    As `gather_steps`, which it runs.
+    """
+    return run(gather_steps(scene, caster, points, seed, round_index, tally))
+
+
+def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None):
+    """The bake points that one round of rays from some points ends at; yields `Progress`.
 
     Parameters
     ----------
@@ -26,6 +36,8 @@ def gather_hits(scene, caster, points, seed, round_index, tally=None):
     seed, round_index : int
     tally : callable(int), optional
         Told the number of rays.
+    pace : Pace, optional
+        In rays.
 
     Returns
     -------
@@ -34,6 +46,7 @@ def gather_hits(scene, caster, points, seed, round_index, tally=None):
     n_back : (n_objects,) int64
         Hits on back sides that return no light, by object.
     """
+    pace = pace or Pace()
     origins = scene.ray_origins[points]
     n = len(origins)
     rng = np.random.default_rng([seed, _SEED_STAGE, round_index, points.start])
@@ -49,10 +62,13 @@ def gather_hits(scene, caster, points, seed, round_index, tally=None):
     n_back = np.zeros(len(scene.objects), np.int64)
     ends = np.full(len(directions), MISS, np.int32)
     for first in range(0, len(directions), caster.batch):
-        part = slice(first, first + caster.batch)
-        found = caster.intersect(origins.take(ray_point[part], axis=0), directions[part])
-        ends[part], back = _ends(scene, found, directions[part], pick[part])
-        n_back += back
+        stop = min(first + caster.batch, len(directions))
+        for part in pace.parts(first, stop):
+            found = caster.intersect(origins.take(ray_point[part], axis=0), directions[part])
+            ends[part], back = _ends(scene, found, directions[part], pick[part])
+            n_back += back
+            pace.worked()
+            yield Progress("gather", points.start, len(scene.points))
     hits[outside] = ends
     hits.sort(axis=1)
     return hits, n_back

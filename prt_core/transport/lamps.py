@@ -3,13 +3,16 @@
 import numpy as np
 
 from prt_core.light.local import lamp_samples
+from prt_core.progress import Pace, Progress, run
 
 _SEED_STAGE = 2
 # Shadow rays end this share before the lamp, so that a lamp's own mesh does not shade it.
 _SHORT = 1 - 1e-4
+# Points whose random numbers are drawn together; rays a call of the caster at most.
+_BLOCK, _RAYS = 4096, 1 << 18
 
 
-def lamp_light(scene, caster, lamps, n_samples=256, seed=0, block=4096, report=None):
+def lamp_light(scene, caster, lamps, n_samples=256, seed=0):
     """Irradiance / pi of lamps at all points (direct-to-indirect transfer gathers it onwards).
 
     Parameters
@@ -19,41 +22,67 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0, block=4096, report=N
     lamps : sequence of Lamp or BrightPixels
     n_samples : int
         Shadow rays a point and lamp; a lamp without size needs one.
-    seed, block : int
-    report : callable(done, total), optional
+    seed : int
 
     Returns
     -------
     (n_points, 3) float32
     """
+    received = np.zeros((len(scene.points), 3), np.float32)
+    for index, lamp in enumerate(lamps):
+        received += run(lamp_steps(scene, caster, lamp, n_samples, (seed, index)))
+    return received
+
+
+def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
+    """`lamp_light` of one lamp, as a generator of `Progress`.
+
+    Parameters
+    ----------
+    seed : sequence of int
+    pace : Pace, optional
+        In rays.
+    """
     points = scene.points
+    n_points = len(points)
     origins = scene.ray_origins
     world = scene.to_world(origins)
-    received = np.zeros((len(points), 3))
-    total = len(lamps) * len(points)
-    for index, lamp in enumerate(lamps):
-        count = 1 if lamp.is_small else n_samples
-        for first in range(0, len(points), block):
-            part = slice(first, min(first + block, len(points)))
-            rng = np.random.default_rng([seed, _SEED_STAGE, index, first])
-            n = part.stop - part.start
-            uv = lamp_samples(count, rng.random((n, 2)))
-            for sample in range(count):
-                direction, distance, irradiance = lamp.sample(world[part], uv[:, sample])
-                cosine = np.einsum("ij,ij->i", points.normals[part], direction)
-                above = np.einsum("ij,ij->i", points.geometric_normals[part], direction) > 0
-                lit = np.flatnonzero((cosine > 0) & above & (irradiance.max(axis=1) > 0))
-                if not len(lit):
-                    continue
-                limit = (distance[lit] / scene.size * _SHORT).astype(np.float32)
-                limited = np.isfinite(limit).all()
-                free = ~caster.occluded(
-                    origins[part][lit],
-                    direction[lit].astype(np.float32),
-                    limit if limited else None,
+    received = np.zeros((n_points, 3))
+    count = 1 if lamp.is_small else n_samples
+    rays = pace or Pace()
+    for block in range(0, n_points, _BLOCK):
+        inside = slice(block, min(block + _BLOCK, n_points))
+        rng = np.random.default_rng([seed[0], _SEED_STAGE, *seed[1:], block])
+        uv = lamp_samples(count, rng.random((inside.stop - block, 2)))
+        # Ray r belongs to point r // count, sample r % count; a step is a range of rays.
+        n_rays = (inside.stop - block) * count
+        for first in range(0, n_rays, _RAYS):
+            for part in rays.parts(first, min(first + _RAYS, n_rays)):
+                which = np.arange(part.start, part.stop)
+                point = block + which // count
+                direction, distance, irradiance = lamp.sample(
+                    world[point], uv[which // count, which % count]
                 )
-                lit = lit[free]
-                received[part][lit] += cosine[lit, None] * irradiance[lit] / (np.pi * count)
-            if report is not None:
-                report(index * len(points) + part.stop, total)
-    return received.astype(np.float32)
+                light = _unshaded(points, point, direction, irradiance)
+                lit = np.flatnonzero(light.any(axis=1))
+                if len(lit):
+                    limit = (distance[lit] / scene.size * _SHORT).astype(np.float32)
+                    free = ~caster.occluded(
+                        origins[point[lit]],
+                        direction[lit].astype(np.float32),
+                        limit if np.isfinite(limit).all() else None,
+                    )
+                    light[lit[~free]] = 0
+                    for channel in range(3):
+                        sums = np.bincount(point - point[0], light[:, channel])
+                        received[point[0] : point[-1] + 1, channel] += sums
+                rays.worked()
+                yield Progress("lamps", int(point[-1]) + 1, n_points)
+    return (received / (np.pi * count)).astype(np.float32)
+
+
+def _unshaded(points, which, direction, irradiance):
+    """(n, 3) what each sample would bring if nothing were in the way; 0 behind the surface."""
+    cosine = np.einsum("ij,ij->i", points.normals[which], direction)
+    above = np.einsum("ij,ij->i", points.geometric_normals[which], direction) > 0
+    return np.where((cosine > 0) & above, cosine, 0)[:, None] * irradiance

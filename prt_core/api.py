@@ -1,15 +1,15 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
-from prt_core.errors import PRTError, expect, expect_array
-from prt_core.light import EnvironmentMap, split_sun
-from prt_core.progress import run
-from prt_core.transport import lamp_light
+from prt_core.errors import PRTError, expect
+from prt_core.light import EnvironmentMap
+from prt_core.progress import Progress, beside, run
+from prt_core.relighter import Relighter, on_texels
+from prt_core.scene import Scene, mesh_digests
 
 
 def bake(
@@ -55,26 +55,42 @@ def bake(
     return run(steps, report)
 
 
-def bake_blend_steps(blend, output, settings, objects=None, two_sided=(), restart=False):
-    """`bake` as a generator of `Progress`."""
+def bake_blend_steps(
+    blend, output, settings, objects=None, two_sided=(), restart=False, pace=None, scene=None
+):
+    """`bake` as a generator of `Progress`.
+
+    Parameters
+    ----------
+    pace : float, optional
+        Seconds a step may take (see `bake_steps`).
+    scene : bpy.types.Scene, optional
+        Where `blend` is None; default: the current one.
+    """
     if blend is not None:
         open_blend(blend)
-    from prt_core.blender.depsgraph import read_camera, read_scene
+    from prt_core.blender.depsgraph import read_camera, read_meshes, say_copies
     from prt_core.blender.lamps import read_lamps
     from prt_core.blender.world import read_world
     from prt_core.light import CubeMap
 
     messages = []
-    scene = read_scene(receivers=objects, two_sided=two_sided, messages=messages)
-    scene.messages[:0] = messages
-    lamps = read_lamps(messages=scene.messages)
+    yield Progress("scene", 0, 0)
+    meshes = read_meshes(scene, objects, two_sided, messages)
+    say_copies(meshes, messages)
+    yield Progress("scene", 0, 0)
+    lamps, camera = read_lamps(scene, messages), read_camera(scene)
+    yield Progress("scene", 0, 0)
     try:
-        world = read_world(CubeMap(settings.resolution))
+        world = read_world(CubeMap(settings.resolution), scene)
     except PRTError as error:
-        scene.messages.append(f"{error}; '--light world' is not there for this bake")
+        messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
+    built = yield from beside("scene", Scene.from_meshes, meshes)
+    built.messages[:0] = messages
+    source = yield from beside("scene", mesh_digests, meshes)
     result = yield from bake_steps(
-        scene, output, settings, lamps, world, read_camera(), restart=restart
+        built, output, settings, lamps, world, camera, source, restart, pace
     )
     return result
 
@@ -187,32 +203,19 @@ def relight_points(
     bounces="baked",
 ):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    expect(
-        light is not None or lamps is not False,
-        "light: give an environment image, 'world', or ask for the lamps",
-    )
-    chosen = list(bake.lamps if lamps is True else (lamps or []))
-    if lamps is True:
-        expect(chosen, "lamps: the baked scene had no lamps that render")
-    if chosen and strength != 1.0:
-        chosen = [replace(lamp, power=lamp.power * strength) for lamp in chosen]
-    if sharp_sun:
-        light = read_environment(light)
-        expect(
-            isinstance(light, EnvironmentMap),
-            "sharp_sun: needs an environment image, not a light that is on texels already",
+    relighter = Relighter(bake, caster)
+    try:
+        return relighter.relight(
+            read_environment(light),
+            rotation=rotation,
+            strength=strength,
+            sharp_sun=sharp_sun,
+            lamps=lamps,
+            lamp_samples=lamp_samples,
+            bounces=bounces,
         )
-        light, sun = split_sun(light, rotation, strength)
-        chosen += [sun] if sun is not None else []
-    radiance = environment_light(bake, light, rotation, strength)
-    received = None
-    if chosen:
-        rays = bake.make_caster(caster)
-        try:
-            received = lamp_light(bake.scene, rays, chosen, lamp_samples)
-        finally:
-            rays.close()
-    return bake.transport.relight(radiance, received, bounces)
+    finally:
+        relighter.close()
 
 
 def read_environment(light):
@@ -228,17 +231,4 @@ def environment_light(bake, light, rotation=None, strength=1.0):
     """(n_directions, 3) float32 of any light `relight` takes, or None."""
     if light is None:
         return None
-    cube_map = bake.cube_map
-    if isinstance(light, str) and light == "world":
-        expect(
-            bake.world is not None,
-            "light 'world': the bake has none, its world was not understood; give an image",
-        )
-        expect(rotation is None, "rotation: the world's light is fixed; give its image to turn it")
-        return bake.world * np.float32(strength)
-    light = read_environment(light)
-    if isinstance(light, EnvironmentMap):
-        return light.to_cube_map(cube_map, rotation, strength)
-    expect(rotation is None, "rotation: turns an environment image, not a light on texels")
-    array = expect_array("light", light, (cube_map.n_directions, 3), np.float32)
-    return array * np.float32(strength)
+    return on_texels(bake, read_environment(light), rotation) * np.float32(strength)

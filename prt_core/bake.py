@@ -3,7 +3,7 @@
 import os
 import platform
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +16,13 @@ from prt_core.progress import Pace, Progress, beside
 from prt_core.rays import make_caster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
-from prt_core.transport import Transport, all_bounces, gather_operator, gather_steps, visibility_bits
+from prt_core.transport import (
+    Transport,
+    all_bounces,
+    gather_operator,
+    gather_steps,
+    visibility_bits,
+)
 from prt_core.transport.gather import ROUND
 from prt_core.transport.visibility import received_light
 
@@ -73,6 +79,8 @@ class Bake:
         The light of the scene's world, where it was understood.
     camera : dict, or None
     settings, report : dict
+    source : dict of str -> str
+        Digests of the meshes the bake was made from.
     """
 
     scene: Scene
@@ -82,6 +90,7 @@ class Bake:
     camera: dict | None
     settings: dict
     report: dict
+    source: dict = field(default_factory=dict)
 
     @property
     def cube_map(self):
@@ -113,7 +122,17 @@ class Bake:
         }
 
 
-def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, restart=False, pace=None):
+def bake_steps(
+    scene,
+    path,
+    settings=None,
+    lamps=(),
+    world=None,
+    camera=None,
+    source=None,
+    restart=False,
+    pace=None,
+):
     """Bake a scene into a store; a generator of `Progress` (see `progress.run`).
 
     A store that is there and unfinished is gone on with; a finished one of the same scene and
@@ -127,6 +146,8 @@ def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, re
     settings : BakeSettings
     lamps : sequence of Lamp, world : (n_directions, 3) float32, camera : dict
         Kept with the bake for relighting and pictures.
+    source : dict of str -> str
+        Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
     restart : bool
         Begin anew whatever is there.
     pace : float, optional
@@ -155,11 +176,11 @@ def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, re
     if "identity" in facts:
         _same_bake(path, facts["identity"], identity)
     if facts.get("complete"):
-        _write_lights(store, lamps, world, camera)
+        _write_lights(store, lamps, world, camera, source)
         return facts["report"]
     caster = make_caster(settings.caster, scene.vertices, scene.triangles)
     try:
-        _write_lights(store, lamps, world, camera)
+        _write_lights(store, lamps, world, camera, source)
         if "identity" not in facts:
             yield from beside("scene", write_scene, store, scene)
             store.update(settings=asdict(settings), identity=identity)
@@ -179,11 +200,11 @@ def bake_steps(scene, path, settings=None, lamps=(), world=None, camera=None, re
     return report
 
 
-def _write_lights(store, lamps, world, camera):
+def _write_lights(store, lamps, world, camera, source):
     """Lamps, world and camera may change without any ray being cast again."""
     if world is not None:
         store.write("world", np.asarray(world, np.float32))
-    store.update(lamps=[asdict(lamp) for lamp in lamps], camera=camera)
+    store.update(lamps=[asdict(lamp) for lamp in lamps], camera=camera, source=source or {})
 
 
 def _same_bake(path, found, wanted):
@@ -257,9 +278,7 @@ def _bake_gather(store, scene, cube_map, caster, settings, seconds, pace):
                     _add(store, seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", block.stop, n_points)
         start = time.perf_counter()
-        error = yield from beside(
-            "bounces", _bounce_error, hits, scene, rounds, probes, settings
-        )
+        error = yield from beside("bounces", _bounce_error, hits, scene, rounds, probes, settings)
         _add(store, seconds, "error", time.perf_counter() - start)
     store.update(rounds=rounds)
     return int(counts[:rounds, :, 0].sum()), float(error), rounds
@@ -409,4 +428,4 @@ def load(path):
         min(tolerance / 5, 1e-3),
         bounces,
     )
-    return Bake(scene, transport, lamps, world, camera, settings, report)
+    return Bake(scene, transport, lamps, world, camera, settings, report, facts.get("source") or {})

@@ -152,7 +152,8 @@ class _Bar:
         self._stage, self._bar = None, None
 
     def __call__(self, progress):
-        if self._silent:
+        # A total of 0: a call that cannot be cut is at work.
+        if self._silent or not progress.total:
             return
         from tqdm import tqdm
 

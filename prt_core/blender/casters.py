@@ -4,6 +4,8 @@ The rays are the vertices of a mesh in a temporary scene; a node group casts the
 integer for each, the triangle that was hit plus one. The user's scene is never touched.
 """
 
+import weakref
+
 import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
@@ -12,6 +14,8 @@ from prt_core.rays.caster import MISS, Hits, as_rays, barycentric_of, register_c
 
 # Rays are as long as they like in the scene's frame, whose size is 1.
 _FAR = 100.0
+_TEMPORARY = "prt_temporary"
+_OPEN = weakref.WeakSet()
 _HIT, _DIRECTION, _LENGTH, _TRIANGLE = "prt_hit", "prt_direction", "prt_length", "prt_triangle"
 
 
@@ -26,6 +30,7 @@ class BlenderCaster:
         self._vertices = np.ascontiguousarray(vertices, np.float32)
         self._triangles = np.ascontiguousarray(triangles, np.int32)
         self._made = []
+        _OPEN.add(self)
         try:
             self._build()
         except BaseException:
@@ -33,6 +38,7 @@ class BlenderCaster:
             raise
 
     def _keep(self, block):
+        block[_TEMPORARY] = True
         self._made.append(block)
         return block
 
@@ -55,6 +61,8 @@ class BlenderCaster:
         self._scene.collection.objects.link(self._target)
 
     def _cast(self, origins, directions, distances):
+        if not self._made:
+            self._build()
         rays = self._rays[distances is not None]
         mesh = rays.data
         if len(mesh.vertices) != len(origins):
@@ -93,7 +101,7 @@ class BlenderCaster:
         return Hits(triangle, barycentric, distance)
 
     def close(self):
-        """Remove every data-block that was made."""
+        """Remove every data-block that was made; another cast makes them again."""
         remove = {
             bpy.types.Scene: bpy.data.scenes,
             bpy.types.Mesh: bpy.data.meshes,
@@ -148,6 +156,19 @@ class BVHTreeCaster:
 
     def close(self):
         self._tree = None
+
+
+def release_all():
+    """Take every caster's data-blocks out of the file, before it is saved or undone."""
+    for caster in list(_OPEN):
+        caster.close()
+
+
+def remove_left_over():
+    """Remove casters' data-blocks that an undo step or a crash's file has brought back."""
+    for kind in (bpy.data.scenes, bpy.data.objects, bpy.data.meshes, bpy.data.node_groups):
+        for block in [b for b in kind if b.get(_TEMPORARY)]:
+            kind.remove(block)
 
 
 def register():

@@ -1,5 +1,10 @@
-"""Relit colours onto Blender meshes: FLOAT_COLOR attributes, and realised copies."""
+"""Relit colours onto Blender meshes: colour attributes, realised copies, and the preview.
 
+The preview changes nothing that `restore` cannot take back: materials stay on their objects and
+are covered by a Set Material modifier; originals of realised copies are hidden and marked.
+"""
+
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -8,10 +13,16 @@ import numpy as np
 from prt_core.errors import PRTError, expect, expect_array
 
 COLLECTION = "PRT"
+# Custom properties: on copies, on hidden originals, and on meshes whose active colours changed.
+_COPY, _HIDDEN, ACTIVE_BEFORE = "prt_copy", "prt_hidden", "prt_active_before"
+_MODIFIER = "PRT preview"
+CHANNELS = "RGB"
 
 
-def write_colours(target, colours, name="PRT", domain="CORNER"):
-    """Store linear colours in a colour attribute and make it the active and render colour.
+def write_colours(
+    target, colours, name="PRT", domain="CORNER", *, byte=False, channels=CHANNELS, active=True
+):
+    """Store linear colours in a colour attribute.
 
     Parameters
     ----------
@@ -22,6 +33,12 @@ def write_colours(target, colours, name="PRT", domain="CORNER"):
     name : str
     domain : {"CORNER", "POINT"}
         POINT stores the mean of each vertex's corners.
+    byte : bool
+        8 bits a channel (0 to 1, sRGB) instead of float.
+    channels : str
+        Those of R, G and B to write; the others of an attribute that is there stay.
+    active : bool
+        Make it the active and render colour; `restore` gives that back.
 
     Raises
     ------
@@ -31,6 +48,11 @@ def write_colours(target, colours, name="PRT", domain="CORNER"):
     """
     mesh = target.data
     expect(domain in {"CORNER", "POINT"}, f"domain: expected 'CORNER' or 'POINT', got '{domain}'")
+    expect(name.strip(), "attribute: expected a name, got an empty one")
+    expect(
+        channels and set(channels) <= set(CHANNELS),
+        f"channels: expected some of R, G and B, got '{channels}'",
+    )
     expect(target.mode != "EDIT", f"{target.name}: leave Edit Mode before colours are written")
     expect(
         len(mesh.loops) == len(colours),
@@ -42,24 +64,42 @@ def write_colours(target, colours, name="PRT", domain="CORNER"):
         corner_vertex = np.empty(len(mesh.loops), np.int32)
         mesh.loops.foreach_get("vertex_index", corner_vertex)
         colours = corners_to_vertices(colours, corner_vertex, len(mesh.vertices))
-    existing = mesh.attributes.get(name)
-    if existing is not None and name not in mesh.color_attributes:
+    attribute = _colour_attribute(target, name, domain, "BYTE_COLOR" if byte else "FLOAT_COLOR")
+    values = np.ones((len(colours), 4), np.float32)
+    if set(channels) != set(CHANNELS):
+        attribute.data.foreach_get("color", values.ravel())
+    for channel in channels:
+        values[:, CHANNELS.index(channel)] = colours[:, CHANNELS.index(channel)]
+    attribute.data.foreach_set("color", values.ravel())
+    if active:
+        before = mesh.color_attributes.active_color_name
+        if before != name and ACTIVE_BEFORE not in mesh:
+            mesh[ACTIVE_BEFORE] = before
+        index = list(mesh.color_attributes.keys()).index(name)
+        if mesh.color_attributes.active_color_index != index:
+            mesh.color_attributes.active_color_index = index
+            mesh.color_attributes.render_color_index = index
+    mesh.update()
+
+
+def _colour_attribute(target, name, domain, kind):
+    """The attribute of that name; one of another kind or domain is replaced."""
+    colours = target.data.color_attributes
+    existing = target.data.attributes.get(name)
+    if existing is not None and name not in colours:
         raise PRTError(
             f"{target.name}: '{name}' is an attribute that is no colour; use another name"
         )
-    if existing is not None and (existing.data_type != "FLOAT_COLOR" or existing.domain != domain):
-        mesh.color_attributes.remove(mesh.color_attributes[name])
+    if existing is not None and (existing.data_type != kind or existing.domain != domain):
+        colours.remove(colours[name])
         existing = None
     if existing is None:
-        mesh.color_attributes.new(name, "FLOAT_COLOR", domain)
-    attribute = mesh.color_attributes[name]
-    values = np.ones((len(colours), 4), np.float32)
-    values[:, :3] = colours
-    attribute.data.foreach_set("color", values.ravel())
-    index = list(mesh.color_attributes.keys()).index(name)
-    mesh.color_attributes.active_color_index = index
-    mesh.color_attributes.render_color_index = index
-    mesh.update()
+        made = colours.new(name, kind, domain)
+        expect(
+            made.name == name,
+            f"{target.name}: cannot make an attribute called '{name}'; use another name",
+        )
+    return colours[name]
 
 
 def corners_to_vertices(colours, corner_vertex, n_vertices):
@@ -69,7 +109,7 @@ def corners_to_vertices(colours, corner_vertex, n_vertices):
     return (np.stack(sums, axis=1) / count).astype(np.float32)
 
 
-def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT"):
+def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", target=None):
     """Realised copies of baked objects, in a collection of their own, in world space.
 
     Parameters
@@ -80,6 +120,8 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT"):
         Default: every object that receives.
     collection, attribute : str
         The collection's name; the colour attribute that the copies' material shows.
+    target : bpy.types.Scene, optional
+        Where a new collection goes; default: the current one.
 
     Returns
     -------
@@ -88,9 +130,9 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT"):
     home = bpy.data.collections.get(collection)
     if home is None:
         home = bpy.data.collections.new(collection)
-        bpy.context.scene.collection.children.link(home)
+        (target or bpy.context.scene).collection.children.link(home)
     # Copies of an earlier run are replaced, not stacked upon.
-    for old in [o for o in home.objects if o.get("prt_copy")]:
+    for old in [o for o in home.objects if is_copy(o)]:
         mesh = old.data
         bpy.data.objects.remove(old)
         if mesh.users == 0:
@@ -113,7 +155,7 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT"):
         mesh.update(calc_edges=True)
         mesh.materials.append(material)
         copy = bpy.data.objects.new(item.name, mesh)
-        copy["prt_copy"] = True
+        copy[_COPY] = item.name
         home.objects.link(copy)
         made[item.name] = copy
     return made
@@ -123,9 +165,10 @@ def _emission_material(attribute):
     """Shows the colour attribute as it is, in every render engine."""
     name = f"{attribute} colours"
     material = bpy.data.materials.get(name)
-    if material is not None:
+    if material is not None and material.get(_MODIFIER):
         return material
     material = bpy.data.materials.new(name)
+    material[_MODIFIER] = True
     if material.node_tree is None:
         material.use_nodes = True
     tree = material.node_tree
@@ -139,11 +182,13 @@ def _emission_material(attribute):
     return material
 
 
-def write_all(scene, colours, attribute="PRT", domain="CORNER", all_copies=False):
+def write_all(
+    scene, colours, attribute="PRT", domain="CORNER", all_copies=False, renamed=None, target=None
+):
     """Colours of a bake onto the open Blender scene.
 
     An object whose own mesh was baked gets them itself; what modifiers, curves or instances
-    made gets a realised copy in a collection of its own.
+    made gets a realised copy in a collection of its own, which is kept while it fits.
 
     Parameters
     ----------
@@ -153,31 +198,225 @@ def write_all(scene, colours, attribute="PRT", domain="CORNER", all_copies=False
     domain : {"CORNER", "POINT"}
     all_copies : bool
         Build every object, as for an empty file.
+    renamed : dict of str -> str, optional
+        Objects that have another name now.
+    target : bpy.types.Scene, optional
+        Where copies go; default: the current one.
 
     Returns
     -------
     list of str
         Names of the realised copies.
     """
+    renamed = renamed or {}
     own = [] if all_copies else [o for o in scene.objects if o.own_mesh and o.name in colours]
     for item in own:
-        target = bpy.data.objects.get(item.name)
-        expect(
-            target is not None and target.type == "MESH",
-            f"{item.name}: the open scene has no such mesh object; give the baked .blend",
-        )
-        expect(
-            len(target.data.loops) == len(item.corner_vertex),
-            f"{item.name}: has {len(target.data.loops)} corners, the bake "
-            f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
-        )
+        check_target(item, renamed)
     copies = [name for name in colours if name not in {item.name for item in own}]
-    made = build_objects(scene, copies, attribute=attribute) if copies else {}
+    made = _copies_there(scene, copies)
+    if copies and made is None:
+        made = build_objects(scene, copies, attribute=attribute, target=target)
     for item in own:
-        write_colours(bpy.data.objects[item.name], colours[item.name], attribute, domain)
-    for name, copy in made.items():
-        write_colours(copy, colours[name], attribute, domain)
+        there = bpy.data.objects[renamed.get(item.name, item.name)]
+        write_colours(there, colours[item.name], attribute, domain)
+    for name in copies:
+        write_colours(made[name], colours[name], attribute, domain)
     return copies
+
+
+def check_target(item, renamed=None):
+    """Raise `PRTError` unless the object that a `SceneObject` was made from can be coloured."""
+    name = (renamed or {}).get(item.name, item.name)
+    there = bpy.data.objects.get(name)
+    expect(
+        there is not None and there.type == "MESH",
+        f"{name}: the open scene has no such mesh object; was it renamed or deleted?",
+    )
+    expect(there.mode != "EDIT", f"{name}: leave Edit Mode before colours are written")
+    expect(
+        len(there.data.loops) == len(item.corner_vertex),
+        f"{name}: has {len(there.data.loops)} corners, the bake "
+        f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
+    )
+
+
+def _copies_there(scene, names):
+    """The realised copies of an earlier write where they are these and fit, else None."""
+    home = bpy.data.collections.get(COLLECTION)
+    found = {o.get(_COPY): o for o in home.objects if is_copy(o)} if home else {}
+    sizes = {item.name: len(item.corner_vertex) for item in scene.objects}
+    fits = set(found) == set(names) and all(
+        len(found[name].data.loops) == sizes[name] for name in names
+    )
+    return found if fits else None
+
+
+def is_copy(item):
+    """Whether an object is a realised copy that `build_objects` made."""
+    return bool(item.get(_COPY))
+
+
+def is_shaded(item):
+    """Whether an object shows the preview's material over its own."""
+    return _MODIFIER in item.modifiers
+
+
+def renders(item):
+    """Whether an object renders, were it not for the preview."""
+    return not item.hide_render or bool(item.get(_HIDDEN))
+
+
+@contextmanager
+def originals_shown(scene, view_layer):
+    """The originals of realised copies as they are without the preview, for as long as it lasts."""
+    hidden = [o for o in scene.objects if o.get(_HIDDEN)]
+    for item in hidden:
+        item.hide_set(False, view_layer=view_layer)
+    if hidden:
+        view_layer.update()
+    try:
+        yield
+    finally:
+        for item in hidden:
+            item.hide_set(True, view_layer=view_layer)
+
+
+def show_colours(scene, attribute="PRT", material=True, renamed=None, target=None):
+    """Show a bake's colours in every shading mode: cover materials, hide copied originals.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose colours `write_all` has written.
+    attribute : str
+    material : bool
+        Show them as emission in Material Preview and renders as well.
+    renamed : dict of str -> str, optional
+    target : bpy.types.Scene, optional
+
+    Returns
+    -------
+    list of str
+        What could not be shown, for people.
+    """
+    target = target or bpy.context.scene
+    view_layer = target.view_layers[0]
+    if target == bpy.context.scene and bpy.context.view_layer is not None:
+        view_layer = bpy.context.view_layer
+    own = [item for item in scene.objects if item.own_mesh and item.receives]
+    messages = []
+    group = _shading_group(attribute) if material else None
+    owners = set()
+    for item in own:
+        there = bpy.data.objects.get((renamed or {}).get(item.name, item.name))
+        owners.add(item.owner)
+        if there is not None:
+            _shade(there, group)
+    for item in scene.objects:
+        there = bpy.data.objects.get(item.owner)
+        if item.own_mesh or not item.receives or there is None:
+            continue
+        if item.owner in owners or there.library is not None:
+            messages.append(f"{item.owner}: cannot be hidden behind its copy")
+            continue
+        if not there.get(_HIDDEN):
+            there[_HIDDEN] = 2 if there.hide_render else 1
+            there.hide_render = True
+            if there.name in view_layer.objects:
+                there.hide_set(True, view_layer=view_layer)
+    return messages
+
+
+def restore(target=None, attributes=()):
+    """Take the preview back: materials, visibility, active colours; copies are removed.
+
+    Parameters
+    ----------
+    target : bpy.types.Scene, optional
+    attributes : sequence of str
+        Colour attributes to remove as well.
+
+    Returns
+    -------
+    int
+        How many objects changed.
+    """
+    target = target or bpy.context.scene
+    changed = 0
+    for item in list(target.objects):
+        shaded = item.modifiers.get(_MODIFIER) if item.type == "MESH" else None
+        if shaded is not None:
+            item.modifiers.remove(shaded)
+        if item.get(_HIDDEN):
+            item.hide_render = item[_HIDDEN] == 2
+            del item[_HIDDEN]
+            for layer in target.view_layers:
+                if item.name in layer.objects:
+                    item.hide_set(False, view_layer=layer)
+            changed += 1
+        if item.type == "MESH" and item.data.library is None and not is_copy(item):
+            changed += _restore_mesh(item.data, attributes) or shaded is not None
+    home = bpy.data.collections.get(COLLECTION)
+    if home is not None and home in target.collection.children_recursive:
+        for copy in [o for o in home.objects if is_copy(o)]:
+            mesh = copy.data
+            bpy.data.objects.remove(copy)
+            if mesh.users == 0:
+                bpy.data.meshes.remove(mesh)
+            changed += 1
+        if not home.objects and not home.children:
+            bpy.data.collections.remove(home)
+    for kind in (bpy.data.node_groups, bpy.data.materials):
+        for block in [b for b in kind if b.get(_MODIFIER) and not b.users]:
+            kind.remove(block)
+    return changed
+
+
+def _restore_mesh(mesh, attributes):
+    colours = mesh.color_attributes
+    before = mesh.get(ACTIVE_BEFORE)
+    removed = [name for name in attributes if name in colours] if before is not None else []
+    for name in removed:
+        colours.remove(colours[name])
+    if before is not None:
+        del mesh[ACTIVE_BEFORE]
+        if before in colours:
+            colours.active_color_index = list(colours.keys()).index(before)
+            colours.render_color_index = colours.active_color_index
+    return before is not None
+
+
+def _shade(item, group):
+    """The preview's modifier at the end of an object's stack, or none."""
+    modifier = item.modifiers.get(_MODIFIER)
+    if group is None:
+        if modifier is not None:
+            item.modifiers.remove(modifier)
+        return
+    if modifier is None:
+        modifier = item.modifiers.new(_MODIFIER, "NODES")
+        modifier.show_expanded = False
+    if modifier.node_group != group:
+        modifier.node_group = group
+
+
+def _shading_group(attribute):
+    """Geometry nodes that put the emission material on everything."""
+    name = f"{attribute} preview"
+    group = bpy.data.node_groups.get(name)
+    if group is not None and group.get(_MODIFIER):
+        return group
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    group[_MODIFIER] = True
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    nodes, links = group.nodes, group.links
+    start, end = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
+    put = nodes.new("GeometryNodeSetMaterial")
+    put.inputs["Material"].default_value = _emission_material(attribute)
+    links.new(start.outputs[0], put.inputs["Geometry"])
+    links.new(put.outputs[0], end.inputs[0])
+    return group
 
 
 def save_scene(path):

@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 
+from prt_core.blender.colours import is_copy, is_shaded, originals_shown, renders
 from prt_core.blender.materials import corner_albedo
 from prt_core.errors import PRTError
 from prt_core.scene.scene import Mesh, Scene
@@ -38,7 +39,10 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
     view_layer = scene.view_layers[0]
     if scene == bpy.context.scene and bpy.context.view_layer is not None:
         view_layer = bpy.context.view_layer
-    with bpy.context.temp_override(scene=scene, view_layer=view_layer):
+    with (
+        bpy.context.temp_override(scene=scene, view_layer=view_layer),
+        originals_shown(scene, view_layer),
+    ):
         depsgraph = bpy.context.evaluated_depsgraph_get()
         rendered = _rendered_objects(scene)
         meshes, asked = [], set()
@@ -81,7 +85,7 @@ def _rendered_objects(scene):
 
     def visit(collection):
         if not collection.hide_render:
-            names.update(o.name for o in collection.objects if not o.hide_render)
+            names.update(o.name for o in collection.objects if renders(o))
             for child in collection.children:
                 visit(child)
 
@@ -93,7 +97,8 @@ def _read_instance(instance, rendered, receivers, two_sided, messages, meshes):
     """One `Mesh` (or None), and the names by which the user may call it."""
     source = instance.object
     parent = instance.parent
-    hidden = (parent or source).original.name not in rendered or source.original.hide_render
+    hidden = (parent or source).original.name not in rendered or not renders(source.original)
+    hidden = hidden or is_copy(source.original)
     if hidden or not instance.show_self or source.type not in _GEOMETRY:
         return None, set()
     owner = source.original.name if parent is None else parent.original.name
@@ -117,6 +122,7 @@ def _read_instance(instance, rendered, receivers, two_sided, messages, meshes):
             source.to_mesh_clear()
     mesh.receives = receivers is None or bool(owners & set(receivers))
     mesh.two_sided = bool(owners & two_sided)
+    mesh.owner = owner
     mesh.own_mesh = parent is None and _own_mesh(source, mesh)
     return mesh, owners
 
@@ -148,8 +154,12 @@ def _to_mesh(name, source, data, matrix, messages):
     data.loop_triangles.foreach_get("loops", triangles)
     sizes = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("loop_total", sizes)
+    # Under the preview's material the object still has its own.
+    materials, faces = source, data
+    if is_shaded(source.original):
+        materials, faces = source.original, source.original.data
     slots = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("material_index", slots)
+    faces.polygons.foreach_get("material_index", slots)
 
     matrix = matrix.astype(np.float64)
     linear = matrix[:3, :3]
@@ -173,7 +183,7 @@ def _to_mesh(name, source, data, matrix, messages):
         # A mirror turns the winding round, not the side that is the front.
         triangles = triangles[:, ::-1]
     corner_slot = np.repeat(slots, sizes)
-    albedo = corner_albedo(source, data, corner_slot, corner_vertex, messages)
+    albedo = corner_albedo(materials, data, corner_slot, corner_vertex, messages)
     return Mesh(
         name=name,
         vertices=world,
@@ -190,6 +200,12 @@ def read_scene(scene=None, receivers=None, two_sided=(), messages=None):
     """The current Blender scene as a `Scene` (see `read_meshes`)."""
     messages = [] if messages is None else messages
     meshes = read_meshes(scene, receivers, two_sided, messages)
+    say_copies(meshes, messages)
+    return Scene.from_meshes(meshes)
+
+
+def say_copies(meshes, messages):
+    """Say which objects' colours cannot go to their own meshes."""
     copies = [mesh.name for mesh in meshes if mesh.receives and not mesh.own_mesh]
     if copies:
         some = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
@@ -197,7 +213,6 @@ def read_scene(scene=None, receivers=None, two_sided=(), messages=None):
             f"{len(copies)} objects are made by modifiers, curves or instances ({some}); "
             "their colours go to realised copies in the collection 'PRT'"
         )
-    return Scene.from_meshes(meshes)
 
 
 def read_camera(scene=None):

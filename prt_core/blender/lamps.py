@@ -23,13 +23,16 @@ def read_lamps(scene=None, messages=None):
     """
     scene = scene or bpy.context.scene
     messages = [] if messages is None else messages
-    depsgraph = bpy.context.evaluated_depsgraph_get()
+    view_layer = scene.view_layers[0]
+    if scene == bpy.context.scene and bpy.context.view_layer is not None:
+        view_layer = bpy.context.view_layer
     lamps = []
-    for instance in depsgraph.object_instances:
-        source = instance.object
-        owner = instance.parent or source
-        if source.type == "LIGHT" and not (owner.original.hide_render or source.hide_render):
-            lamps.append(_lamp(source, np.array(instance.matrix_world), messages))
+    with bpy.context.temp_override(scene=scene, view_layer=view_layer):
+        for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+            source = instance.object
+            owner = instance.parent or source
+            if source.type == "LIGHT" and not (owner.original.hide_render or source.hide_render):
+                lamps.append(_lamp(source, np.array(instance.matrix_world), messages))
     return lamps
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import pixels_of
 from prt_core.errors import PRTError
@@ -143,6 +144,8 @@ def _colour(socket, data, corner_vertex, which, what, messages):
 
 
 def _attribute_colour(data, name, corner_vertex, which):
+    # The preview makes its own colours the active ones and remembers which were.
+    name = name or data.get(ACTIVE_BEFORE)
     attribute = data.color_attributes.get(name) if name else data.color_attributes.active_color
     if attribute is None or attribute.domain not in {"CORNER", "POINT"}:
         return None

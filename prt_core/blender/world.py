@@ -1,5 +1,8 @@
 """Blender's world and sun lamps as light on the directions of a cube map."""
 
+from dataclasses import dataclass
+from pathlib import Path
+
 import bpy
 import numpy as np
 
@@ -11,6 +14,9 @@ from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.rotation import rotation_matrix
 from prt_core.light.sun import sun_light
+
+_MOST_MAPS = 4
+_MAPS = {}
 
 
 def read_world(cube_map, scene=None, suns=True):
@@ -37,8 +43,9 @@ def read_world(cube_map, scene=None, suns=True):
     """
     scene = scene or bpy.context.scene
     light = np.zeros((cube_map.n_directions, 3), np.float32)
-    if scene.world is not None:
-        light += _background(scene.world, cube_map)
+    found = read_environment(scene)
+    if found is not None:
+        light += found.map.to_cube_map(cube_map, found.rotation, found.strength)
     if suns:
         for lamp in read_lamps(scene):
             if lamp.kind == "sun":
@@ -46,15 +53,41 @@ def read_world(cube_map, scene=None, suns=True):
     return light
 
 
-def _background(world, cube_map):
+@dataclass(frozen=True)
+class WorldLight:
+    """The background of a world: an environment, how it is turned, and its factor.
+
+    Attributes
+    ----------
+    map : EnvironmentMap
+    rotation : (3, 3) float64
+    strength : float
+    """
+
+    map: EnvironmentMap
+    rotation: np.ndarray
+    strength: float
+
+
+def read_environment(scene=None):
+    """The world's background as `WorldLight`, None where it is black or there is no world.
+
+    Raises
+    ------
+    PRTError
+        As `read_world`.
+    """
+    world = (scene or bpy.context.scene).world
+    if world is None:
+        return None
     what = f"world '{world.name}'"
     tree = world.node_tree
     if not has_nodes(world):
-        return np.broadcast_to(np.float32(world.color[:]), (cube_map.n_directions, 3))
+        return _even(world.color, 1.0, what)
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     shader = _source(output.inputs["Surface"]) if output else None
     if shader is None:
-        return 0.0
+        return None
     if output.inputs["Volume"].is_linked:
         raise PRTError(f"{what}: a volume is not understood; unlink it")
     node = shader.node
@@ -69,8 +102,7 @@ def _background(world, cube_map):
     strength = float(node.inputs["Strength"].default_value)
     colour = _source(node.inputs["Color"])
     if colour is None:
-        value = np.float32(node.inputs["Color"].default_value[:3]) * np.float32(strength)
-        return np.broadcast_to(value, (cube_map.n_directions, 3))
+        return _even(node.inputs["Color"].default_value, strength, what)
     texture = colour.node
     expect(
         texture.type == "TEX_ENVIRONMENT",
@@ -81,16 +113,43 @@ def _background(world, cube_map):
         texture.projection == "EQUIRECTANGULAR",
         f"{what}: projection '{texture.projection}' is not understood; use Equirectangular",
     )
-    pixels = np.maximum(pixels_of(texture.image)[..., :3], 0)
-    environment = EnvironmentMap(pixels, what)
-    return environment.to_cube_map(cube_map, _turn(texture, what), strength)
+    return WorldLight(_map_of(texture.image, what), _turn(texture, what), strength)
+
+
+def _even(colour, strength, what):
+    pixels = np.maximum(np.float32(colour[:3]), 0).reshape(1, 1, 3)
+    return WorldLight(
+        _kept(("even", pixels.tobytes()), lambda: EnvironmentMap(pixels, what)), np.eye(3), strength
+    )
+
+
+def _map_of(image, what):
+    """The image as a map, kept while it is the same: reading pixels takes long."""
+
+    def make():
+        return EnvironmentMap(np.maximum(pixels_of(image)[..., :3], 0), what)
+
+    if image.is_dirty or image.source not in {"FILE", "GENERATED"} or image.packed_file:
+        return make()
+    path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    stamp = path.stat().st_mtime_ns if path.is_file() else 0
+    space = image.colorspace_settings.name
+    return _kept((image.session_uid, str(path), stamp, tuple(image.size), space), make)
+
+
+def _kept(key, make):
+    if key not in _MAPS:
+        while len(_MAPS) >= _MOST_MAPS:
+            _MAPS.pop(next(iter(_MAPS)))
+        _MAPS[key] = make()
+    return _MAPS[key]
 
 
 def _turn(texture, what):
     """The rotation matrix that the texture's vector input applies to the light."""
     source = _source(texture.inputs["Vector"])
     if source is None:
-        return None
+        return np.eye(3)
     matrix = np.eye(3)
     if source.node.type == "MAPPING":
         mapping = source.node

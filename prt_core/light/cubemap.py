@@ -134,7 +134,9 @@ class CubeMap:
         axis = sizes.argmax(axis=1)
         result = np.empty(len(directions), np.int32)
         for face in range(6):
-            here = np.flatnonzero((axis == face // 2) & ((directions[:, face // 2] < 0) == face % 2))
+            here = np.flatnonzero(
+                (axis == face // 2) & ((directions[:, face // 2] < 0) == face % 2)
+            )
             if not len(here):
                 continue
             along = sizes[here, face // 2]

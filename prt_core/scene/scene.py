@@ -46,6 +46,8 @@ class Mesh:
         Corners of each face, in order; default: triangles.
     own_mesh : bool
         Whether colours can go to the object's own mesh (see `blender.colours`).
+    owner : str, optional
+        The object a person knows it by: that of the instances, or itself.
     """
 
     name: str
@@ -59,8 +61,10 @@ class Mesh:
     two_sided: bool = False
     face_sizes: np.ndarray | None = None
     own_mesh: bool = False
+    owner: str | None = None
 
     def __post_init__(self):
+        self.owner = self.owner or self.name
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
         self.corner_vertex = np.asarray(self.corner_vertex, np.int64)
         n_corners = len(self.corner_vertex)
@@ -118,6 +122,7 @@ class SceneObject:
     receives: bool
     two_sided: bool
     own_mesh: bool
+    owner: str
 
 
 @dataclass
@@ -194,6 +199,7 @@ class Scene:
                 mesh.receives,
                 mesh.two_sided,
                 mesh.own_mesh,
+                mesh.owner,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True
@@ -288,6 +294,77 @@ class Scene:
             digest.update(item.name.encode())
             digest.update(item.corner_point.tobytes())
         return digest.hexdigest()
+
+
+def mesh_digests(meshes):
+    """Digest of all that a bake takes from each mesh but its name: {name: hexadecimal}."""
+    digests = {}
+    for mesh in meshes:
+        digest = hashlib.blake2b(digest_size=16)
+        for array in (
+            mesh.vertices,
+            mesh.corner_vertex,
+            mesh.corner_normal,
+            mesh.triangle_corners,
+            mesh.corner_albedo,
+            mesh.corner_material,
+            mesh.face_sizes,
+            np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),
+        ):
+            digest.update(np.ascontiguousarray(array))
+        digests[mesh.name] = digest.hexdigest()
+    return digests
+
+
+@dataclass(frozen=True)
+class Changes:
+    """How meshes differ from those a bake was made from; all empty where it is fresh.
+
+    Attributes
+    ----------
+    renamed : dict of str -> str
+        Unchanged meshes by their name in the bake, and their name now; no change of the light.
+    missing, changed, added : tuple of str
+    """
+
+    renamed: dict
+    missing: tuple
+    changed: tuple
+    added: tuple
+
+    @property
+    def fresh(self):
+        return not (self.missing or self.changed or self.added)
+
+    def __str__(self):
+        parts = [
+            f"{', '.join(names[:3])}{' …' if len(names) > 3 else ''} {what}"
+            for names, what in (
+                (self.changed, "changed"),
+                (self.missing, "gone"),
+                (self.added, "new"),
+            )
+            if names
+        ]
+        return "; ".join(parts) or "nothing changed"
+
+
+def changes(source, digests):
+    """`Changes` from the digests `source` of a bake to the digests of now."""
+    gone = [name for name in source if name not in digests]
+    new = [name for name in digests if name not in source]
+    renamed = {}
+    for name in gone:
+        same = [other for other in new if digests[other] == source[name]]
+        if same:
+            renamed[name] = same[0]
+            new.remove(same[0])
+    return Changes(
+        renamed,
+        tuple(name for name in gone if name not in renamed),
+        tuple(name for name in source if name in digests and source[name] != digests[name]),
+        tuple(new),
+    )
 
 
 def _stack(meshes, messages):

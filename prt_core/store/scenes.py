@@ -40,6 +40,7 @@ def write_scene(store, scene):
                 "receives": item.receives,
                 "two_sided": item.two_sided,
                 "own_mesh": item.own_mesh,
+                "owner": item.owner,
             }
             for item in scene.objects
         ],
@@ -87,6 +88,7 @@ def read_scene(store):
                     bool(item["receives"]),
                     bool(item["two_sided"]),
                     bool(item["own_mesh"]),
+                    str(item.get("owner", item["name"])),
                 )
             )
             corner, face = part.stop, face + item["n_faces"]

@@ -56,7 +56,15 @@ def bake(
 
 
 def bake_blend_steps(
-    blend, output, settings, objects=None, two_sided=(), restart=False, pace=None, scene=None
+    blend,
+    output,
+    settings,
+    objects=None,
+    two_sided=(),
+    restart=False,
+    pace=None,
+    scene=None,
+    strict=True,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -66,6 +74,8 @@ def bake_blend_steps(
         Seconds a step may take (see `bake_steps`).
     scene : bpy.types.Scene, optional
         Where `blend` is None; default: the current one.
+    strict : bool
+        Whether a name that renders nothing is an error.
     """
     if blend is not None:
         open_blend(blend)
@@ -76,7 +86,7 @@ def bake_blend_steps(
 
     messages = []
     yield Progress("scene", 0, 0)
-    meshes = read_meshes(scene, objects, two_sided, messages)
+    meshes = read_meshes(scene, objects, two_sided, messages, strict)
     say_copies(meshes, messages)
     yield Progress("scene", 0, 0)
     lamps, camera = read_lamps(scene, messages), read_camera(scene)

@@ -48,6 +48,7 @@ class Relighter:
         lamps=False,
         lamp_samples=256,
         bounces="baked",
+        light_strength=1.0,
         pace=None,
     ):
         """Relight, as a generator of `Progress`.
@@ -56,6 +57,8 @@ class Relighter:
         ----------
         light, rotation, strength, sharp_sun, lamps, lamp_samples, bounces
             As `relight` takes them.
+        light_strength : float
+            Another factor, on `light` alone.
         pace : float, optional
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
 
@@ -68,10 +71,11 @@ class Relighter:
             light is not None or lamps is not False,
             "light: give an environment image, 'world', or ask for the lamps",
         )
-        expect(
-            np.isfinite(strength) and strength >= 0,
-            f"strength: expected a finite number >= 0, got {strength}",
-        )
+        for factor in (strength, light_strength):
+            expect(
+                np.isfinite(factor) and factor >= 0,
+                f"strength: expected a finite number >= 0, got {factor}",
+            )
         chosen = self._chosen_lamps(light, lamps)
         light = self._read(light)
         if sharp_sun:
@@ -83,7 +87,12 @@ class Relighter:
         received, sun = (yield from beside("light", *work)) if pace else work[0](*work[1:])
         chosen += [sun] if sun is not None else []
         parts = yield from self._lamp_parts(chosen, lamp_samples, pace)
-        work = (self._radiance, received, parts, strength, bounces)
+        factors = [strength] * len(parts)
+        if sun is not None:
+            factors[-1] *= light_strength
+        if received is not None:
+            parts, factors = [received, *parts], [strength * light_strength, *factors]
+        work = (self._radiance, parts, factors, bounces)
         return (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
 
     def _chosen_lamps(self, light, lamps):
@@ -145,11 +154,10 @@ class Relighter:
             self._caster = self.bake.make_caster(self._caster_name)
         return self._caster
 
-    def _radiance(self, received, parts, strength, bounces):
+    def _radiance(self, parts, factors, bounces):
         total = np.zeros((self.bake.transport.n_points, 3), np.float32)
-        for part in ([received] if received is not None else []) + parts:
-            total += part
-        total *= np.float32(strength)
+        for part, factor in zip(parts, factors, strict=True):
+            total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.bounce(total, bounces)
 
     def release(self):

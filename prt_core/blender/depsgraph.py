@@ -11,7 +11,7 @@ from prt_core.scene.scene import Mesh, Scene
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
-def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
+def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=True):
     """Every mesh that renders, in world space.
 
     Parameters
@@ -24,6 +24,8 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
         Objects whose back sides receive and bounce as well.
     messages : list of str, optional
         Told what was ignored or replaced.
+    strict : bool
+        Whether a name that renders nothing is an error.
 
     Returns
     -------
@@ -59,7 +61,7 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None):
                 meshes.append(mesh)
     for wanted in (receivers, two_sided):
         missing = sorted(set(wanted or ()) - asked)
-        if missing:
+        if missing and strict:
             raise PRTError(
                 f"objects: no geometry that renders is called {', '.join(map(repr, missing))}; "
                 f"there are {', '.join(sorted(asked)) or 'none'}"

@@ -266,6 +266,11 @@ def renders(item):
     return not item.hide_render or bool(item.get(_HIDDEN))
 
 
+def hides_originals(scene):
+    """Whether a preview hides objects behind their copies."""
+    return any(item.get(_HIDDEN) for item in scene.objects)
+
+
 @contextmanager
 def originals_shown(scene, view_layer):
     """The originals of realised copies as they are without the preview, for as long as it lasts."""

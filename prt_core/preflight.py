@@ -26,8 +26,9 @@ class Preflight:
     memory_bytes : int
         At the peak, above what is in use now.
     disk_bytes : int
-    coarse : dict of str -> float
-        Objects with too few points for shadows, and how far apart these are (Blender units).
+    coarse : dict of str -> (float, int)
+        Objects with too few points for shadows: how far apart these are (Blender units), and
+        how many times each edge should be halved.
     """
 
     points: int
@@ -78,7 +79,7 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
 
 
 def coarse_objects(scene):
-    """Objects that receive whose points are too far apart for shadows: {name: distance}."""
+    """Objects that receive whose points are too far apart for shadows (see `Preflight`)."""
     coarse = {}
     points = scene.points
     for index, item in enumerate(scene.objects):
@@ -92,5 +93,5 @@ def coarse_objects(scene):
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
         spacing = float(np.sqrt(area / mine.sum()))
         if spacing > _COARSE:
-            coarse[item.name] = spacing * scene.size
+            coarse[item.name] = spacing * scene.size, int(np.ceil(np.log2(spacing / _COARSE)))
     return coarse

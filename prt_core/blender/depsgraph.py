@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from prt_core.blender.colours import hides_originals, is_copy, is_shaded, originals_shown, renders
+from prt_core.blender.compat import view_layer_of
 from prt_core.blender.materials import corner_albedo
 from prt_core.errors import PRTError
 from prt_core.progress import Progress, run
@@ -87,13 +88,6 @@ def read_meshes_steps(name, receivers=None, two_sided=(), messages=None, strict=
         if item.type in _GEOMETRY and item.name in rendered and not _visible(item, scene):
             messages.append(f"{item.name}: hidden in the viewport, so it was not baked")
     return meshes
-
-
-def view_layer_of(scene):
-    """The view layer that is looked at, or the scene's first."""
-    if scene == bpy.context.scene and bpy.context.view_layer is not None:
-        return bpy.context.view_layer
-    return scene.view_layers[0]
 
 
 def _visible(item, scene):

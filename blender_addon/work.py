@@ -39,13 +39,17 @@ def stop_all():
         operator.end()
 
 
+def _has_window(context):
+    return not bpy.app.background and context.window is not None
+
+
 class LongWork:
     """An operator whose work is a generator of `Progress`.
 
     A subclass has `title`, `steps(context, pace)` and `finish(context, result)`.
     """
 
-    _steps = _timer = None
+    _steps = _timer = _manager = None
 
     def execute(self, context):
         """All at once: for scripts and without a window."""
@@ -59,15 +63,16 @@ class LongWork:
         return self._finish(context, result)
 
     def invoke(self, context, _event):
-        if bpy.app.background or context.window is None:
+        if not _has_window(context):
             return self.execute(context)
         if status().running:
             self.report({"ERROR"}, f"{status().title} is still under way; wait or cancel it")
             return {"CANCELLED"}
         turns.clear()
         self._steps, self._drawn = self.steps(context, PACE), 0.0
-        self._timer = context.window_manager.event_timer_add(_TIMER, window=context.window)
-        context.window_manager.modal_handler_add(self)
+        self._manager = context.window_manager
+        self._timer = self._manager.event_timer_add(_TIMER, window=context.window)
+        self._manager.modal_handler_add(self)
         state = status()
         state.running, state.cancel = True, False
         state.title, state.stage, state.done = self.title, "", 0.0
@@ -142,7 +147,7 @@ class LongWork:
         if steps is not None:
             steps.close()
         if self._timer is not None:
-            bpy.context.window_manager.event_timer_remove(self._timer)
+            self._manager.event_timer_remove(self._timer)
             self._timer = None
         if self in _RUNNING:
             _RUNNING.remove(self)

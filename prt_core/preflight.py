@@ -91,7 +91,10 @@ def coarse_objects(scene):
         corners = scene.triangles[scene.triangle_object == index]
         a, b, c = np.moveaxis(scene.vertices[corners].astype(np.float64), 1, 0)
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-        spacing = float(np.sqrt(area / mine.sum()))
+        side, cells = np.sqrt(area), max(np.sqrt(mine.sum()) - 1, 1.0)
+        spacing = float(side / (cells + 1))
         if spacing > _COARSE:
-            coarse[item.name] = spacing * scene.size, int(np.ceil(np.log2(spacing / _COARSE)))
+            # As on a square grid: halving every edge doubles the cells, not the points.
+            halvings = int(np.ceil(np.log2((side / _COARSE - 1) / cells)))
+            coarse[item.name] = spacing * scene.size, halvings
     return coarse

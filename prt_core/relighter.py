@@ -77,7 +77,12 @@ class Relighter:
                 f"strength: expected a finite number >= 0, got {factor}",
             )
         chosen = self._chosen_lamps(light, lamps)
-        light = self._read(light)
+        is_file = isinstance(light, str | Path)
+        if pace and is_file and Path(light).suffix.lower() == ".exr":
+            light = yield from beside("image", self._read, light)
+        else:
+            # Other formats are read by Blender, which wants its own thread.
+            light = self._read(light)
         if sharp_sun:
             expect(
                 isinstance(light, EnvironmentMap),

@@ -27,9 +27,9 @@ bench: $(VENV)/.ready
 extension: $(VENV)/.ready
 	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS))
 
-# The bridge inside a real Blender: make test-window BLENDER=/path/to/blender
+# The extension in real windows: make test-window BLENDER="command" (several, separated by ':').
 test-window: $(VENV)/.ready
-	BLENDER=$(BLENDER) $(RUN) -m pytest tests/window
+	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
 
 # The tests on every supported Blender: bpy 4.2, 4.5, 5.0 (Python 3.11) and 5.2 (Python 3.13).
 matrix:

@@ -7,6 +7,7 @@ carries a checksum. Nothing is pickled, and nothing outside the folder is read o
 import json
 import os
 import shutil
+import warnings
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,19 +18,24 @@ from prt_core.errors import PRTError, expect
 
 
 @contextmanager
-def _numpy_as_zarr_wants_it():
-    """Blender 4.2 and 4.3 bring numpy 1.24; all that zarr 3.0 misses there is one name."""
-    if hasattr(np, "dtypes"):
-        yield
-        return
-    np.dtypes = SimpleNamespace(ObjectDType=lambda: np.dtype(object))
+def _as_zarr_wants_it():
+    """Blender 4.2 and 4.3 bring numpy 1.24; all that zarr 3.0 misses there is one name.
+
+    And newer numcodecs warn of the crc32c that zarr 3.0 asks for, which is not the user's affair.
+    """
+    missing = not hasattr(np, "dtypes")
+    if missing:
+        np.dtypes = SimpleNamespace(ObjectDType=lambda: np.dtype(object))
     try:
-        yield
+        # Kept rather than filtered: numcodecs puts its own filter before any other.
+        with warnings.catch_warnings(record=True):
+            yield
     finally:
-        del np.dtypes
+        if missing:
+            del np.dtypes
 
 
-with _numpy_as_zarr_wants_it():
+with _as_zarr_wants_it():
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
 

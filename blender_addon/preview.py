@@ -13,7 +13,7 @@ from prt_core.blender.world import read_environment
 from prt_core.errors import expect
 from prt_core.light import rotation_matrix
 from prt_core.progress import beside
-from prt_core.relighter import Relighter
+from prt_core.relighter import Relighter, lamp_signature
 from prt_core.scene import changes, mesh_digests
 
 from . import plan
@@ -146,7 +146,7 @@ def request(scene, samples=None, depsgraph=None):
     needs_samples = any(not lamp.is_small for lamp in lamps) or options["sharp_sun"]
     key = (
         name, stamp, rotation.tobytes(), strength, options["strength"], options["sharp_sun"],
-        tuple(repr(lamp) for lamp in lamps), samples if needs_samples else 0,
+        tuple(lamp_signature(lamp) for lamp in lamps), samples if needs_samples else 0,
     )  # fmt: skip
     return Request(options, key)
 

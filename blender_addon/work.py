@@ -27,10 +27,13 @@ def say(message, failed=False):
 
 
 def redraw():
+    """Draw the panel anew, but not the 3D view: that can take longer than the work."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
 def stop_all():

@@ -116,8 +116,8 @@ def steps(scene, pace=None, rays_per_second=None):
     made = Plan(back_end=back_end(scene))
     _OLD.discard(name)
     _WANTED.discard(name)
-    settings = bake_settings(scene)
     try:
+        settings = bake_settings(scene)
         meshes = yield from read_steps(scene, made.messages, pace)
         made.digests = yield from beside("scene", mesh_digests, meshes)
         built = yield from beside("scene", Scene.from_meshes, meshes)
@@ -125,11 +125,18 @@ def steps(scene, pace=None, rays_per_second=None):
         made.cost = preflight(built, settings, made.back_end, rays_per_second)
     except PRTError as error:
         made.messages.append(str(error))
+        _keep(name, made, start)
         raise
-    finally:
-        made.seconds = time.perf_counter() - start
-        _PLANS[name] = made
+    except GeneratorExit:
+        _OLD.add(name)
+        raise
+    _keep(name, made, start)
     return made
+
+
+def _keep(name, made, start):
+    made.seconds = time.perf_counter() - start
+    _PLANS[name] = made
 
 
 def of(scene):

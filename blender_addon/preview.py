@@ -1,5 +1,6 @@
 """The bake in memory, and its colours on the meshes of the scene."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from prt_core.blender.world import read_environment
 from prt_core.errors import expect
 from prt_core.light import rotation_matrix
 from prt_core.progress import beside
-from prt_core.relighter import Relighter
+from prt_core.relighter import Relighter, lamp_signature
 from prt_core.scene import changes, mesh_digests
 
 from . import plan
@@ -91,10 +92,26 @@ def forget():
         _HELD.pop().relighter.close()
 
 
-def release():
-    """Let go of what lives in Blender's data; it is made again when needed."""
-    if _HELD:
-        _HELD[0].relighter.release()
+def follow(scene, path):
+    """Keep a scene's bake within reach of the file that is about to be saved as `path`.
+
+    A bake in the temporary folder moves beside the file; one beside a file of another folder is
+    named in full.
+    """
+    where, home = path_of(scene), Path(path).parent
+    if not where or not Path(where).is_dir():
+        return
+    if Path(bpy.app.tempdir) in Path(where).parents:
+        target = home / "prt" / Path(where).name
+        if target.exists():
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(where, target)
+        if _HELD and _HELD[0].path == where:
+            _HELD[0].path = str(target)
+        scene.prt.loaded = f"//prt/{target.name}"
+    elif home != Path(bpy.data.filepath).parent:
+        scene.prt.loaded = where
 
 
 def request(scene, samples=None, depsgraph=None):
@@ -146,7 +163,7 @@ def request(scene, samples=None, depsgraph=None):
     needs_samples = any(not lamp.is_small for lamp in lamps) or options["sharp_sun"]
     key = (
         name, stamp, rotation.tobytes(), strength, options["strength"], options["sharp_sun"],
-        tuple(repr(lamp) for lamp in lamps), samples if needs_samples else 0,
+        tuple(lamp_signature(lamp) for lamp in lamps), samples if needs_samples else 0,
     )  # fmt: skip
     return Request(options, key)
 

@@ -11,6 +11,9 @@ from prt_core.progress import run
 _TIMER, _BUDGET, PACE, _REDRAW = 0.01, 0.05, 0.025, 0.2
 _RUNNING = []
 
+# What goes wrong outside of Blender, and is said in one line.
+FAILURES = (PRTError, OSError, MemoryError)
+
 # How long each turn of the main thread took, of the last work (for measuring).
 turns = []
 
@@ -27,10 +30,13 @@ def say(message, failed=False):
 
 
 def redraw():
+    """Draw the panel anew, but not the 3D view: that can take longer than the work."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
 def stop_all():
@@ -58,7 +64,7 @@ class LongWork:
             return {"CANCELLED"}
         try:
             result = run(self.steps(context, None))
-        except PRTError as error:
+        except FAILURES as error:
             return self._fail(error)
         return self._finish(context, result)
 
@@ -101,7 +107,7 @@ class LongWork:
         except StopIteration as end:
             self.end()
             return self._finish(context, end.value)
-        except PRTError as error:
+        except FAILURES as error:
             self.end()
             return self._fail(error)
         except Exception:
@@ -128,13 +134,14 @@ class LongWork:
     def _finish(self, context, result):
         try:
             self.finish(context, result)
-        except PRTError as error:
+        except FAILURES as error:
             return self._fail(error)
         return {"FINISHED"}
 
     def _fail(self, error):
-        say(str(error), True)
-        self.report({"ERROR"}, str(error))
+        text = str(error) or type(error).__name__
+        say(text, True)
+        self.report({"ERROR"}, text)
         return {"CANCELLED"}
 
     def cancel(self, _context):

@@ -12,7 +12,7 @@ import prt_core
 from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, Lamp
 from prt_core.machine import peak_bytes
-from prt_core.progress import Pace, Progress, beside
+from prt_core.progress import Pace, Progress, beside, maybe_beside
 from prt_core.rays import make_caster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
@@ -28,6 +28,8 @@ from prt_core.transport.visibility import received_light
 
 BLOCK = 2048
 _MOST_ROUNDS = 8
+# Seconds that a stop may have to wait for threads.
+_STOP = 0.1
 
 
 @dataclass(frozen=True)
@@ -231,14 +233,17 @@ def _bake_visibility(store, scene, cube_map, caster, seconds, pace):
     bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
     counts = store.create("visibility_rays", (len(blocks),), "int64", (1,), -1)
     yield Progress("visibility", 0, n_points)
-    pace = Pace(pace)
+    # A caster that threads may call works beside its caller, in parts that a stop waits for.
+    threaded = pace is not None and caster.threads > 1
+    pace = Pace(_STOP if threaded else pace)
     for index, block in enumerate(blocks):
         if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
             start, tally = time.perf_counter(), []
             traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
             for part in pace.parts(block.start, block.stop):
                 inside = slice(part.start - block.start, part.stop - block.start)
-                traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
+                work = (visibility_bits, scene, cube_map, caster, part, tally.append)
+                traced[inside] = yield from maybe_beside(threaded, "visibility", *work)
                 pace.worked()
                 yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)

@@ -83,3 +83,10 @@ def beside(stage, function, *arguments):
         while not wait([future], _POLL).done:
             yield Progress(stage, 0, 0)
         return future.result()
+
+
+def maybe_beside(allowed, stage, function, *arguments):
+    """`beside` where that is allowed, else at once; returns the result."""
+    if allowed:
+        return (yield from beside(stage, function, *arguments))
+    return function(*arguments)

@@ -141,7 +141,7 @@ class Relighter:
     def _lamp_parts(self, lamps, n_samples, pace):
         parts = {}
         for index, lamp in enumerate(lamps):
-            key = index, n_samples, _signature(lamp)
+            key = index, n_samples, lamp_signature(lamp)
             if key not in parts and key in self._lamps:
                 parts[key] = self._lamps[key]
             if key not in parts:
@@ -165,15 +165,11 @@ class Relighter:
             total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.bounce(total, bounces)
 
-    def release(self):
-        """Let go of the ray caster; it is made again when needed."""
+    def close(self):
+        """Let go of everything."""
         if self._caster is not None:
             self._caster.close()
         self._caster = None
-
-    def close(self):
-        """Let go of everything."""
-        self.release()
         self._images, self._lamps, self._environment = {}, {}, (None, None)
 
 
@@ -192,7 +188,7 @@ def on_texels(bake, light, rotation=None):
     return expect_array("light", light, (bake.cube_map.n_directions, 3), np.float32)
 
 
-def _signature(lamp):
+def lamp_signature(lamp):
     """What a lamp's light depends on, as something that can be compared."""
     values = (getattr(lamp, field.name) for field in fields(lamp) if field.name != "name")
     return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)

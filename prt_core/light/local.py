@@ -51,6 +51,7 @@ class Lamp:
         expect(self.kind in KINDS, f"{self.name}: kind expected one of {KINDS}, got '{self.kind}'")
         self.power = expect_array(f"{self.name}: power", self.power, (3,), np.float64)
         self.position = expect_array(f"{self.name}: position", self.position, (3,), np.float64)
+        self.size = tuple(float(side) for side in self.size)
         axes = np.eye(3) if self.axes is None else self.axes
         self.axes = expect_array(f"{self.name}: axes", axes, (3, 3), np.float64)
 

@@ -5,6 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from prt_core.machine import one_blas_thread
+
 # Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
 _UNPACK = 256
 
@@ -95,15 +97,23 @@ def received_light(bits, normals, cube_map, light):
     # Three vectors for each channel: the cosine is taken after the sum over directions.
     factors = cube_map.vectors[:, :, None] * light[:, None] / np.pi
     factors = factors.reshape(len(light), -1).astype(np.float32)
+    # By byte: directions that no point of a part sees, as those below a floor, are left out.
+    n_bytes = bits.shape[1]
+    by_byte = np.zeros((n_bytes * 8, 3 * n_channels), np.float32)
+    by_byte[: len(light)] = factors
+    by_byte = by_byte.reshape(n_bytes, 8, -1)
     result = np.empty((len(bits), n_channels), np.float32)
 
     def one(first):
         part = slice(first, first + _UNPACK)
-        vectors = unpack(bits[part], cube_map.n_directions) @ factors
+        seen = np.flatnonzero(bits[part].any(axis=0))
+        vectors = unpack(bits[part].take(seen, axis=1), 8 * len(seen)) @ by_byte[seen].reshape(
+            8 * len(seen), -1
+        )
         vectors = vectors.reshape(-1, 3, n_channels)
         result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         list(pool.map(one, range(0, len(bits), _UNPACK)))
     # Rounding may leave a trace below zero where nothing is seen.
     return np.maximum(result, 0, out=result)

@@ -28,13 +28,11 @@ class RealBlender:
 
     def __init__(self, command, folder):
         self.command, self.folder = shlex.split(command), folder
-        self.environment = dict(os.environ)
         (folder / "probe.py").write_text(_PROBE)
         self.run("-b", "--factory-startup", "-P", "probe.py")
         probe = folder / "probe.json"
         assert probe.is_file(), f"{command}: it does not run a Blender in the current folder"
         self.inside, self.python, self.version = json.loads(probe.read_text())
-        self.environment["BLENDER_USER_RESOURCES"] = f"{self.inside}/resources"
         build = [sys.executable, ROOT / "scripts" / "build_extension.py", "--platforms", PLATFORM]
         build += ["--pythons", self.python, "--output", folder / "zip"]
         done = subprocess.run([str(part) for part in build], capture_output=True, text=True)
@@ -42,19 +40,26 @@ class RealBlender:
         (built,) = (folder / "zip").glob("*.zip")
         shutil.move(built, folder / "extension.zip")
 
-    def run(self, *arguments, seconds=900):
+    def run(self, *arguments, user=None, seconds=900):
+        """Run it, with the folder `user` for what it keeps of its user."""
+        environment = dict(os.environ)
+        if user:
+            environment["BLENDER_USER_RESOURCES"] = f"{self.inside}/{user}"
         return subprocess.run(
-            [*self.command, *map(str, arguments)], cwd=self.folder, env=self.environment,
+            [*self.command, *map(str, arguments)], cwd=self.folder, env=environment,
             capture_output=True, text=True, timeout=seconds,
         )  # fmt: skip
 
-    def play(self, story):
-        """Play a story in the window; its report, with `said`: all that Blender printed."""
+    def bring_scripts(self):
         for file in (ROOT / "tests" / "window" / "inside").glob("*.py"):
             shutil.copy(file, self.folder)
+
+    def play(self, story):
+        """Play a story in the window; its report, with `said_all`: all that Blender printed."""
+        self.bring_scripts()
         done = self.run(
             "--factory-startup", "--enable-event-simulate", "--window-geometry", "0", "0", "1280",
-            "900", "-P", "play.py", "--", story,
+            "900", "-P", "play.py", "--", story, user="user",
         )  # fmt: skip
         report = self.folder / "report.json"
         said = done.stdout + done.stderr
@@ -66,10 +71,10 @@ def pytest_generate_tests(metafunc):
     if "blender" in metafunc.fixturenames:
         commands = [part.strip() for part in os.environ.get("BLENDER", "").split(":")]
         commands = [command for command in commands if command]
-        metafunc.parametrize("blender", commands or [None], indirect=True, scope="module")
+        metafunc.parametrize("blender", commands or [None], indirect=True, scope="session")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def blender(request, tmp_path_factory):
     if request.param is None:
         pytest.fail('name a Blender: make test-window BLENDER="/path/to/blender"')

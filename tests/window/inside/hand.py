@@ -102,6 +102,7 @@ class Hand:
             if self.under_mouse() == name:
                 return self._known[name]
         seen = []
+        yield from self.wheel("WHEELUPMOUSE", 30)
         for _ in range(4):
             region = self.sidebar
             x = region.x + int(region.width * at)
@@ -113,10 +114,14 @@ class Hand:
                     self._known[found] = x, y
                 if found == name:
                     return x, y
-            for _ in range(6):
-                self.event("WHEELDOWNMOUSE", "PRESS")
-                yield 2 * _TICK
+            yield from self.wheel("WHEELDOWNMOUSE", 6)
         raise AssertionError(f"no button {name} in the sidebar; there are {sorted(set(seen))}")
+
+    def wheel(self, kind, notches):
+        yield from self.move(self.sidebar.x + self.sidebar.width / 2, self.sidebar.y + 100)
+        for _ in range(notches):
+            self.event(kind, "PRESS")
+            yield _TICK
 
     def under_mouse(self):
         """Name of the button under the mouse, or None."""
@@ -130,8 +135,10 @@ class Hand:
         return found
 
     def picture(self, name):
-        """A picture of the whole window as it is drawn, NAME.png."""
-        subprocess.run(["import", "-window", "root", str(FOLDER / f"{name}.png")], check=True)
+        """A picture of the window as it is drawn, NAME.png; it stands in the screen's corner."""
+        crop = f"{self.window.width}x{self.window.height}+0+0"
+        command = ["import", "-window", "root", "-gravity", "SouthWest", "-crop", crop, "+repage"]
+        subprocess.run([*command, FOLDER / f"{name.replace(' ', '_')}.png"], check=True)
 
 
 def play(story, limit=600.0):

@@ -56,7 +56,9 @@ def open_scene(hand):
     bpy.ops.wm.save_mainfile()
     # Software OpenGL draws them longer than all the rest.
     hand.view.spaces.active.overlay.show_overlays = False
+    bpy.data.objects["model"].select_set(True)
     yield from hand.to_view()
+    yield from hand.key("NUMPAD_PERIOD")
     yield from hand.key("N")
     yield Until("the sidebar is there", lambda: hand.sidebar.width > 100)
     yield 0.5
@@ -155,10 +157,10 @@ def stop_and_go_on(hand, report):
     import prt_core
 
     scene = bpy.context.scene
-    scene.prt.name, scene.prt.caster = "Second", "blender"
+    scene.prt.name = "Second"
     yield 0.5
     yield from hand.click("prt.bake")
-    yield Until("it is in the midst", lambda: status().running and status().done > 0.3)
+    yield Until("it is in the midst", lambda: status().running and status().done > 0.2)
     yield from hand.to_view()
     start = time.perf_counter()
     hand.event("ESC", "PRESS")
@@ -187,7 +189,7 @@ def stop_and_go_on(hand, report):
 def drag_rotation(hand, report):
     before = bpy.context.scene.prt.rotation
     part("live").delays.clear()
-    yield from hand.drag("prt.rotation", 90)
+    yield from hand.drag("prt.rotation", 150)
     yield from compare(hand, report, "rotation")
     report["turned"] = float(np.degrees(bpy.context.scene.prt.rotation - before))
     report["delays"] = list(part("live").delays)
@@ -257,7 +259,7 @@ def reload_file(hand, report):
 
 
 def restore(hand, report):
-    yield from hand.click("prt.clear")
+    yield from hand.click("prt.clear", at=0.75)
     yield Until("the preview is off", lambda: not bpy.context.scene.prt.loaded, 10)
     yield 0.5
     report["left"] = sorted(on_meshes())

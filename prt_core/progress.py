@@ -83,3 +83,10 @@ def beside(stage, function, *arguments):
         while not wait([future], _POLL).done:
             yield Progress(stage, 0, 0)
         return future.result()
+
+
+def aside(pace, stage, function, *arguments):
+    """As `beside` where there is a pace to keep, else at once in the caller's thread."""
+    if pace is None or pace.seconds is None:
+        return function(*arguments)
+    return (yield from beside(stage, function, *arguments))

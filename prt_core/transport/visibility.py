@@ -31,17 +31,12 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
         Little bit order: direction d is bit d % 8 of byte d // 8.
     """
     origins = scene.ray_origins[points]
-    shading = scene.points.normals[points]
-    geometric = scene.points.geometric_normals[points]
+    above_horizon = _Horizon(scene, cube_map, points)
     directions = cube_map.samples.astype(np.float32)
-    vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
-    transposed = np.ascontiguousarray(directions.T)
-
     def one(part):
-        above = shading[part] @ vectors > 0
-        above &= geometric[part] @ transposed > 0
+        above = above_horizon(part)
         counts = np.count_nonzero(above, axis=1)
         ends = np.cumsum(counts)
         ways = np.empty((int(ends[-1]), 3), np.float32)
@@ -64,6 +59,48 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
     else:
         for part in parts:
             one(part)
+    return bits
+
+
+class _Horizon:
+    """(n, n_directions) bool of a part of some points: above both horizons."""
+
+    def __init__(self, scene, cube_map, points):
+        self._shading = scene.points.normals[points]
+        self._geometric = scene.points.geometric_normals[points]
+        self._vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
+        self._samples = np.ascontiguousarray(cube_map.samples.T, np.float32)
+
+    def __call__(self, part):
+        above = self._shading[part] @ self._vectors > 0
+        above &= self._geometric[part] @ self._samples > 0
+        return above
+
+
+def horizon_bits(scene, cube_map, points):
+    """The entries of some points that need a ray: all others are known to be 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    points : slice or (n,) int
+
+    Returns
+    -------
+    (n, ceil(n_directions / 8)) uint8
+        As `visibility_bits` with nothing in the way of any ray.
+    """
+    above_horizon = _Horizon(scene, cube_map, points)
+    n = len(scene.points.normals[points])
+    bits = np.empty((n, -(-cube_map.n_directions // 8)), np.uint8)
+
+    def one(first):
+        part = slice(first, first + _UNPACK)
+        bits[part] = np.packbits(above_horizon(part), axis=1, bitorder="little")
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        list(pool.map(one, range(0, n, _UNPACK)))
     return bits
 
 

@@ -57,10 +57,10 @@ class AgreementSettings:
 
     neighbours: int = 3
     candidates: int = 8
-    checks: int = 8
-    edge_halvings: int = 2
+    checks: int = 4
+    edge_halvings: int = 3
     first: int = 400
-    growth: float = 2.0
+    growth: float = 1.8
     seed: int = 0
 
     def __post_init__(self):

@@ -22,13 +22,12 @@ Kim 2017).
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from scipy.stats import beta, gamma
 
+from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.tracer import Tracer
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 
 _SEED_STAGE = 5
-_LEVEL = 0.95
 # Proposals made at once; rows whose light is summed, to know how much there is.
 _BATCH, _SIZE_ROWS = 1 << 18, 2048
 
@@ -150,59 +149,10 @@ def matrix_estimate(entries, wrong, lit):
     """
     if not entries:
         return Estimate(0.0, 0.0, 0.0)
-    low, high = mid_p_interval(wrong, entries)
+    low, high = binomial_interval(wrong, entries)
     # Where nothing is lit the error counts against all the light there might be.
     shares = np.array([wrong / entries, low, high]) * entries / (lit or entries)
     return Estimate(*map(float, np.sqrt(shares)))
-
-
-def mid_p_interval(count, n):
-    """The 95 % mid-P interval (Lancaster 1961) of a binomial share.
-
-    The two bounds solve P(X > count) + P(X = count) / 2 = 2.5 % and its mirror image; they lie
-    between those of Clopper and Pearson for `count` and for its neighbour.
-    """
-    tail = (1 - _LEVEL) / 2
-
-    def above(p):
-        """P(X > count) + P(X = count) / 2 for a share p: rises with p."""
-        more = beta.cdf(p, count + 1, n - count) if count < n else 0.0
-        same_or_more = beta.cdf(p, count, n - count + 1) if count else 1.0
-        return (more + same_or_more) / 2
-
-    def solve(wanted):
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if above(middle) < wanted else (low, middle)
-        return (low + high) / 2
-
-    return (solve(tail) if count else 0.0), (solve(1 - tail) if count < n else 1.0)
-
-
-def weighted_interval(weights):
-    """95 % interval of a sum of Poisson counts times weights, from one weight an event.
-
-    Parameters
-    ----------
-    weights : (n,) float64
-        Of the events that happened, n >= 1.
-    """
-    total, square, largest = weights.sum(), (weights**2).sum(), weights.max()
-    # The truth lies between two gamma laws: as seen, and with one more of the largest events.
-    below = gamma(total**2 / square, scale=square / total)
-    more, more_square = total + largest, square + largest**2
-    above = gamma(more**2 / more_square, scale=more_square / more)
-
-    def solve(wanted):
-        low, high = 0.0, float(above.ppf(0.9999) + below.ppf(0.9999))
-        for _ in range(60):
-            middle = (low + high) / 2
-            share = (below.cdf(middle) + above.cdf(middle)) / 2
-            low, high = (middle, high) if share < wanted else (low, middle)
-        return (low + high) / 2
-
-    return solve((1 - _LEVEL) / 2), solve((1 + _LEVEL) / 2)
 
 
 def _brightness(worth, lights):

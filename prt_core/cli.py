@@ -11,6 +11,8 @@ import numpy as np
 
 import prt_core
 from prt_core.errors import PRTError, expect
+from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.light import EnvironmentMap, rotation_matrix
 
 _IN_BLENDER = "the scene that is open"
 
@@ -78,6 +80,9 @@ def _parser(in_blender):
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
+    relight.add_argument(
+        "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
+    )
     relight.add_argument("--size", type=_size, default=(960, 540), help="of the picture (960x540)")
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
@@ -142,6 +147,12 @@ def _size(text):
     if not (width.isdigit() and height.isdigit() and 0 < int(width) * int(height) < 1 << 28):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
     return int(width), int(height)
+
+
+def _frames(text):
+    if not (text.isdigit() and 0 < int(text) < 100000):
+        raise argparse.ArgumentTypeError(f"expected a number of frames, got '{text}'")
+    return int(text)
 
 
 class _Bar:
@@ -256,19 +267,57 @@ def _relight(options):
             f"{path}: expected a name that ends in {suffix}",
         )
     baked = prt_core.load(options.bake)
+    if options.turn:
+        return _relight_turn(baked, options)
     start = time.perf_counter()
     radiance = _radiance(baked, options)
     spent = time.perf_counter() - start
     radiance = radiance * np.float32(2.0**options.exposure)
     colours = baked.colours(radiance)
     if options.output:
-        _write_npz(options.output, colours)
+        write_npz(options.output, colours)
     if options.png:
         _write_png(baked, radiance, options)
     if options.blend:
         _write_blend(baked, colours, options)
     written = ", ".join(p for p in (options.output, options.png, options.blend) if p)
     print(f"{written}: {len(baked.scene.points):,} points relit in {spent:.2f} s")
+    return 0
+
+
+def _relight_turn(baked, options):
+    """A turntable: the light turns once, what the camera sees is traced once."""
+    from prt_core.api import read_environment
+    from prt_core.relighter import Relighter
+
+    expect(
+        options.light not in (None, "world") and not options.blend,
+        "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE",
+    )
+    _bpy_where_needed()
+    light, relighter = read_environment(options.light), Relighter(baked, options.caster)
+    pictures = PictureWriter(baked, options.size, options.caster)
+    start = time.perf_counter()
+    for frame in range(options.turn):
+        rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
+        radiance = relighter.relight(
+            light,
+            rotation=rotation,
+            strength=options.strength,
+            sharp_sun=options.sharp_sun,
+            lamps=options.lamps,
+            lamp_samples=options.lamp_samples,
+            bounces=options.bounces,
+        )
+        radiance = radiance * np.float32(2.0**options.exposure)
+        if options.output:
+            write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
+        if options.png:
+            sky = _sky(light, rotation, options)
+            pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
+    spent = (time.perf_counter() - start) / options.turn
+    first = frame_path(options.png or options.output, 1)
+    print(f"{first} and on: {options.turn} frames, {spent:.2f} s each")
     return 0
 
 
@@ -304,15 +353,6 @@ def _bpy_where_needed():
         _load_bpy()
 
 
-def _write_npz(path, colours):
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **colours)
-    temporary.replace(path)
-
-
 def _write_png(baked, radiance, options):
     from prt_core.evaluate import render_view, to_srgb, write_png
 
@@ -321,19 +361,16 @@ def _write_png(baked, radiance, options):
     try:
         sky = None
         if options.light and options.light != "world":
-            sky = _sky(options)
+            sky = _sky(EnvironmentMap.read(options.light), options.rotate, options)
         picture = render_view(baked, radiance, caster, *options.size, background=sky)
     finally:
         caster.close()
     write_png(options.png, to_srgb(picture))
 
 
-def _sky(options):
+def _sky(environment, rotation, options):
     """The environment behind the scene, at the exposure of the picture."""
-    from prt_core.light import EnvironmentMap, rotation_matrix
-
-    environment = EnvironmentMap.read(options.light)
-    back = rotation_matrix(options.rotate)
+    back = rotation_matrix(rotation)
     factor = np.float32(options.strength * 2.0**options.exposure)
     return lambda directions: environment.sample(directions @ back) * factor
 

@@ -216,6 +216,8 @@ def _write_lights(store, lamps, world, camera, source):
 
 
 def _same_bake(path, found, wanted):
+    # Before there were others, every entry was traced.
+    found = {"method": "exhaustive", **found}
     different = sorted(key for key in wanted if found.get(key) != wanted[key])
     if different:
         raise PRTError(

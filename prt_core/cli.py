@@ -56,8 +56,13 @@ def _parser(in_blender):
     )
     bake.add_argument("--bounces", type=_bounces, default=None, help="auto or a number (auto)")
     bake.add_argument(
-        "--tolerance", type=float, default=1e-2, help="relative error of the bounces (0.01)"
+        "--tolerance", type=float, default=1e-2, help="relative error of relit colours (0.01)"
     )
+    bake.add_argument(
+        "--method", default="auto",
+        help="which entries are traced: exhaustive, agreement, huang, or auto, the cheapest that "
+        "meets the tolerance",
+    )  # fmt: skip
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -218,6 +223,7 @@ def _bake(options):
                 tolerance=options.tolerance,
                 caster=options.caster,
                 seed=options.seed,
+                method=options.method,
             )
         finally:
             bar.close()
@@ -240,13 +246,52 @@ def _print_report(path, report):
     print(
         f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
     )
-    if report["error"] is not None:
-        print(
-            f"  error   {report['error']:.2%} of the relit colours, from the bounces "
-            f"({report['rays_a_point']} rays a point); the direct light is exact"
-        )
+    for line in _about_error(report):
+        print(f"  error   {line}")
+    for line in _about_skipped(report):
+        print(f"  spared  {line}")
     for message in report["messages"]:
         print(f"  note    {message}")
+
+
+def _about_error(report):
+    """Lines on how far the bake is from the truth; old bakes traced every entry."""
+    certificate = report.get("certificate")
+    if certificate:
+        print(
+            f"  traced  {report['entries_percent']:.2f} % of all entries, "
+            f"{report['hemisphere_percent']:.2f} % of those above the horizon "
+            f"({report['method']})"
+        )
+        met = "within" if report["tolerance_met"] else "NOT within"
+        yield f"{report['visibility_error']:.2%} of direct light, {met} the tolerance; at 95 %:"
+        for item in certificate:
+            parts = [("matrix", item["matrix"]), *item["relit"].items()]
+            yield f"  {item['name']}: " + ", ".join(
+                f"{name} {part['error']:.2%} ({part['low']:.2%} to {part['high']:.2%})"
+                for name, part in parts
+            )
+    else:
+        yield "none of direct light: every entry was traced"
+    if report["error"] is not None:
+        rays = report["rays_a_point"]
+        yield f"{report['error']:.2%} of the relit colours, from the bounces ({rays} rays a point)"
+
+
+def _about_skipped(report):
+    """Lines on what the scene did not need."""
+    skipped = report.get("skipped") or {}
+    if skipped.get("visibility_rays"):
+        yield f"{skipped['visibility_rays'] / 1e6:.1f} M shadow rays"
+    if skipped.get("gather_rays"):
+        yield (
+            f"{skipped['gather_rays'] / 1e6:.1f} M bounce rays of "
+            f"{skipped['gather_open_points']:,} points that see no surface"
+        )
+    if "bounces_below" in skipped:
+        yield f"all bounces: they add at most {skipped['bounces_below']:.2%}"
+    if skipped.get("grey"):
+        yield "two of three channels where the light is grey too: all materials are grey"
 
 
 def _relight(options):

@@ -7,16 +7,13 @@ proportion to what it is worth, the square of its cosine integral; entries that 
 below the horizon, are known to be right and cost no ray. Of the draws, those that are really lit
 and those that are wrong estimate the squared norm of the matrix and of the error by their mere
 counts, so `error^2 = wrong / lit`. The draws are independent, so the count of wrong ones is
-binomial however the errors cluster in points, and its interval is that of Clopper and Pearson in
-Lancaster's mid-P form (1961), which covers close to 95 % even for a handful.
+binomial however the errors cluster in points (see `binomial_interval`).
 
 *Relit colours.* A point's error under a light is a sum over all its wrong entries. So the rows in
 which a draw was wrong are traced whole. How often a row was likely to be found so is then known,
 and its squared error divided by that is an unbiased estimate of the sum over all rows (Hansen and
 Hurwitz 1943): rows that are far off are found almost surely, so no single one decides. As many
-draws again are weighted by the lights, which may be small and bright. The interval of such a
-weighted sum of rare events is the mid-P form of the gamma interval (Fay and Feuer 1997; Fay and
-Kim 2017).
+draws again are weighted by the lights, which may be small and bright (see `weighted_interval`).
 """
 
 from dataclasses import asdict, dataclass, field
@@ -87,7 +84,7 @@ class CertificateSettings:
     seed : int
     """
 
-    entries: int = 1 << 17
+    entries: int = 1 << 18
     rows: int = 512
     seed: int = 0
 
@@ -140,7 +137,7 @@ def certificate_steps(
 
 
 def matrix_estimate(entries, wrong, lit):
-    """Relative L2 error of the matrix from independent draws, with its mid-P interval.
+    """Relative L2 error of the matrix from independent draws, with its interval.
 
     Parameters
     ----------
@@ -178,7 +175,7 @@ class _Draws:
     def draw(self, worth, n_entries):
         """Draw about `n_entries` entries by their worth; counts of all, wrong and lit ones."""
         vectors, rng = self._cube_map.vectors, self._rng
-        cumulative = np.cumsum(worth)
+        share = worth / worth.sum()
         ways = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
         samples = self._cube_map.samples.astype(np.float32)
         bits, traced = self._sampled.bits, self._sampled.traced
@@ -186,11 +183,10 @@ class _Draws:
         # A direction by its whole worth, a point evenly, kept by the square of their cosine: one
         # in six is. So the draws are independent, and no sum over the matrix is needed.
         proposals = 6 * n_entries
-        self._rate += proposals * worth / cumulative[-1]
+        self._rate += proposals * share
         for first in range(0, proposals, _BATCH):
             count = min(_BATCH, proposals - first)
-            direction = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], "right")
-            direction = np.minimum(direction, len(worth) - 1)
+            direction = np.repeat(np.arange(len(worth)), rng.multinomial(count, share))
             point = self._points[rng.integers(0, len(self._points), count)]
             cosine = np.einsum("ij,ij->i", self._scene.points.normals[point], ways[direction])
             kept = (cosine > 0) & (rng.random(count) < cosine * cosine)

@@ -3,8 +3,8 @@
 Two questions, two designs, each for every object apart.
 
 *The matrix.* Entries (point, direction) are drawn independently, each with a probability in
-proportion to what it is worth, the square of its cosine integral; entries that were traced, or lie
-below the horizon, are known to be right and cost no ray. Of the draws, those that are really lit
+proportion to what it is worth, the square of its cosine integral; entries that were traced, lie
+below the horizon or see no surface (`open_points`) are known to be right and cost no ray. Of the draws, those that are really lit
 and those that are wrong estimate the squared norm of the matrix and of the error by their mere
 counts, so `error^2 = wrong / lit`. The draws are independent, so the count of wrong ones is
 binomial however the errors cluster in points (see `binomial_interval`).
@@ -21,12 +21,15 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
+from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.tracer import Tracer
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 
 _SEED_STAGE = 5
 # Proposals made at once; rows whose light is summed, to know how much there is.
 _BATCH, _SIZE_ROWS = 1 << 18, 2048
+# Draws of an object at least: fewer would often find nothing wrong where something is.
+_FEWEST = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,8 @@ class CertificateSettings:
     Parameters
     ----------
     entries : int
-        Independent entries, for the matrix and again for the relit error.
+        Independent entries, for the matrix and again for the relit error; not more than about an
+        eighth of an object's, each time.
     rows : int
         Rows traced whole for the relit error, at most.
     seed : int
@@ -117,14 +121,20 @@ def certificate_steps(
     tracer = Tracer(scene, cube_map, caster, tally, pace)
     index = scene.points.object_index
     present = np.unique(index)
+    # What is proven needs no ray.
+    open_sky = open_points(scene)
     certified = []
     for number in present:
         rng = np.random.default_rng([settings.seed, _SEED_STAGE, turn, int(number)])
-        draws = _Draws(scene, cube_map, tracer, sampled, np.flatnonzero(index == number), rng)
-        n_entries = max(1024, settings.entries // len(present))
+        points = np.flatnonzero(index == number)
+        draws = _Draws(scene, cube_map, tracer, sampled, points, open_sky, rng)
+        size = len(points) * cube_map.n_directions
+        n_entries = max(_FEWEST, min(settings.entries // len(present), size // 16))
         worth = (cube_map.vectors**2).sum(axis=1)
         counts = yield from draws.draw(worth, n_entries)
         matrix = matrix_estimate(**counts)
+        if not draws.rays and draws.all_traced():
+            matrix = Estimate(0.0, 0.0, 0.0)
         relit, n_rows = {}, 0
         if lights:
             yield from draws.draw(worth * _brightness(worth, lights), n_entries)
@@ -165,12 +175,23 @@ def _brightness(worth, lights):
 class _Draws:
     """Independent draws of entries of one object, and what they found."""
 
-    def __init__(self, scene, cube_map, tracer, sampled, points, rng):
+    def __init__(self, scene, cube_map, tracer, sampled, points, open_sky, rng):
         self._scene, self._cube_map, self._tracer = scene, cube_map, tracer
         self._sampled, self._points, self._rng = sampled, points, rng
         # How often each direction was proposed, in all points together, if all cosines were 1.
         self._rate = np.zeros(cube_map.n_directions)
         self._wrong = []
+        self._open = open_sky
+        self.rays = 0
+
+    def all_traced(self):
+        """Whether no entry of the object is left to be wrong."""
+        for first in range(0, len(self._points), _SIZE_ROWS):
+            some = self._points[first : first + _SIZE_ROWS]
+            above = horizon_bits(self._scene, self._cube_map, some)
+            if (above & ~self._sampled.traced[some])[~self._open[some]].any():
+                return False
+        return True
 
     def draw(self, worth, n_entries):
         """Draw about `n_entries` entries by their worth; counts of all, wrong and lit ones."""
@@ -195,7 +216,9 @@ class _Draws:
             above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
             byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
             said = (bits[point, byte] >> bit) & 1 > 0
-            asked = np.flatnonzero(above & ((traced[point, byte] >> bit) & 1 == 0))
+            asked = above & ((traced[point, byte] >> bit) & 1 == 0) & ~self._open[point]
+            asked = np.flatnonzero(asked)
+            self.rays += len(asked)
             lit = said.copy()
             lit[asked] = yield from self._tracer.trace_pairs(point[asked], direction[asked])
             self._wrong.append(point[lit != said])

@@ -4,10 +4,10 @@ Two questions, two designs, each for every object apart.
 
 *The matrix.* Entries (point, direction) are drawn independently, each with a probability in
 proportion to what it is worth, the square of its cosine integral; entries that were traced, lie
-below the horizon or see no surface (`open_points`) are known to be right and cost no ray. Of the draws, those that are really lit
-and those that are wrong estimate the squared norm of the matrix and of the error by their mere
-counts, so `error^2 = wrong / lit`. The draws are independent, so the count of wrong ones is
-binomial however the errors cluster in points (see `binomial_interval`).
+below the horizon or see no surface (`open_points`) are known to be right and cost no ray. Of the
+draws, those that are really lit and those that are wrong estimate the squared norm of the matrix
+and of the error by their mere counts, so `error^2 = wrong / lit`. The draws are independent, so
+the count of wrong ones is binomial however the errors cluster in points (see `binomial_interval`).
 
 *Relit colours.* A point's error under a light is a sum over all its wrong entries. So the rows in
 which a draw was wrong are traced whole. How often a row was likely to be found so is then known,

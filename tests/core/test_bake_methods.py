@@ -49,7 +49,8 @@ def test_a_tighter_tolerance_asks_again_and_in_the_end_traces_all(scene, tmp_pat
 
 def test_small_objects_are_traced_whole(tmp_path):
     floor = plane(31, -1.2, 1.2, name="floor")
-    scene = Scene.from_meshes([sphere(4, 0.3, (0, 0, 0.4), name="bead"), floor])
+    bead = sphere(4, 0.3, (0, 0, 0.4), name="bead")
+    scene = Scene.from_meshes([bead, floor], max_hidden=0)
     report, _ = baked(scene, tmp_path / "a.prt", method="agreement")
     bead, rest = report["certificate"]
     assert (bead["name"], bead["matrix"]["high"]) == ("bead", 0)

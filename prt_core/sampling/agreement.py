@@ -18,7 +18,7 @@ import numpy as np
 
 from prt_core.errors import expect
 from prt_core.progress import Progress, maybe_beside
-from prt_core.sampling.dilate import dilate
+from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler
@@ -55,7 +55,7 @@ class AgreementSettings:
     seed : int
     """
 
-    neighbours: int = 3
+    neighbours: int = 4
     candidates: int = 8
     checks: int = 4
     edge_halvings: int = 3
@@ -219,9 +219,19 @@ class _Work:
         above, traced = self.above[points], self.traced[points]
         agreed, said = yield from self._aside(_on_rows, _vote, len(points), self, points, around)
         bits = said & ~traced | self.bits[points] & traced
-        yield from self.trace("disagree", points, above & ~agreed & ~traced, bits, traced)
+        contested = above & ~agreed & ~traced
+        every_other = contested & chequer(self._cube_map.resolution)
+        yield from self.trace("disagree", points, every_other, bits, traced)
         checks = yield from self._aside(self._random_entries, points, n_checks, rng)
         yield from self.trace("check", points, checks & agreed & ~traced, bits, traced)
+        between, lit = yield from self._aside(
+            _on_rows, _between, len(points), contested & ~every_other, above, bits
+        )
+        agreed |= between
+        bits = bits & ~between | lit
+        said = said & ~between | lit
+        rest = contested & ~every_other & ~between
+        yield from self.trace("disagree", points, rest, bits, traced)
         surprise = agreed & traced & (bits ^ said)
         rows, coin, reason = np.arange(len(points)), _coin(rng, above.shape, halvings), "check"
         for _ in range(_MOST_STEPS):
@@ -311,6 +321,17 @@ def _vote(part, work, points, around):
         lit |= bits
         dark |= blocked
     return above & (lit ^ dark), said & above
+
+
+def _between(part, open_entries, above, bits):
+    """Contested entries whose known neighbours on the cube map all say the same; those lit."""
+    open_entries, bits = open_entries[part], bits[part]
+    known = above[part] & ~open_entries
+    resolution = round((bits.shape[1] * 8 / 6) ** 0.5)
+    lit = dilate(known & bits, resolution)
+    dark = dilate(known & ~bits, resolution)
+    between = open_entries & (lit ^ dark)
+    return between, between & lit
 
 
 def _follow(part, surprise, agreed, traced, bits, coin):

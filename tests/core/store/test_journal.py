@@ -100,7 +100,7 @@ def test_a_stopped_bake_casts_no_ray_twice(scene, tmp_path, monkeypatch):
     def counted(vertices, triangles):
         caster = make(vertices, triangles)
         cast = caster.occluded
-        caster.occluded = lambda o, d: asked_rays.append(len(o)) or cast(o, d)
+        caster.occluded = lambda o, d, far=None: asked_rays.append(len(o)) or cast(o, d, far)
         return caster
 
     monkeypatch.setitem(casters._FACTORIES, "counted", counted)

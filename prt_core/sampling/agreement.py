@@ -27,9 +27,10 @@ from prt_core.transport.gather import _frames
 from prt_core.transport.visibility import horizon_bits
 
 # Points worked on together: their random numbers are drawn together too. Rows a thread takes.
-_BLOCK, _ROWS = 8192, 256
-# Steps of following what the neighbours had missed; nearly all ends within six.
-_MOST_STEPS = 16
+_BLOCK, _ROWS = 16384, 256
+# Steps of following what the neighbours had missed: nearly all ends within the first, by one
+# texel each; the few large parts that are left are followed by more texels at once.
+_MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
 _SEED_STAGE, _REFINE = 4, 1000
 
 
@@ -234,9 +235,12 @@ class _Work:
         yield from self.trace("disagree", points, rest, bits, traced)
         surprise = agreed & traced & (bits ^ said)
         rows, coin, reason = np.arange(len(points)), _coin(rng, above.shape, halvings), "check"
-        for _ in range(_MOST_STEPS):
+        for step in range(_MOST_STEPS):
+            reach = 1 if step < _NEAR_STEPS else _FAR
             some = agreed[rows], traced[rows], bits[rows]
-            mask = yield from self._aside(_on_rows, _follow, len(rows), surprise, *some, coin)
+            mask = yield from self._aside(
+                _on_rows, _follow, len(rows), surprise, *some, coin, reach
+            )
             fresh = mask.any(axis=1)
             rows, mask = rows[fresh], mask[fresh]
             if not len(rows):
@@ -334,11 +338,11 @@ def _between(part, open_entries, above, bits):
     return between, between & lit
 
 
-def _follow(part, surprise, agreed, traced, bits, coin):
+def _follow(part, surprise, agreed, traced, bits, coin, reach):
     """Entries to trace next: around what contradicts the neighbours, and beside boundaries.
 
     `coin` picks the boundary texels that are checked in points without a contradiction; None
-    where all points have one.
+    where all points have one. `reach` is how many texels around are traced.
     """
     surprise, traced, bits = surprise[part], traced[part], bits[part]
     resolution = round((traced.shape[1] * 8 / 6) ** 0.5)
@@ -347,7 +351,10 @@ def _follow(part, surprise, agreed, traced, bits, coin):
     follow = np.zeros_like(edges)
     contradicted = surprise.any(axis=1)
     if contradicted.any():
-        follow[contradicted] = dilate(surprise[contradicted], resolution) | edges[contradicted]
+        around = surprise[contradicted]
+        for _ in range(reach):
+            around = dilate(around, resolution)
+        follow[contradicted] = around | edges[contradicted]
     if coin is not None:
         follow |= edges & coin[part]
     return follow & agreed[part] & ~traced

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake_visibility import chosen_method
 from prt_core.errors import PRTError, expect
 from prt_core.light import EnvironmentMap
 from prt_core.progress import beside, run
@@ -38,7 +39,7 @@ def bake(
         Begin anew whatever `output` holds; or only where that is of another scene or settings.
     report : callable(Progress), optional
     **settings
-        See `BakeSettings`: resolution, bounces, tolerance, caster, seed.
+        See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method.
 
     Returns
     -------
@@ -97,8 +98,13 @@ def bake_blend_steps(
     built = yield from beside("scene", Scene.from_meshes, meshes)
     built.messages[:0] = messages
     source = yield from beside("scene", mesh_digests, meshes)
+    cube_map, probes = CubeMap(settings.resolution), None
+    if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
+        from prt_core.blender.studio import studio_lights, studio_paths
+
+        probes = yield from beside("scene", studio_lights, studio_paths(), cube_map)
     result = yield from bake_steps(
-        built, output, settings, lamps, world, camera, source, restart, pace
+        built, output, settings, lamps, world, camera, source, restart, pace, probes
     )
     return result
 

@@ -13,6 +13,7 @@ import prt_core
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.light import EnvironmentMap, rotation_matrix
+from prt_core.report import report_lines
 
 _IN_BLENDER = "the scene that is open"
 
@@ -56,8 +57,13 @@ def _parser(in_blender):
     )
     bake.add_argument("--bounces", type=_bounces, default=None, help="auto or a number (auto)")
     bake.add_argument(
-        "--tolerance", type=float, default=1e-2, help="relative error of the bounces (0.01)"
+        "--tolerance", type=float, default=1e-2, help="relative error of relit colours (0.01)"
     )
+    bake.add_argument(
+        "--method", default="auto",
+        help="which entries are traced: exhaustive, agreement, huang, or auto, the cheapest that "
+        "meets the tolerance",
+    )  # fmt: skip
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -218,35 +224,20 @@ def _bake(options):
                 tolerance=options.tolerance,
                 caster=options.caster,
                 seed=options.seed,
+                method=options.method,
             )
         finally:
             bar.close()
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:
-        _print_report(output, report)
+        _print_lines(output, report)
     return 0
 
 
-def _print_report(path, report):
-    seconds = report["seconds"]
-    stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
-    print(f"{path}: {report['points']:,} points, {report['directions']:,} directions")
-    print(
-        f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}, "
-        f"{report['rays_per_second'] / 1e6:.1f} M a second"
-    )
-    print(f"  time    {sum(seconds.values()):.1f} s ({stages})")
-    print(
-        f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
-    )
-    if report["error"] is not None:
-        print(
-            f"  error   {report['error']:.2%} of the relit colours, from the bounces "
-            f"({report['rays_a_point']} rays a point); the direct light is exact"
-        )
-    for message in report["messages"]:
-        print(f"  note    {message}")
+def _print_lines(path, report):
+    for line in report_lines(path, report):
+        print(line)
 
 
 def _relight(options):
@@ -405,7 +396,7 @@ def _info(options):
     if not facts.get("complete"):
         print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
         return 0
-    _print_report(options.bake, report)
+    _print_lines(options.bake, report)
     settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
     print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
     for item in facts["objects"]:

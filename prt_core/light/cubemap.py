@@ -92,6 +92,17 @@ class CubeMap:
             faces.append(local @ face)
         return np.concatenate(faces)
 
+    def on_faces(self, u, v):
+        """Vectors (6 x m, 3) float64 through the places (u, v) of every face, of any length.
+
+        Parameters
+        ----------
+        u, v : (m,) float
+            -1 to 1 on a face, along its columns and rows; further out they lie on others.
+        """
+        local = np.stack([np.ones_like(u), u, v], axis=-1)
+        return np.concatenate([local @ face for face in _FACES])
+
     @cached_property
     def solid_angles(self):
         edges = self._edges()

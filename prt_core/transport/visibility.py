@@ -33,17 +33,13 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
         Little bit order: direction d is bit d % 8 of byte d // 8.
     """
     origins = scene.ray_origins[points]
-    shading = scene.points.normals[points]
-    geometric = scene.points.geometric_normals[points]
+    shading, geometric = scene.points.normals[points], scene.points.geometric_normals[points]
+    above_horizon = _Horizon(shading, geometric, cube_map)
     directions = cube_map.samples.astype(np.float32)
-    vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
-    transposed = np.ascontiguousarray(directions.T)
-
     def one(part):
-        above = shading[part] @ vectors > 0
-        above &= geometric[part] @ transposed > 0
+        above = above_horizon(part)
         counts = np.count_nonzero(above, axis=1)
         ends = np.cumsum(counts)
         ways = np.empty((int(ends[-1]), 3), np.float32)
@@ -67,6 +63,50 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
         for part in parts:
             one(part)
     return bits
+
+
+class _Horizon:
+    """(n, n_directions) bool of a part of some points: above both horizons."""
+
+    def __init__(self, shading, geometric, cube_map):
+        self._shading, self._geometric = shading, geometric
+        self._vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
+        self._samples = np.ascontiguousarray(cube_map.samples.T, np.float32)
+
+    def __call__(self, part):
+        above = self._shading[part] @ self._vectors > 0
+        above &= self._geometric[part] @ self._samples > 0
+        return above
+
+
+def horizon_bits(scene, cube_map, points):
+    """The entries of some points that need a ray: all others are known to be 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    points : slice or (n,) int
+
+    Returns
+    -------
+    (n, ceil(n_directions / 8)) uint8
+        As `visibility_bits` with nothing in the way of any ray.
+    """
+    normals = np.hstack([scene.points.normals[points], scene.points.geometric_normals[points]])
+    # Many points of flat parts share theirs.
+    kinds, kind = np.unique(normals.view("V24")[:, 0], return_inverse=True)
+    kinds = kinds.view(np.float32).reshape(-1, 6)
+    above_horizon = _Horizon(kinds[:, :3], kinds[:, 3:], cube_map)
+    bits = np.empty((len(kinds), -(-cube_map.n_directions // 8)), np.uint8)
+
+    def one(first):
+        part = slice(first, first + _UNPACK)
+        bits[part] = np.packbits(above_horizon(part), axis=1, bitorder="little")
+
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        list(pool.map(one, range(0, len(kinds), _UNPACK)))
+    return bits[kind]
 
 
 def unpack(bits, n_directions, dtype=np.float32):

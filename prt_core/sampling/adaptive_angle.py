@@ -182,4 +182,6 @@ def spread_grid(values, grid):
         fresh = (around[:, place] != around[:, 0]) | (place == 0)
         spread[:, fresh] += density[:, around[fresh, place]]
         count[fresh] += 1
-    return spread * (solid_angles / count)[(None, slice(None), *trailing)]
+    spread *= (solid_angles / count)[(None, slice(None), *trailing)]
+    spread[:, grid.grid] = values
+    return spread

@@ -1,4 +1,4 @@
-"""Which points are sampled densely: exploration by local rank (Huang & Ramamoorthi 2010, section 4).
+"""Which points are sampled densely: exploration by local rank (Huang & Ramamoorthi 2010, sec. 4).
 
 The first dense points are drawn evenly; then, in some iterations, more are drawn where transport is
 complex: with probabilities in proportion to the rank of the local transport matrix, whose rows are
@@ -91,7 +91,7 @@ def dense_steps(scene, tracer, grid, settings):
 
 
 def _draw(points, chosen, rank, turn, settings, rng):
-    """New dense points of one object: evenly at first, then by rank (Efraimidis & Spirakis 2006)."""
+    """New dense points of one object: evenly at first, then by rank (Efraimidis & Spirakis)."""
     total = min(len(points), max(round(settings.dense_share * len(points)), settings.fewest_dense))
     first = min(total, max(round(settings.first_share * len(points)), settings.fewest_dense))
     turns = max(settings.iterations, 1)

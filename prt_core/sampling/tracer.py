@@ -31,7 +31,7 @@ class Tracer:
         self._origins = scene.ray_origins
         self._directions = cube_map.samples.astype(np.float32)
         self._caster, self._tally = caster, tally
-        self._pace = pace or Pace()
+        self.pace = pace or Pace()
         self.n_points = len(self._origins)
         self.rays = 0
 
@@ -66,12 +66,12 @@ class Tracer:
         seen = spread.reshape(-1)
         for start in range(0, len(point), self._caster.batch * self._caster.threads):
             stop = min(start + self._caster.batch * self._caster.threads, len(point))
-            for part in self._pace.parts(start, stop):
+            for part in self.pace.parts(start, stop):
                 hit = self._caster.occluded(
                     origins.take(point[part], axis=0), directions.take(direction[part], axis=0)
                 )
                 seen[entry[part]] = ~hit
-                self._pace.worked()
+                self.pace.worked()
                 yield Progress("visibility", int(points[0]), self.n_points)
         self.rays += len(point)
         if self._tally is not None and len(point):

@@ -1,0 +1,247 @@
+"""Sparse points: a few rays each, the rest a sparse combination of dense points nearby.
+
+Huang & Ramamoorthi 2010, section 5. Points that lie side by side are taken together, and only the
+directions about which the dense points around them disagree are worked on: where all of these see
+the sky, or none does, a combination of them has nothing to add.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from os import cpu_count
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from prt_core.progress import Progress, aside
+from prt_core.reconstruct import gram, l1_batched, least_squares
+from prt_core.sampling.columns import best_columns, feature_weights, with_surroundings
+from prt_core.sampling.rivals import COLUMN_CHOICES
+from prt_core.transport.visibility import horizon_bits, unpack
+
+# Sparse points whose rays are cast at once, and whose neighbourhoods are taken together.
+_BLOCK, _GROUP = 4096, 64
+
+
+def sparse_blocks(scene, dense, settings):
+    """Sparse points of each object, side by side, and the dense points around them.
+
+    Parameters
+    ----------
+    scene : Scene
+    dense : DensePoints
+    settings : HuangSettings
+        radius, normal_weight, neighbours, fewest.
+
+    Yields
+    ------
+    points : (n,) int64
+    neighbours : (n, k) int64
+        Places in `dense.points`, nearest first; -1 where there are fewer.
+    """
+    is_dense = np.zeros(len(scene.points), bool)
+    is_dense[dense.points] = True
+    positions = scene.points.positions
+    places_of = np.hstack([positions, settings.normal_weight * scene.points.normals])
+    for index in range(len(scene.objects)):
+        mine = scene.points.object_index == index
+        sparse = np.flatnonzero(mine & ~is_dense)
+        if not len(sparse):
+            continue
+        places = np.flatnonzero(mine[dense.points])
+        # The tree's own order of points is one of neighbours.
+        sparse = sparse[cKDTree(positions[sparse], leafsize=_GROUP).indices]
+        tree = cKDTree(places_of[dense.points[places]])
+        k = min(settings.neighbours, len(places))
+        for first in range(0, len(sparse), _BLOCK):
+            some = sparse[first : first + _BLOCK]
+            distance, near = tree.query(places_of[some], k=range(1, k + 1))
+            taken = (distance <= settings.radius) | (np.arange(k) < settings.fewest)
+            yield some, np.where(taken, places[near], -1)
+
+
+class SparsePoints:
+    """Traces the features of sparse points and reconstructs their rows.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    tracer : Tracer
+    dense : DensePoints
+    settings : HuangSettings
+    clock : callable(stage, generator)
+        Adds the time each stage works.
+    """
+
+    def __init__(self, scene, cube_map, tracer, dense, settings, clock):
+        self.scene, self.cube_map, self.tracer, self.dense = scene, cube_map, tracer, dense
+        self.settings, self.clock = settings, clock
+        self.vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
+        self.gap, self.nonzero, self.solved = 0.0, 0, 0
+        self._fixed = {}
+
+    def facts(self):
+        """neighbours_used and duality_gap (see `sample_huang`)."""
+        return {
+            "neighbours_used": self.nonzero / max(self.solved, 1),
+            "duality_gap": self.gap,
+        }
+
+    def fill(self, points, neighbours):
+        """Sample one block; a generator of `Progress`.
+
+        Parameters
+        ----------
+        points : (n,) int64
+            Of one object.
+        neighbours : (n, k) int64
+
+        Returns
+        -------
+        bits, traced : (n, n_bytes) uint8
+        """
+        above = horizon_bits(self.scene, self.cube_map, points)
+        groups = [
+            _Group(slice(first, first + _GROUP), points, neighbours, above, self.dense)
+            for first in range(0, len(points), _GROUP)
+        ]
+        columns = yield from self.clock("features", self._each(groups, self._columns))
+        wanted = np.concatenate(
+            [self._wanted(group, *found) for group, found in zip(groups, columns, strict=True)]
+        )
+        seen = yield from self.clock("sparse rays", self.tracer.trace(points, wanted))
+        jobs = [
+            (group, seen[group.part], *found) for group, found in zip(groups, columns, strict=True)
+        ]
+        rows = yield from self.clock("reconstruction", self._each(jobs, self._reconstruct))
+        for _, gap, nonzero in rows:
+            self.gap, self.nonzero = max(self.gap, gap), self.nonzero + nonzero
+        self.solved += len(points)
+        filled = np.concatenate([row for row, _, _ in rows])
+        return (filled & ~wanted) | seen, wanted
+
+    def _each(self, jobs, work):
+        """The results of `work` for all jobs, in their order, on all cores."""
+        pace = self.tracer.pace
+        step = len(jobs) if pace.seconds is None else 8
+        results = []
+        with ThreadPoolExecutor(cpu_count() or 1) as pool:
+            for first in range(0, len(jobs), step):
+                some = jobs[first : first + step]
+                results += yield from aside(
+                    pace, "sparse", lambda some=some: list(pool.map(work, some))
+                )
+                yield Progress("sparse", len(results), len(jobs))
+        return results
+
+    def _columns(self, group):
+        """Directions to trace for each point of a group, (n, m), and which of them are real."""
+        settings, n_directions = self.settings, self.cube_map.n_directions
+        above = unpack(group.above, n_directions, np.uint8).view(bool)
+        if settings.reconstruction == "full":
+            return np.broadcast_to(np.arange(n_directions), above.shape), above
+        if settings.columns != "features":
+            chosen = self._fixed_columns(group)
+            return np.broadcast_to(chosen, (len(above), len(chosen))), above[:, chosen]
+        features = unpack(self.dense.rows.features[group.used], n_directions, np.uint8)
+        weights = np.zeros(above.shape, np.float32)
+        weights[:, group.varying] = feature_weights(
+            self._transport(group), features[:, group.varying].astype(np.float32), group.local
+        )
+        weights = with_surroundings(weights, self.cube_map.resolution)
+        return best_columns(weights, above, settings.features)
+
+    def _fixed_columns(self, group):
+        """The same columns for all points of an object, as the rivals choose them."""
+        index = int(self.scene.points.object_index[group.points[0]])
+        if index not in self._fixed:
+            rng = np.random.default_rng([self.settings.seed, 13, index])
+            mine = np.flatnonzero(self.scene.points.object_index[self.dense.points] == index)
+            mine = rng.choice(mine, min(len(mine), self.settings.reduced_rows), replace=False)
+            rows = unpack(self.dense.rows.bits[mine], self.cube_map.n_directions)
+            rows *= self._cosine(self.dense.points[mine], slice(None))
+            choice = COLUMN_CHOICES[self.settings.columns]
+            self._fixed[index] = choice(rows, self.settings.features, rng)
+        return self._fixed[index]
+
+    def _wanted(self, group, columns, valid):
+        wanted = np.zeros((len(columns), self.cube_map.n_directions), bool)
+        row, column = np.nonzero(valid)
+        wanted[row, columns[row, column]] = True
+        return np.packbits(wanted, axis=1, bitorder="little")
+
+    def _reconstruct(self, job):
+        """Bits of the points of a group, the largest duality gap, and how many weights are used."""
+        group, seen, columns, valid = job
+        settings, n_directions = self.settings, self.cube_map.n_directions
+        # A row of zeros stands for the neighbours that are not there.
+        rows = np.zeros((len(group.used) + 1, n_directions), np.float32)
+        rows[:-1] = self._transport(group, slice(None))
+        cosine = self._cosine(group.points, slice(None))
+        picked = rows[group.local[:, :, None], columns[:, None, :]]
+        own = np.take_along_axis(cosine, columns, axis=1) * valid
+        target = own * np.take_along_axis(unpack(seen, n_directions, np.uint8), columns, axis=1)
+        picked *= own[:, None] if settings.quantity == "visibility" else valid[:, None]
+        weights, gap = self._solve(picked, target)
+        spread = np.zeros((len(weights), len(rows)), np.float32)
+        np.add.at(spread, (np.arange(len(weights))[:, None], group.local), weights)
+        limit = np.float32(settings.threshold)
+        if settings.quantity == "transport":
+            limit = limit * cosine[:, group.varying]
+        filled = np.broadcast_to(group.agreed, cosine.shape).copy()
+        filled[:, group.varying] = spread[:, :-1] @ rows[:-1, group.varying] > limit
+        bits = np.packbits(filled, axis=1, bitorder="little") & group.above
+        return bits, gap, int(np.count_nonzero(weights))
+
+    def _transport(self, group, directions=None):
+        """(n_used, n) float32: what is combined, of the dense points of a group."""
+        directions = group.varying if directions is None else directions
+        seen = unpack(self.dense.rows.bits[group.used], self.cube_map.n_directions, np.uint8)
+        seen = seen[:, directions].astype(np.float32)
+        if self.settings.quantity == "transport":
+            seen *= self._cosine(self.dense.points[group.used], directions)
+        return seen
+
+    def _cosine(self, points, directions):
+        return np.maximum(self.scene.points.normals[points] @ self.vectors[:, directions], 0)
+
+    def _solve(self, picked, target):
+        """(n, k) float32 weights of the neighbours, and the largest gap as a share of |y|^2."""
+        grams, moments, squares = gram(picked, target)
+        if self.settings.reconstruction != "l1":
+            return least_squares(grams, moments)[0].astype(np.float32), 0.0
+        # Where nothing is seen the solution is zero for every lambda.
+        strengths = self.settings.strength * np.abs(moments).max(axis=1, initial=0)
+        found = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
+        share = found.gap / np.maximum(squares, 1e-30)
+        return found.weights.astype(np.float32), float(share.max(initial=0))
+
+
+class _Group:
+    """Points that lie side by side.
+
+    Attributes
+    ----------
+    part : slice
+        Of the block.
+    points : (n,), above : (n, n_bytes)
+    used : (n_used,) int64
+        Places of all their neighbours in the dense points.
+    local : (n, k) int64
+        Neighbours among `used`; -1, the last of a padded array, where there are fewer.
+    varying : (n_varying,) int64
+        Directions about which the neighbours disagree.
+    agreed : (n_directions,) bool
+        What they say of the others.
+    """
+
+    def __init__(self, part, points, neighbours, above, dense):
+        self.part, self.points, self.above = part, points[part], above[part]
+        near = neighbours[part]
+        self.used, local = np.unique(near, return_inverse=True)
+        self.local = local.reshape(near.shape)
+        if self.used[0] < 0:
+            self.used, self.local = self.used[1:], self.local - 1
+        rows = dense.rows.bits[self.used]
+        every, some = np.bitwise_and.reduce(rows, axis=0), np.bitwise_or.reduce(rows, axis=0)
+        self.varying = np.flatnonzero(np.unpackbits(every ^ some, bitorder="little"))
+        self.agreed = np.unpackbits(every, bitorder="little").view(bool)

@@ -14,7 +14,7 @@ from prt_core.progress import Progress
 from prt_core.sampling.adaptive_angle import AdaptiveRows, adaptive_steps
 from prt_core.transport.visibility import unpack
 
-_CHUNK = 4096
+_CHUNK = 2048
 
 
 @dataclass
@@ -63,7 +63,7 @@ def dense_steps(scene, tracer, grid, settings):
     objects = [points for points in objects if len(points)]
     sketch = sketch_matrix(grid, settings.seed)
     chosen = np.zeros(0, np.int64)
-    iteration, parts, sketches = np.zeros(0, np.int32), [], np.zeros((0, sketch.shape[1]))
+    iteration, parts, sketches = np.zeros(0, np.int32), [], sketch[:0]
     rank = np.ones(n_points, np.int32)
     for turn in range(settings.iterations + 1):
         drawn = [_draw(points, chosen, rank, turn, settings, rng) for points in objects]
@@ -156,7 +156,7 @@ def local_rank(positions, dense_positions, sketches, settings):
     near = np.isfinite(distance)
     # Neighbourhoods repeat: points that have the same share one decomposition.
     sets, place = np.unique(np.sort(index, axis=1), axis=0, return_inverse=True)
-    rows = np.concatenate([sketches, np.zeros((1, sketches.shape[1]))])[sets].astype(np.float32)
+    rows = np.concatenate([sketches, np.zeros_like(sketches[:1])])[sets]
     values = np.linalg.eigvalsh(rows @ rows.transpose(0, 2, 1))
     largest = np.maximum(values[:, -1:], 1e-30)
     rank = (values > settings.rank_threshold**2 * largest).sum(axis=1)[place.ravel()]

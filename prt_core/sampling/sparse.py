@@ -112,12 +112,14 @@ class SparsePoints:
         jobs = [
             (group, seen[group.part], *found) for group, found in zip(groups, columns, strict=True)
         ]
-        rows = yield from self.clock("reconstruction", self._each(jobs, self._reconstruct))
-        for _, gap, nonzero in rows:
-            self.gap, self.nonzero = max(self.gap, gap), self.nonzero + nonzero
-        self.solved += len(points)
-        filled = np.concatenate([row for row, _, _ in rows])
-        return (filled & ~wanted) | seen, wanted
+        problems = yield from self.clock("reconstruction", self._each(jobs, self._problems))
+        problems = [np.concatenate(parts) for parts in zip(*problems, strict=True)]
+        weights = yield from self.clock(
+            "reconstruction", aside(self.tracer.pace, "sparse", self._solve, *problems)
+        )
+        jobs = [(group, weights[group.part]) for group in groups]
+        rows = yield from self.clock("reconstruction", self._each(jobs, self._combine))
+        return (np.concatenate(rows) & ~wanted) | seen, wanted
 
     def _each(self, jobs, work):
         """The results of `work` for all jobs, in their order, on all cores."""
@@ -145,7 +147,9 @@ class SparsePoints:
         features = unpack(self.dense.rows.features[group.used], n_directions, np.uint8)
         weights = np.zeros(above.shape, np.float32)
         weights[:, group.varying] = feature_weights(
-            self._transport(group), features[:, group.varying].astype(np.float32), group.local
+            self._transport(group, group.varying),
+            features[:, group.varying].astype(np.float32),
+            group.local,
         )
         weights = with_surroundings(weights, self.cube_map.resolution)
         return best_columns(weights, above, settings.features)
@@ -169,32 +173,40 @@ class SparsePoints:
         wanted[row, columns[row, column]] = True
         return np.packbits(wanted, axis=1, bitorder="little")
 
-    def _reconstruct(self, job):
-        """Bits of the points of a group, the largest duality gap, and how many weights are used."""
+    def _problems(self, job):
+        """Gram matrices, moments and squares (see `gram`) of the points of a group."""
         group, seen, columns, valid = job
-        settings, n_directions = self.settings, self.cube_map.n_directions
+        needed = np.zeros(self.cube_map.n_directions, bool)
+        needed[columns[valid]] = True
+        place = np.cumsum(needed) - 1
+        needed = np.flatnonzero(needed)
+        local = np.where(valid, place[columns], 0)
         # A row of zeros stands for the neighbours that are not there.
-        rows = np.zeros((len(group.used) + 1, n_directions), np.float32)
-        rows[:-1] = self._transport(group, slice(None))
-        cosine = self._cosine(group.points, slice(None))
-        picked = rows[group.local[:, :, None], columns[:, None, :]]
-        own = np.take_along_axis(cosine, columns, axis=1) * valid
-        target = own * np.take_along_axis(unpack(seen, n_directions, np.uint8), columns, axis=1)
-        picked *= own[:, None] if settings.quantity == "visibility" else valid[:, None]
-        weights, gap = self._solve(picked, target)
-        spread = np.zeros((len(weights), len(rows)), np.float32)
-        np.add.at(spread, (np.arange(len(weights))[:, None], group.local), weights)
-        limit = np.float32(settings.threshold)
-        if settings.quantity == "transport":
-            limit = limit * cosine[:, group.varying]
-        filled = np.broadcast_to(group.agreed, cosine.shape).copy()
-        filled[:, group.varying] = spread[:, :-1] @ rows[:-1, group.varying] > limit
-        bits = np.packbits(filled, axis=1, bitorder="little") & group.above
-        return bits, gap, int(np.count_nonzero(weights))
+        rows = np.zeros((len(group.used) + 1, max(len(needed), 1)), np.float32)
+        rows[:-1, : len(needed)] = self._transport(group, needed)
+        picked = rows[group.local[:, :, None], local[:, None, :]]
+        own = np.einsum("nx,nmx->nm", self.scene.points.normals[group.points],
+                        self.vectors.T[columns]) * valid  # fmt: skip
+        seen = unpack(seen, self.cube_map.n_directions, np.uint8)
+        target = own * np.take_along_axis(seen, columns, axis=1)
+        picked *= own[:, None] if self.settings.quantity == "visibility" else valid[:, None]
+        return gram(picked, target)
 
-    def _transport(self, group, directions=None):
+    def _combine(self, job):
+        """Bits of the points of a group, (n, n_bytes): combinations of their neighbours' rows."""
+        group, weights = job
+        spread = np.zeros((len(weights), len(group.used) + 1), np.float32)
+        np.add.at(spread, (np.arange(len(weights))[:, None], group.local), weights)
+        limit = np.float32(self.settings.threshold)
+        if self.settings.quantity == "transport":
+            limit = limit * self._cosine(group.points, group.varying)
+        filled = np.empty((len(weights), self.cube_map.n_directions), bool)
+        filled[:] = group.agreed
+        filled[:, group.varying] = spread[:, :-1] @ self._transport(group, group.varying) > limit
+        return np.packbits(filled, axis=1, bitorder="little") & group.above
+
+    def _transport(self, group, directions):
         """(n_used, n) float32: what is combined, of the dense points of a group."""
-        directions = group.varying if directions is None else directions
         seen = unpack(self.dense.rows.bits[group.used], self.cube_map.n_directions, np.uint8)
         seen = seen[:, directions].astype(np.float32)
         if self.settings.quantity == "transport":
@@ -204,16 +216,20 @@ class SparsePoints:
     def _cosine(self, points, directions):
         return np.maximum(self.scene.points.normals[points] @ self.vectors[:, directions], 0)
 
-    def _solve(self, picked, target):
-        """(n, k) float32 weights of the neighbours, and the largest gap as a share of |y|^2."""
-        grams, moments, squares = gram(picked, target)
-        if self.settings.reconstruction != "l1":
-            return least_squares(grams, moments)[0].astype(np.float32), 0.0
-        # Where nothing is seen the solution is zero for every lambda.
-        strengths = self.settings.strength * np.abs(moments).max(axis=1, initial=0)
-        found = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
-        share = found.gap / np.maximum(squares, 1e-30)
-        return found.weights.astype(np.float32), float(share.max(initial=0))
+    def _solve(self, grams, moments, squares):
+        """(n, k) float32 weights of the neighbours of all points of a block."""
+        if self.settings.reconstruction == "l1":
+            # Where nothing is seen the solution is zero for every lambda.
+            strengths = self.settings.strength * np.abs(moments).max(axis=1, initial=0)
+            found = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
+            share = found.gap / np.maximum(squares, 1e-30)
+            self.gap = max(self.gap, float(share.max(initial=0)))
+            weights = found.weights
+        else:
+            weights = least_squares(grams, moments)[0]
+        self.solved += len(weights)
+        self.nonzero += int(np.count_nonzero(weights))
+        return weights.astype(np.float32)
 
 
 class _Group:

@@ -30,7 +30,7 @@ from prt_core.transport.visibility import horizon_bits
 _BLOCK, _ROWS = 8192, 256
 # Steps of following what the neighbours had missed; nearly all ends within six.
 _MOST_STEPS = 16
-_SEED_STAGE = 4
+_SEED_STAGE, _REFINE = 4, 1000
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ class AgreementSettings:
 
     neighbours: int = 3
     candidates: int = 8
-    checks: int = 8
-    edge_halvings: int = 2
+    checks: int = 4
+    edge_halvings: int = 3
     first: int = 400
-    growth: float = 2.0
+    growth: float = 1.8
     seed: int = 0
 
     def __post_init__(self):
@@ -94,8 +94,8 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     Returns
     -------
     Sampled
-        `facts`: levels (points of each), open_points, open_entries, and the entries traced by
-        reason: first, disagree, check, follow.
+        `facts`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
+        entries traced by reason: first, disagree, check, follow, rest.
     """
     settings = settings or AgreementSettings()
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed)
@@ -117,7 +117,9 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     return work.result([len(level) for level in levels])
 
 
-def refine_agreement(scene, cube_map, caster, settings, sampled, turn, tally=None, pace=None):
+def refine_agreement(
+    scene, cube_map, caster, settings, sampled, points, turn, tally=None, pace=None
+):
     """Ask again, now that every point has neighbours on all sides; yields `Progress`.
 
     Parameters
@@ -125,7 +127,9 @@ def refine_agreement(scene, cube_map, caster, settings, sampled, turn, tally=Non
     settings : AgreementSettings
         Those of this turn: more neighbours and checks than before find more.
     sampled : Sampled
-        Of the same scene; left as it is.
+        Of the same scene, by any sampler; left as it is.
+    points : (n_points,) bool
+        Those to ask again; all are asked.
     turn : int
         Counts the calls.
 
@@ -137,8 +141,21 @@ def refine_agreement(scene, cube_map, caster, settings, sampled, turn, tally=Non
     yield from work.begin()
     level = surface_levels(scene.points, len(scene.points), 2.0, np.random.default_rng(0))[0]
     everyone = np.arange(len(scene.points))
-    level = level[~work.open[level]]
-    yield from work.ask(level, everyone, settings, settings.edge_halvings, (1000 + turn,))
+    level = level[points[level] & ~work.open[level]]
+    yield from work.ask(level, everyone, settings, settings.edge_halvings, (_REFINE + turn,))
+    return work.result(sampled.facts.get("levels", []))
+
+
+def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
+    """Trace whatever was not traced in some points; yields `Progress`, returns `Sampled`."""
+    work = _Work(scene, cube_map, caster, tally, pace, 0, sampled)
+    yield from work.begin()
+    wanted = np.flatnonzero(points & ~work.open)
+    for first in range(0, len(wanted), _BLOCK):
+        some = wanted[first : first + _BLOCK]
+        bits, traced = work.bits[some], work.traced[some]
+        yield from work.trace("rest", some, work.above[some] & ~traced, bits, traced)
+        work.bits[some], work.traced[some] = bits, traced
     return work.result(sampled.facts.get("levels", []))
 
 
@@ -150,7 +167,7 @@ class _Work:
         self._tracer = Tracer(scene, cube_map, caster, tally, pace)
         self._neighbours = Neighbours(scene.points)
         self._seconds = dict(sampled.seconds) if sampled else {}
-        self._counts = dict.fromkeys(("first", "disagree", "check", "follow"), 0)
+        self._counts = dict.fromkeys(("first", "disagree", "check", "follow", "rest"), 0)
         self._rays_before = 0
         self.bits = self.traced = None
         if sampled:
@@ -200,9 +217,9 @@ class _Work:
         above, traced = self.above[points], self.traced[points]
         agreed, said = yield from self._aside(_on_rows, _vote, len(points), self, points, around)
         bits = said & ~traced | self.bits[points] & traced
-        yield from self._trace("disagree", points, above & ~agreed & ~traced, bits, traced)
+        yield from self.trace("disagree", points, above & ~agreed & ~traced, bits, traced)
         checks = yield from self._aside(self._random_entries, points, n_checks, rng)
-        yield from self._trace("check", points, checks & agreed & ~traced, bits, traced)
+        yield from self.trace("check", points, checks & agreed & ~traced, bits, traced)
         surprise = agreed & traced & (bits ^ said)
         rows, coin, reason = np.arange(len(points)), _coin(rng, above.shape, halvings), "check"
         for _ in range(_MOST_STEPS):
@@ -213,7 +230,7 @@ class _Work:
             if not len(rows):
                 break
             some_bits, some_traced = bits[rows], traced[rows]
-            yield from self._trace(reason, points[rows], mask, some_bits, some_traced)
+            yield from self.trace(reason, points[rows], mask, some_bits, some_traced)
             bits[rows], traced[rows] = some_bits, some_traced
             surprise = mask & (some_bits ^ said[rows])
             found = surprise.any(axis=1)
@@ -222,7 +239,7 @@ class _Work:
                 break
         self.bits[points], self.traced[points] = bits, traced
 
-    def _trace(self, reason, points, mask, bits, traced):
+    def trace(self, reason, points, mask, bits, traced):
         """Trace a mask into `bits` and `traced`, in place."""
         start, before = time.perf_counter(), self._tracer.rays
         free = yield from self._tracer.trace(points, mask)
@@ -262,6 +279,7 @@ class _Work:
             "levels": levels,
             "open_points": int(self.open.sum()),
             "open_entries": int(count_bits(self.above[self.open])),
+            "hemisphere_entries": int(count_bits(self.above)),
             **self._counts,
         }
         return Sampled(self.bits, self.traced, rays, self._seconds, facts)

@@ -158,7 +158,7 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
     shape = len(scene.points), -(-cube_map.n_directions // 8)
     bits, traced = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
     bits[dense.points], traced[dense.points] = dense.rows.bits, dense.rows.traced
-    sparse = SparsePoints(scene, cube_map, tracer, dense, settings, clock.around)
+    sparse = SparsePoints(scene, cube_map, tracer, dense, settings, clock.around, pace)
     for points, neighbours in sparse_blocks(scene, dense, settings):
         bits[points], traced[points] = yield from sparse.fill(points, neighbours)
     facts = {

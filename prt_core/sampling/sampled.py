@@ -62,6 +62,11 @@ def sampler_named(name):
     """
     expect(
         name in _SAMPLERS,
-        f"method: there is no sampler '{name}'; choose one of {', '.join(sorted(_SAMPLERS))}",
+        f"method: there is no sampler '{name}'; choose one of {', '.join(sampler_names())}",
     )
     return _SAMPLERS[name]
+
+
+def sampler_names():
+    """Names of all registered samplers."""
+    return sorted(_SAMPLERS)

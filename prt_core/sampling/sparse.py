@@ -70,11 +70,12 @@ class SparsePoints:
     settings : HuangSettings
     clock : callable(stage, generator)
         Adds the time each stage works.
+    pace : Pace or None
     """
 
-    def __init__(self, scene, cube_map, tracer, dense, settings, clock):
+    def __init__(self, scene, cube_map, tracer, dense, settings, clock, pace):
         self.scene, self.cube_map, self.tracer, self.dense = scene, cube_map, tracer, dense
-        self.settings, self.clock = settings, clock
+        self.settings, self.clock, self.pace = settings, clock, pace
         self.vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
         self.gap, self.nonzero, self.solved = 0.0, 0, 0
         self._fixed = {}
@@ -115,7 +116,7 @@ class SparsePoints:
         problems = yield from self.clock("reconstruction", self._each(jobs, self._problems))
         problems = [np.concatenate(parts) for parts in zip(*problems, strict=True)]
         weights = yield from self.clock(
-            "reconstruction", aside(self.tracer.pace, "sparse", self._solve, *problems)
+            "reconstruction", aside(self.pace, "sparse", self._solve, *problems)
         )
         jobs = [(group, weights[group.part]) for group in groups]
         rows = yield from self.clock("reconstruction", self._each(jobs, self._combine))
@@ -123,14 +124,13 @@ class SparsePoints:
 
     def _each(self, jobs, work):
         """The results of `work` for all jobs, in their order, on all cores."""
-        pace = self.tracer.pace
-        step = len(jobs) if pace.seconds is None else 8
+        step = 8 if self.pace and self.pace.seconds is not None else max(len(jobs), 1)
         results = []
         with ThreadPoolExecutor(cpu_count() or 1) as pool:
             for first in range(0, len(jobs), step):
                 some = jobs[first : first + step]
                 results += yield from aside(
-                    pace, "sparse", lambda some=some: list(pool.map(work, some))
+                    self.pace, "sparse", lambda some=some: list(pool.map(work, some))
                 )
                 yield Progress("sparse", len(results), len(jobs))
         return results

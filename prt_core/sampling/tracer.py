@@ -5,7 +5,7 @@ import numpy as np
 from prt_core.progress import Pace, Progress
 
 # Rays prepared at once, at most (but for one point's).
-_RAYS = 1 << 20
+_RAYS = 1 << 21
 COUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
@@ -31,7 +31,7 @@ class Tracer:
         self._origins = scene.ray_origins
         self._directions = cube_map.samples.astype(np.float32)
         self._caster, self._tally = caster, tally
-        self.pace = pace or Pace()
+        self._pace = pace or Pace()
         self.n_points = len(self._origins)
         self.rays = 0
 
@@ -49,7 +49,8 @@ class Tracer:
             Set where the mask is and nothing is in the way.
         """
         free = np.zeros_like(mask)
-        ends = np.cumsum(count_bits(mask, axis=1))
+        # Eight rays a byte at most: to count the bits would take longer.
+        ends = 8 * np.cumsum(np.count_nonzero(mask, axis=1))
         first = 0
         while first < len(points):
             before = ends[first - 1] if first else 0
@@ -61,32 +62,46 @@ class Tracer:
 
     def _trace_some(self, points, mask):
         row, direction, bytes_used, spread, entry = _entries(mask)
+        free = np.zeros_like(mask)
+        spread.reshape(-1)[entry] = yield from self.trace_pairs(points[row], direction)
+        free.reshape(-1)[bytes_used] = np.packbits(spread, axis=1, bitorder="little")[:, 0]
+        return free
+
+    def trace_pairs(self, point, direction):
+        """Trace single entries; a generator of `Progress`.
+
+        Parameters
+        ----------
+        point, direction : (m,) int
+
+        Returns
+        -------
+        (m,) bool
+            Whether nothing is in the way.
+        """
         origins, directions = self._origins, self._directions
-        point = points[row]
-        seen = spread.reshape(-1)
+        free = np.empty(len(point), bool)
         for start in range(0, len(point), self._caster.batch * self._caster.threads):
             stop = min(start + self._caster.batch * self._caster.threads, len(point))
-            for part in self.pace.parts(start, stop):
+            for part in self._pace.parts(start, stop):
                 hit = self._caster.occluded(
                     origins.take(point[part], axis=0), directions.take(direction[part], axis=0)
                 )
-                seen[entry[part]] = ~hit
-                self.pace.worked()
-                yield Progress("visibility", int(points[0]), self.n_points)
+                free[part] = ~hit
+                self._pace.worked()
+                yield Progress("visibility", int(point[part.start]), self.n_points)
         self.rays += len(point)
         if self._tally is not None and len(point):
             self._tally(len(point))
-        free = np.zeros_like(mask)
-        free.reshape(-1)[bytes_used] = np.packbits(spread, axis=1, bitorder="little")[:, 0]
         return free
 
 
 def _entries(mask):
     """Row and direction of every set bit; the bytes that hold them, spread into bits."""
     n_bytes = mask.shape[1]
-    bytes_used = np.flatnonzero(mask)
+    bytes_used = np.flatnonzero(mask.reshape(-1) != 0)
     spread = np.unpackbits(mask.reshape(-1)[bytes_used, None], axis=1, bitorder="little")
-    entry = np.flatnonzero(spread)
+    entry = np.flatnonzero(spread.view(bool))
     row, byte = np.divmod(bytes_used.astype(np.int32), np.int32(n_bytes))
     slot = entry >> 3
     direction = byte[slot] * np.int32(8) + (entry & 7).astype(np.int32)

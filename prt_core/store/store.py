@@ -93,6 +93,11 @@ class BakeStore:
             compressors=[ZstdCodec(level=3), Crc32cCodec()],
         )
 
+    def remove(self, name):
+        """Remove an array, where it is there."""
+        if name in self._group:
+            del self._group[name]
+
     def has_chunk(self, name, *index):
         """Whether a chunk was written (chunks appear whole or not at all)."""
         return (self.path / name / "c" / "/".join(map(str, index))).is_file()

@@ -24,7 +24,7 @@ def gather_hits(scene, caster, points, seed, round_index, tally=None):
     return run(gather_steps(scene, caster, points, seed, round_index, tally))
 
 
-def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None):
+def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None, spared=None):
     """The bake points that one round of rays from some points ends at; yields `Progress`.
 
     Parameters
@@ -38,6 +38,8 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
         Told the number of rays.
     pace : Pace, optional
         In rays.
+    spared : (n_points,) bool, optional
+        Points from which no ray can meet anything (see `open_points`): none is cast.
 
     Returns
     -------
@@ -54,6 +56,8 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
     geometric = scene.points.geometric_normals[points]
     pick = rng.random(n * ROUND, np.float32)
     outside = np.matmul(directions, geometric[:, :, None])[:, :, 0] > 0
+    if spared is not None:
+        outside &= ~spared[points, None]
     ray_point, _ = np.nonzero(outside)
     directions = directions[outside]
     if tally is not None:

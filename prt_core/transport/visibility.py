@@ -31,7 +31,8 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
         Little bit order: direction d is bit d % 8 of byte d // 8.
     """
     origins = scene.ray_origins[points]
-    above_horizon = _Horizon(scene, cube_map, points)
+    shading, geometric = scene.points.normals[points], scene.points.geometric_normals[points]
+    above_horizon = _Horizon(shading, geometric, cube_map)
     directions = cube_map.samples.astype(np.float32)
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
@@ -65,9 +66,8 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
 class _Horizon:
     """(n, n_directions) bool of a part of some points: above both horizons."""
 
-    def __init__(self, scene, cube_map, points):
-        self._shading = scene.points.normals[points]
-        self._geometric = scene.points.geometric_normals[points]
+    def __init__(self, shading, geometric, cube_map):
+        self._shading, self._geometric = shading, geometric
         self._vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
         self._samples = np.ascontiguousarray(cube_map.samples.T, np.float32)
 
@@ -91,17 +91,20 @@ def horizon_bits(scene, cube_map, points):
     (n, ceil(n_directions / 8)) uint8
         As `visibility_bits` with nothing in the way of any ray.
     """
-    above_horizon = _Horizon(scene, cube_map, points)
-    n = len(scene.points.normals[points])
-    bits = np.empty((n, -(-cube_map.n_directions // 8)), np.uint8)
+    normals = np.hstack([scene.points.normals[points], scene.points.geometric_normals[points]])
+    # Many points of flat parts share theirs.
+    kinds, kind = np.unique(normals.view("V24")[:, 0], return_inverse=True)
+    kinds = kinds.view(np.float32).reshape(-1, 6)
+    above_horizon = _Horizon(kinds[:, :3], kinds[:, 3:], cube_map)
+    bits = np.empty((len(kinds), -(-cube_map.n_directions // 8)), np.uint8)
 
     def one(first):
         part = slice(first, first + _UNPACK)
         bits[part] = np.packbits(above_horizon(part), axis=1, bitorder="little")
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        list(pool.map(one, range(0, n, _UNPACK)))
-    return bits
+        list(pool.map(one, range(0, len(kinds), _UNPACK)))
+    return bits[kind]
 
 
 def unpack(bits, n_directions, dtype=np.float32):

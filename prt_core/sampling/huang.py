@@ -12,7 +12,7 @@ import numpy as np
 
 from prt_core.errors import expect
 from prt_core.sampling.adaptive_angle import AngularGrid
-from prt_core.sampling.dense import dense_steps
+from prt_core.sampling.dense import DensePoints, dense_steps
 from prt_core.sampling.rivals import COLUMN_CHOICES
 from prt_core.sampling.sampled import Sampled, register_sampler
 from prt_core.sampling.sparse import SparsePoints, sparse_blocks
@@ -128,6 +128,20 @@ class HuangSettings:
         )
 
 
+@dataclass
+class HuangSampled(Sampled):
+    """What came out, and the dense points it was made from.
+
+    Attributes
+    ----------
+    dense : DensePoints
+        Their rows are the exemplars that a compressor may start from; each sparse point is near
+        to a combination of those around it.
+    """
+
+    dense: DensePoints | None = None
+
+
 def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
     """Visibility from dense and sparse points; a generator of `Progress`.
 
@@ -144,7 +158,7 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
 
     Returns
     -------
-    Sampled
+    HuangSampled
         `facts`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of each
         sparse point, mean) and duality_gap (the largest, as a share of |y|^2).
     """
@@ -168,7 +182,7 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
         "mean_rank": float(dense.rank.mean()) if len(dense.rank) else 0.0,
         **sparse.facts(),
     }
-    return Sampled(bits, traced, tracer.rays, seconds, facts)
+    return HuangSampled(bits, traced, tracer.rays, seconds, facts, dense)
 
 
 class _Clock:

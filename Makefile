@@ -1,4 +1,4 @@
-# make demo | make test | make lint | make bench; everything lives in .venv
+# make demo | make test | make lint | make bench | make extension; everything lives in .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || echo python3)
 VENV ?= .venv
 RUN = $(VENV)/bin/python
@@ -23,6 +23,10 @@ lint: $(VENV)/.ready
 bench: $(VENV)/.ready
 	$(RUN) tests/benchmarks/results.py
 
+# The extension's zips for every platform into build/; PLATFORMS=linux-x64 PYTHONS=3.11 for one.
+extension: $(VENV)/.ready
+	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS))
+
 # The bridge inside a real Blender: make test-window BLENDER=/path/to/blender
 test-window: $(VENV)/.ready
 	BLENDER=$(BLENDER) $(RUN) -m pytest tests/window
@@ -34,4 +38,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint bench test-window matrix clean
+.PHONY: setup demo test lint bench extension test-window matrix clean

@@ -145,8 +145,8 @@ def bake_steps(
         Kept with the bake for relighting and pictures.
     source : dict of str -> str
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
-    restart : bool
-        Begin anew whatever is there.
+    restart : bool or "changed"
+        Begin anew whatever is there; or only where that is of another scene or other settings.
     pace : float, optional
         Seconds a step may take, for a user interface; default: whole blocks. The result is the
         same.
@@ -168,12 +168,15 @@ def bake_steps(
     """
     settings = settings or BakeSettings()
     cube_map = CubeMap(settings.resolution)
-    store = BakeStore(path, "w" if restart else "a")
+    store = BakeStore(path, "w" if restart is True else "a")
     identity = {
         "scene": (yield from beside("scene", scene.fingerprint)),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
     }
     facts = store.facts
+    if restart == "changed" and facts.get("identity", identity) != identity:
+        store = BakeStore(path, "w")
+        facts = store.facts
     if "identity" in facts:
         _same_bake(path, facts["identity"], identity)
     if facts.get("complete"):
@@ -213,6 +216,8 @@ def _write_lights(store, lamps, world, camera, source):
 
 
 def _same_bake(path, found, wanted):
+    # Before there were others, every entry was traced.
+    found = {"method": "exhaustive", **found}
     different = sorted(key for key in wanted if found.get(key) != wanted[key])
     if different:
         raise PRTError(

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.progress import Pace, Progress
+from prt_core.progress import Pace, Progress, maybe_beside
 from prt_core.sampling import (
     AgreementSettings,
     CertificateSettings,
@@ -22,6 +22,8 @@ from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits
 
 BLOCK = 2048
+# Seconds that a stop may have to wait for threads.
+_STOP = 0.1
 # Below so many rays every entry is traced: it takes a second at most, and there is no error.
 _FEW_RAYS = 1 << 21
 # What is asked again where the tolerance is not met; after the last all that is left is traced.
@@ -100,14 +102,17 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
     bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
     counts = store.create("visibility_rays", (len(parts),), "int64", (1,), -1)
     yield Progress("visibility", 0, n_points)
-    pace = Pace(pace)
+    # A caster that threads may call works beside its caller, in parts that a stop waits for.
+    threaded = pace is not None and caster.threads > 1
+    pace = Pace(_STOP if threaded else pace)
     for index, block in enumerate(parts):
         if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
             start, tally = time.perf_counter(), []
             traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
             for part in pace.parts(block.start, block.stop):
                 inside = slice(part.start - block.start, part.stop - block.start)
-                traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
+                work = (visibility_bits, scene, cube_map, caster, part, tally.append)
+                traced[inside] = yield from maybe_beside(threaded, "visibility", *work)
                 pace.worked()
                 yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)

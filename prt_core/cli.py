@@ -11,6 +11,8 @@ import numpy as np
 
 import prt_core
 from prt_core.errors import PRTError, expect
+from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.light import EnvironmentMap, rotation_matrix
 
 _IN_BLENDER = "the scene that is open"
 
@@ -54,8 +56,13 @@ def _parser(in_blender):
     )
     bake.add_argument("--bounces", type=_bounces, default=None, help="auto or a number (auto)")
     bake.add_argument(
-        "--tolerance", type=float, default=1e-2, help="relative error of the bounces (0.01)"
+        "--tolerance", type=float, default=1e-2, help="relative error of relit colours (0.01)"
     )
+    bake.add_argument(
+        "--method", default="auto",
+        help="which entries are traced: exhaustive, agreement, huang, or auto, the cheapest that "
+        "meets the tolerance",
+    )  # fmt: skip
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -78,6 +85,9 @@ def _parser(in_blender):
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
+    relight.add_argument(
+        "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
+    )
     relight.add_argument("--size", type=_size, default=(960, 540), help="of the picture (960x540)")
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
@@ -144,6 +154,12 @@ def _size(text):
     return int(width), int(height)
 
 
+def _frames(text):
+    if not (text.isdigit() and 0 < int(text) < 100000):
+        raise argparse.ArgumentTypeError(f"expected a number of frames, got '{text}'")
+    return int(text)
+
+
 class _Bar:
     """Shows `Progress` as one bar a stage, on stderr."""
 
@@ -207,6 +223,7 @@ def _bake(options):
                 tolerance=options.tolerance,
                 caster=options.caster,
                 seed=options.seed,
+                method=options.method,
             )
         finally:
             bar.close()
@@ -229,13 +246,52 @@ def _print_report(path, report):
     print(
         f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
     )
-    if report["error"] is not None:
-        print(
-            f"  error   {report['error']:.2%} of the relit colours, from the bounces "
-            f"({report['rays_a_point']} rays a point); the direct light is exact"
-        )
+    for line in _about_error(report):
+        print(f"  error   {line}")
+    for line in _about_skipped(report):
+        print(f"  spared  {line}")
     for message in report["messages"]:
         print(f"  note    {message}")
+
+
+def _about_error(report):
+    """Lines on how far the bake is from the truth; old bakes traced every entry."""
+    certificate = report.get("certificate")
+    if certificate:
+        print(
+            f"  traced  {report['entries_percent']:.2f} % of all entries, "
+            f"{report['hemisphere_percent']:.2f} % of those above the horizon "
+            f"({report['method']})"
+        )
+        met = "within" if report["tolerance_met"] else "NOT within"
+        yield f"{report['visibility_error']:.2%} of direct light, {met} the tolerance; at 95 %:"
+        for item in certificate:
+            parts = [("matrix", item["matrix"]), *item["relit"].items()]
+            yield f"  {item['name']}: " + ", ".join(
+                f"{name} {part['error']:.2%} ({part['low']:.2%} to {part['high']:.2%})"
+                for name, part in parts
+            )
+    else:
+        yield "none of direct light: every entry was traced"
+    if report["error"] is not None:
+        rays = report["rays_a_point"]
+        yield f"{report['error']:.2%} of the relit colours, from the bounces ({rays} rays a point)"
+
+
+def _about_skipped(report):
+    """Lines on what the scene did not need."""
+    skipped = report.get("skipped") or {}
+    if skipped.get("visibility_rays"):
+        yield f"{skipped['visibility_rays'] / 1e6:.1f} M shadow rays"
+    if skipped.get("gather_rays"):
+        yield (
+            f"{skipped['gather_rays'] / 1e6:.1f} M bounce rays of "
+            f"{skipped['gather_open_points']:,} points that see no surface"
+        )
+    if "bounces_below" in skipped:
+        yield f"all bounces: they add at most {skipped['bounces_below']:.2%}"
+    if skipped.get("grey"):
+        yield "two of three channels where the light is grey too: all materials are grey"
 
 
 def _relight(options):
@@ -256,19 +312,57 @@ def _relight(options):
             f"{path}: expected a name that ends in {suffix}",
         )
     baked = prt_core.load(options.bake)
+    if options.turn:
+        return _relight_turn(baked, options)
     start = time.perf_counter()
     radiance = _radiance(baked, options)
     spent = time.perf_counter() - start
     radiance = radiance * np.float32(2.0**options.exposure)
     colours = baked.colours(radiance)
     if options.output:
-        _write_npz(options.output, colours)
+        write_npz(options.output, colours)
     if options.png:
         _write_png(baked, radiance, options)
     if options.blend:
         _write_blend(baked, colours, options)
     written = ", ".join(p for p in (options.output, options.png, options.blend) if p)
     print(f"{written}: {len(baked.scene.points):,} points relit in {spent:.2f} s")
+    return 0
+
+
+def _relight_turn(baked, options):
+    """A turntable: the light turns once, what the camera sees is traced once."""
+    from prt_core.api import read_environment
+    from prt_core.relighter import Relighter
+
+    expect(
+        options.light not in (None, "world") and not options.blend,
+        "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE",
+    )
+    _bpy_where_needed()
+    light, relighter = read_environment(options.light), Relighter(baked, options.caster)
+    pictures = PictureWriter(baked, options.size, options.caster)
+    start = time.perf_counter()
+    for frame in range(options.turn):
+        rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
+        radiance = relighter.relight(
+            light,
+            rotation=rotation,
+            strength=options.strength,
+            sharp_sun=options.sharp_sun,
+            lamps=options.lamps,
+            lamp_samples=options.lamp_samples,
+            bounces=options.bounces,
+        )
+        radiance = radiance * np.float32(2.0**options.exposure)
+        if options.output:
+            write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
+        if options.png:
+            sky = _sky(light, rotation, options)
+            pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
+    spent = (time.perf_counter() - start) / options.turn
+    first = frame_path(options.png or options.output, 1)
+    print(f"{first} and on: {options.turn} frames, {spent:.2f} s each")
     return 0
 
 
@@ -304,15 +398,6 @@ def _bpy_where_needed():
         _load_bpy()
 
 
-def _write_npz(path, colours):
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **colours)
-    temporary.replace(path)
-
-
 def _write_png(baked, radiance, options):
     from prt_core.evaluate import render_view, to_srgb, write_png
 
@@ -321,19 +406,16 @@ def _write_png(baked, radiance, options):
     try:
         sky = None
         if options.light and options.light != "world":
-            sky = _sky(options)
+            sky = _sky(EnvironmentMap.read(options.light), options.rotate, options)
         picture = render_view(baked, radiance, caster, *options.size, background=sky)
     finally:
         caster.close()
     write_png(options.png, to_srgb(picture))
 
 
-def _sky(options):
+def _sky(environment, rotation, options):
     """The environment behind the scene, at the exposure of the picture."""
-    from prt_core.light import EnvironmentMap, rotation_matrix
-
-    environment = EnvironmentMap.read(options.light)
-    back = rotation_matrix(options.rotate)
+    back = rotation_matrix(rotation)
     factor = np.float32(options.strength * 2.0**options.exposure)
     return lambda directions: environment.sample(directions @ back) * factor
 

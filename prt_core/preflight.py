@@ -26,8 +26,9 @@ class Preflight:
     memory_bytes : int
         At the peak, above what is in use now.
     disk_bytes : int
-    coarse : dict of str -> float
-        Objects with too few points for shadows, and how far apart these are (Blender units).
+    coarse : dict of str -> (float, int)
+        Objects with too few points for shadows: how far apart these are (Blender units), and
+        how many times each edge should be halved.
     """
 
     points: int
@@ -78,7 +79,7 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
 
 
 def coarse_objects(scene):
-    """Objects that receive whose points are too far apart for shadows: {name: distance}."""
+    """Objects that receive whose points are too far apart for shadows (see `Preflight`)."""
     coarse = {}
     points = scene.points
     for index, item in enumerate(scene.objects):
@@ -90,7 +91,10 @@ def coarse_objects(scene):
         corners = scene.triangles[scene.triangle_object == index]
         a, b, c = np.moveaxis(scene.vertices[corners].astype(np.float64), 1, 0)
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-        spacing = float(np.sqrt(area / mine.sum()))
+        side, cells = np.sqrt(area), max(np.sqrt(mine.sum()) - 1, 1.0)
+        spacing = float(side / (cells + 1))
         if spacing > _COARSE:
-            coarse[item.name] = spacing * scene.size
+            # As on a square grid: halving every edge doubles the cells, not the points.
+            halvings = int(np.ceil(np.log2((side / _COARSE - 1) / cells)))
+            coarse[item.name] = spacing * scene.size, halvings
     return coarse

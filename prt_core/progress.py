@@ -85,8 +85,8 @@ def beside(stage, function, *arguments):
         return future.result()
 
 
-def aside(pace, stage, function, *arguments):
-    """As `beside` where there is a pace to keep, else at once in the caller's thread."""
-    if pace is None or pace.seconds is None:
-        return function(*arguments)
-    return (yield from beside(stage, function, *arguments))
+def maybe_beside(allowed, stage, function, *arguments):
+    """`beside` where that is allowed, else at once; returns the result."""
+    if allowed:
+        return (yield from beside(stage, function, *arguments))
+    return function(*arguments)

@@ -77,7 +77,12 @@ class Relighter:
                 f"strength: expected a finite number >= 0, got {factor}",
             )
         chosen = self._chosen_lamps(light, lamps)
-        light = self._read(light)
+        is_file = isinstance(light, str | Path)
+        if pace and is_file and Path(light).suffix.lower() == ".exr":
+            light = yield from beside("image", self._read, light)
+        else:
+            # Other formats are read by Blender, which wants its own thread.
+            light = self._read(light)
         if sharp_sun:
             expect(
                 isinstance(light, EnvironmentMap),
@@ -136,7 +141,7 @@ class Relighter:
     def _lamp_parts(self, lamps, n_samples, pace):
         parts = {}
         for index, lamp in enumerate(lamps):
-            key = index, n_samples, _signature(lamp)
+            key = index, n_samples, lamp_signature(lamp)
             if key not in parts and key in self._lamps:
                 parts[key] = self._lamps[key]
             if key not in parts:
@@ -187,7 +192,7 @@ def on_texels(bake, light, rotation=None):
     return expect_array("light", light, (bake.cube_map.n_directions, 3), np.float32)
 
 
-def _signature(lamp):
+def lamp_signature(lamp):
     """What a lamp's light depends on, as something that can be compared."""
     values = (getattr(lamp, field.name) for field in fields(lamp) if field.name != "name")
     return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.progress import Progress, aside
+from prt_core.progress import Progress, maybe_beside
 from prt_core.sampling.dilate import dilate
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
@@ -163,7 +163,9 @@ class _Work:
     """What is known so far, and the ways to know more."""
 
     def __init__(self, scene, cube_map, caster, tally, pace, seed, sampled=None):
-        self._scene, self._cube_map, self._pace, self._seed = scene, cube_map, pace, seed
+        self._scene, self._cube_map, self._seed = scene, cube_map, seed
+        # A caller with a window to keep alive gets the arithmetic done in a thread.
+        self._apart = pace is not None and pace.seconds is not None
         self._tracer = Tracer(scene, cube_map, caster, tally, pace)
         self._neighbours = Neighbours(scene.points)
         self._seconds = dict(sampled.seconds) if sampled else {}
@@ -182,11 +184,11 @@ class _Work:
         self.above = np.empty((n_points, -(-self._cube_map.n_directions // 8)), np.uint8)
         for first in range(0, n_points, _BLOCK):
             part = slice(first, first + _BLOCK)
-            self.above[part] = yield from aside(
-                self._pace, "visibility", horizon_bits, scene, self._cube_map, part
+            self.above[part] = yield from maybe_beside(
+                self._apart, "visibility", horizon_bits, scene, self._cube_map, part
             )
             yield Progress("visibility", 0, n_points)
-        self.open = yield from aside(self._pace, "visibility", open_points, scene)
+        self.open = yield from maybe_beside(self._apart, "visibility", open_points, scene)
         if self.bits is None:
             self.bits, self.traced = np.zeros_like(self.above), np.zeros_like(self.above)
         self.bits[self.open] = self.above[self.open]
@@ -202,8 +204,8 @@ class _Work:
     def ask(self, points, known, settings, halvings, key):
         """One level: what the neighbours say, rays where they disagree, checks, and repair."""
         start = time.perf_counter()
-        around = yield from aside(
-            self._pace, "visibility", self._neighbours.around, known, points,
+        around = yield from maybe_beside(
+            self._apart, "visibility", self._neighbours.around, known, points,
             settings.neighbours, settings.candidates, len(known) == len(self.bits),
         )  # fmt: skip
         self._spent("neighbours", start)
@@ -266,7 +268,7 @@ class _Work:
 
     def _aside(self, function, *arguments):
         start = time.perf_counter()
-        result = yield from aside(self._pace, "visibility", function, *arguments)
+        result = yield from maybe_beside(self._apart, "visibility", function, *arguments)
         self._spent("agreement", start)
         return result
 

@@ -1,6 +1,6 @@
 """95 % intervals of rare events: a binomial share, and a weighted sum of Poisson counts."""
 
-from scipy.stats import beta, gamma
+from scipy.special import betainc, gammainc, gammaincinv
 
 _TAIL = 0.025
 
@@ -14,8 +14,8 @@ def binomial_interval(count, n):
 
     def above(p):
         """P(X > count) + P(X = count) / 2 for a share p: rises with p."""
-        more = beta.cdf(p, count + 1, n - count) if count < n else 0.0
-        same_or_more = beta.cdf(p, count, n - count + 1) if count else 1.0
+        more = betainc(count + 1, n - count, p) if count < n else 0.0
+        same_or_more = betainc(count, n - count + 1, p) if count else 1.0
         return (more + same_or_more) / 2
 
     return (
@@ -34,14 +34,14 @@ def weighted_interval(weights):
     """
     total, square, largest = weights.sum(), (weights**2).sum(), weights.max()
     # The truth lies between two gamma laws: as seen, and with one more of the largest events.
-    below = gamma(total**2 / square, scale=square / total)
-    more, more_square = total + largest, square + largest**2
-    above = gamma(more**2 / more_square, scale=more_square / more)
+    laws = []
+    for mean, variance in ((total, square), (total + largest, square + largest**2)):
+        laws.append((mean**2 / variance, variance / mean))
 
     def share(value):
-        return (below.cdf(value) + above.cdf(value)) / 2
+        return sum(gammainc(shape, value / scale) for shape, scale in laws) / 2
 
-    most = float(above.ppf(0.9999) + below.ppf(0.9999))
+    most = float(max(gammaincinv(shape, 0.9999) * scale for shape, scale in laws))
     return _solve(share, _TAIL, most), _solve(share, 1 - _TAIL, most)
 
 

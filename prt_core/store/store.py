@@ -7,13 +7,31 @@ carries a checksum. Nothing is pickled, and nothing outside the folder is read o
 import json
 import os
 import shutil
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
-import zarr
-from zarr.codecs import Crc32cCodec, ZstdCodec
 
 from prt_core.errors import PRTError, expect
+
+
+@contextmanager
+def _numpy_as_zarr_wants_it():
+    """Blender 4.2 and 4.3 bring numpy 1.24; all that zarr 3.0 misses there is one name."""
+    if hasattr(np, "dtypes"):
+        yield
+        return
+    np.dtypes = SimpleNamespace(ObjectDType=lambda: np.dtype(object))
+    try:
+        yield
+    finally:
+        del np.dtypes
+
+
+with _numpy_as_zarr_wants_it():
+    import zarr
+    from zarr.codecs import Crc32cCodec, ZstdCodec
 
 FORMAT, VERSION = "prt bake", 1
 _CODECS = {"bytes", "zstd", "crc32c"}

@@ -7,9 +7,9 @@ that ended at y: unbiased, and one non-zero a ray at most.
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.stats import qmc
 
 from prt_core.progress import Pace, Progress, run
+from prt_core.sobol import sobol_points
 
 ROUND = 64
 MISS = -1
@@ -91,7 +91,7 @@ def cosine_directions(normals, shift):
     -------
     (n, ROUND, 3) float32
     """
-    base = qmc.Sobol(2, scramble=False).random_base2(int(np.log2(ROUND))) + 0.5 / ROUND
+    base = sobol_points(int(np.log2(ROUND))) + 0.5 / ROUND
     uv = (base.astype(np.float32)[None] + shift[:, None]) % np.float32(1)
     radius = np.sqrt(uv[..., 0])
     angle = np.float32(2 * np.pi) * uv[..., 1]

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.errors import PRTError, expect
+from prt_core.evaluate.view import png_bytes
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 1240px; color: #222; }
@@ -203,15 +204,6 @@ def _png(figure):
     return buffer.getvalue()
 
 
-def _picture(image):
-    """(height, width, 3) uint8 sRGB pixels as a PNG file in memory."""
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, format="PNG")
-    return buffer.getvalue()
-
-
 def _page(report, flat):
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{html.escape(report.title)}"
@@ -226,7 +218,7 @@ def _page(report, flat):
         parts.append(f"<h2>{html.escape(heading)}</h2>")
         for caption, image in pictures:
             parts.append(
-                f"<figure>{_image(_picture(image), caption)}"
+                f"<figure>{_image(png_bytes(image), caption)}"
                 f"<figcaption>{html.escape(caption)}</figcaption></figure>"
             )
     rows = html.escape(json.dumps(report.rows, indent=1))

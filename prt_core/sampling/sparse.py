@@ -11,7 +11,8 @@ from os import cpu_count
 import numpy as np
 from scipy.spatial import cKDTree
 
-from prt_core.progress import Progress, aside
+from prt_core.machine import one_blas_thread
+from prt_core.progress import Progress, maybe_beside
 from prt_core.reconstruct import gram, l1_batched, least_squares
 from prt_core.sampling.columns import best_columns, feature_weights, with_surroundings
 from prt_core.sampling.rivals import COLUMN_CHOICES
@@ -75,7 +76,8 @@ class SparsePoints:
 
     def __init__(self, scene, cube_map, tracer, dense, settings, clock, pace):
         self.scene, self.cube_map, self.tracer, self.dense = scene, cube_map, tracer, dense
-        self.settings, self.clock, self.pace = settings, clock, pace
+        self.settings, self.clock = settings, clock
+        self.apart = pace is not None and pace.seconds is not None
         self.vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
         self.gap, self.nonzero, self.solved = 0.0, 0, 0
         self._fixed = {}
@@ -116,7 +118,7 @@ class SparsePoints:
         problems = yield from self.clock("reconstruction", self._each(jobs, self._problems))
         problems = [np.concatenate(parts) for parts in zip(*problems, strict=True)]
         weights = yield from self.clock(
-            "reconstruction", aside(self.pace, "sparse", self._solve, *problems)
+            "reconstruction", maybe_beside(self.apart, "sparse", self._solve, *problems)
         )
         jobs = [(group, weights[group.part]) for group in groups]
         rows = yield from self.clock("reconstruction", self._each(jobs, self._combine))
@@ -124,13 +126,13 @@ class SparsePoints:
 
     def _each(self, jobs, work):
         """The results of `work` for all jobs, in their order, on all cores."""
-        step = 8 if self.pace and self.pace.seconds is not None else max(len(jobs), 1)
+        step = 8 if self.apart else max(len(jobs), 1)
         results = []
-        with ThreadPoolExecutor(cpu_count() or 1) as pool:
+        with one_blas_thread(), ThreadPoolExecutor(cpu_count() or 1) as pool:
             for first in range(0, len(jobs), step):
                 some = jobs[first : first + step]
-                results += yield from aside(
-                    self.pace, "sparse", lambda some=some: list(pool.map(work, some))
+                results += yield from maybe_beside(
+                    self.apart, "sparse", lambda some=some: list(pool.map(work, some))
                 )
                 yield Progress("sparse", len(results), len(jobs))
         return results

@@ -14,12 +14,19 @@ from scipy.spatial import cKDTree
 from prt_core.machine import one_blas_thread
 from prt_core.progress import Progress, maybe_beside
 from prt_core.reconstruct import gram, l1_batched, least_squares
-from prt_core.sampling.columns import best_columns, feature_weights, with_surroundings
+from prt_core.sampling.columns import (
+    best_columns,
+    feature_weights,
+    membership,
+    with_surroundings,
+)
 from prt_core.sampling.rivals import COLUMN_CHOICES
 from prt_core.transport.visibility import horizon_bits, unpack
 
 # Sparse points whose rays are cast at once, and whose neighbourhoods are taken together.
 _BLOCK, _GROUP = 4096, 64
+# A sum of equal shares that is one, but for rounding.
+_ALL = np.float32(1 - 1e-4)
 
 
 def sparse_blocks(scene, dense, settings):
@@ -195,16 +202,23 @@ class SparsePoints:
         return gram(picked, target)
 
     def _combine(self, job):
-        """Bits of the points of a group, (n, n_bytes): combinations of their neighbours' rows."""
+        """Bits of the points of a group, (n, n_bytes): combinations of their neighbours' rows.
+
+        Where a point's own neighbours agree their value is taken: a combination found from the
+        directions that tell them apart says nothing of the others, and without any it is zero.
+        """
         group, weights = job
         spread = np.zeros((len(weights), len(group.used) + 1), np.float32)
         np.add.at(spread, (np.arange(len(weights))[:, None], group.local), weights)
         limit = np.float32(self.settings.threshold)
         if self.settings.quantity == "transport":
             limit = limit * self._cosine(group.points, group.varying)
+        rows = self._transport(group, group.varying)
+        seen_by = membership(group.local, len(rows)) @ (rows > 0).astype(np.float32)
+        above_limit = spread[:, :-1] @ rows > limit
         filled = np.empty((len(weights), self.cube_map.n_directions), bool)
         filled[:] = group.agreed
-        filled[:, group.varying] = spread[:, :-1] @ self._transport(group, group.varying) > limit
+        filled[:, group.varying] = (seen_by > _ALL) | ((seen_by > 1 - _ALL) & above_limit)
         return np.packbits(filled, axis=1, bitorder="little") & group.above
 
     def _transport(self, group, directions):

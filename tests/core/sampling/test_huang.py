@@ -131,6 +131,15 @@ def test_an_open_scene_stays_open():
     assert found.facts["mean_rank"] == 1
 
 
+def test_where_all_neighbours_agree_their_value_is_taken():
+    # Both sides of a free sheet, worked on together: each sees its own half and nothing else,
+    # though no direction tells a point's own neighbours apart and none is traced.
+    scene = Scene.from_meshes([plane(9, two_sided=True)])
+    found, _ = sampled(scene, radius=0.5, normal_weight=1.0)
+    np.testing.assert_array_equal(found.bits, truth_of(scene))
+    assert found.facts["sparse_entries"] == 0
+
+
 def dense_of(scene, **settings):
     settings = HuangSettings(**settings)
     tracer = Tracer(scene, CUBE, caster_of(scene))

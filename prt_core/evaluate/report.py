@@ -146,11 +146,22 @@ def curve_plot(rows, x, y, panels, series, labels=None, logarithmic=("x", "y")):
                 if points:
                     axis.plot(*zip(*points, strict=True), "o-", label=group, color=f"C{place % 10}")
             for way in logarithmic:
-                getattr(axis, f"set_{way}scale")("log")
+                _logarithmic(axis, way)
             axis.set(title=name, xlabel=labels.get(key, key), ylabel=labels.get(y, y))
             axis.grid(True, which="both", alpha=0.25)
     axes[0, 0].legend(fontsize=8)
     return _png(figure)
+
+
+def _logarithmic(axis, way):
+    """A logarithmic axis whose numbers are written out: 0.2, 0.5, 1, 2, 5 …"""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    getattr(axis, f"set_{way}scale")("log")
+    ticks = getattr(axis, f"{way}axis")
+    ticks.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ticks.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ticks.set_minor_formatter(NullFormatter())
 
 
 def _drawn(row, keys):

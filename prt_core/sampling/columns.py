@@ -3,19 +3,13 @@
 A direction tells the dense points around a sparse one apart where they disagree about it, and
 where it was a feature of many of them. Directions are ranked by the product of both: the variance
 of the neighbours' transport in it, and the number of neighbours it was a feature of. Those that
-vary without being anyone's feature come last, while there are rays left for them, and then the
-texels around those that vary.
+vary without being anyone's feature come last, while there are rays left for them.
 """
 
 import numpy as np
 
-from prt_core.sampling.dilate import dilate
-from prt_core.transport.visibility import unpack
-
 # Counts as a feature of so much of a neighbour.
 _NO_FEATURE = 1e-3
-# Far below the weight of any direction that varies.
-_BESIDE = np.float32(1e-30)
 
 
 def feature_weights(rows, features, neighbours):
@@ -43,27 +37,6 @@ def feature_weights(rows, features, neighbours):
     variance[variance < 1e-6 * mean * mean] = 0
     variance *= share @ features + np.float32(_NO_FEATURE)
     return variance
-
-
-def with_surroundings(weights, resolution):
-    """Weights of the two rings of texels around those that have one: less than any of these.
-
-    A blocker that no dense point has seen lies beside those that they have.
-
-    Parameters
-    ----------
-    weights : (n, n_directions) float32
-    resolution : int
-
-    Returns
-    -------
-    (n, n_directions) float32
-    """
-    own = np.packbits(weights > 0, axis=1, bitorder="little")
-    first = dilate(own, resolution)
-    n_directions = weights.shape[1]
-    rings = unpack(first, n_directions) + unpack(dilate(first, resolution), n_directions)
-    return np.where(weights > 0, weights, _BESIDE * rings)
 
 
 def membership(neighbours, n_rows):

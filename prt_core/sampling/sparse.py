@@ -14,12 +14,7 @@ from scipy.spatial import cKDTree
 from prt_core.machine import one_blas_thread
 from prt_core.progress import Progress, maybe_beside
 from prt_core.reconstruct import gram, l1_batched, least_squares
-from prt_core.sampling.columns import (
-    best_columns,
-    feature_weights,
-    membership,
-    with_surroundings,
-)
+from prt_core.sampling.columns import best_columns, feature_weights, membership
 from prt_core.sampling.rivals import COLUMN_CHOICES
 from prt_core.transport.visibility import horizon_bits, unpack
 
@@ -153,15 +148,12 @@ class SparsePoints:
         if settings.columns != "features":
             chosen = self._fixed_columns(group)
             return np.broadcast_to(chosen, (len(above), len(chosen))), above[:, chosen]
+        varying = group.varying
         features = unpack(self.dense.rows.features[group.used], n_directions, np.uint8)
-        weights = np.zeros(above.shape, np.float32)
-        weights[:, group.varying] = feature_weights(
-            self._transport(group, group.varying),
-            features[:, group.varying].astype(np.float32),
-            group.local,
-        )
-        weights = with_surroundings(weights, self.cube_map.resolution)
-        return best_columns(weights, above, settings.features)
+        features = features[:, varying].astype(np.float32)
+        weights = feature_weights(self._transport(group, varying), features, group.local)
+        places, valid = best_columns(weights, above[:, varying], settings.features)
+        return varying[places], valid
 
     def _fixed_columns(self, group):
         """The same columns for all points of an object, as the rivals choose them."""

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from prt_core.sampling.columns import best_columns, feature_weights, with_surroundings
+from prt_core.sampling.columns import best_columns, feature_weights
 from prt_core.sampling.rivals import COLUMN_CHOICES, hasan_columns, wang_columns
 
 
@@ -32,19 +32,6 @@ def test_only_allowed_directions_are_chosen_best_first():
     np.testing.assert_array_equal(columns[valid], [1, 2])
     columns, valid = best_columns(weights, allowed, 99)
     np.testing.assert_array_equal(np.sort(columns[valid]), [1, 2, 3, 5])
-
-
-def test_surroundings_come_after_everything_that_varies():
-    n = 8
-    weights = np.zeros((1, 6 * n * n), np.float32)
-    weights[0, 27] = 1e-12
-    found = with_surroundings(weights, n)[0]
-    assert found[27] == weights[0, 27]
-    around = [18, 19, 20, 26, 28, 34, 35, 36]
-    assert (found[around] > 0).all()
-    assert np.count_nonzero(found) == 25
-    assert found[around].min() > found[[9, 11, 43, 45]].max() > 0
-    assert found[around].max() < 1e-12
 
 
 @pytest.mark.parametrize("choice", COLUMN_CHOICES.values())

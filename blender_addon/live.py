@@ -10,7 +10,7 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from prt_core import PRTError, run
+from prt_core import run
 from prt_core.blender import casters
 
 from . import bakes, plan, preview, work
@@ -33,7 +33,7 @@ class _State:
         self.kind = None  # "draft", "full" or "plan"
         self.rendering = False
         self.writing = False
-        self.failed = None  # what failed last: it is said once, not at every tick
+        self.begun = False  # whether the timer has looked at the file
 
 
 _NOW = _State()
@@ -48,7 +48,6 @@ def touch(scene, show=False):
     _NOW.scene = scene.name
     _NOW.show |= show
     _NOW.touched = time.perf_counter()
-    _NOW.failed = None
 
 
 def geometry_changed(scene):
@@ -83,6 +82,10 @@ def _work():
     if work.status().running or _NOW.rendering:
         stop()
         return _IDLE
+    if not _NOW.begun:
+        # The add-on was enabled, or a file loaded: colours may be of an older light.
+        _NOW.begun = True
+        touch(bpy.context.scene, show=True)
     if _NOW.job is None or (_NOW.kind == "full" and _changed_lately()):
         stop()
         _begin()
@@ -95,7 +98,7 @@ def _work():
     except StopIteration:
         _NOW.job = _NOW.kind = None
         return _IDLE / 5
-    except PRTError as error:
+    except work.FAILURES as error:
         _NOW.job = _NOW.kind = None
         _NOW.scene = None
         work.say(str(error), True)
@@ -123,7 +126,7 @@ def _plan_steps(scene):
     bakes.refresh(scene)
     try:
         yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
-    except PRTError:
+    except work.FAILURES:
         pass  # the plan keeps what is wrong, and the panel draws it
     work.redraw()
 
@@ -208,7 +211,7 @@ def _frame_changed(scene, depsgraph=None):
         return
     try:
         run(_frame_steps(scene, depsgraph))
-    except PRTError as error:
+    except work.FAILURES as error:
         work.say(f"frame {scene.frame_current}: {error}", True)
         print(f"PRT: frame {scene.frame_current}: {error}")
 
@@ -250,16 +253,20 @@ def _before_file(*_):
 def _after_file(*_):
     _NOW.__init__()
     casters.remove_left_over()
-    scene = bpy.context.scene
-    if scene is not None and scene.prt.loaded:
-        touch(scene, show=True)
 
 
 @persistent
-def _before_data_is_kept(*_):
-    """Undo and files must not keep the casters' data-blocks."""
-    preview.release()
+def _before_undo(*_):
+    """Undo must not keep the casters' data-blocks; they make them again."""
     casters.release_all()
+
+
+@persistent
+def _before_save(path="", *_):
+    """Files must not keep the casters' data-blocks; bakes are found from a new folder as well."""
+    casters.release_all()
+    for scene in bpy.data.scenes if path else ():
+        preview.follow(scene, path)
 
 
 @persistent
@@ -281,9 +288,9 @@ _HANDLERS = (
     ("render_cancel", _render_ends),
     ("load_pre", _before_file),
     ("load_post", _after_file),
-    ("save_pre", _before_data_is_kept),
-    ("undo_pre", _before_data_is_kept),
-    ("redo_pre", _before_data_is_kept),
+    ("save_pre", _before_save),
+    ("undo_pre", _before_undo),
+    ("redo_pre", _before_undo),
     ("undo_post", _after_undo),
     ("redo_post", _after_undo),
 )

@@ -234,7 +234,7 @@ class PRT_OT_remove(_Common, bpy.types.Operator):
     def execute(self, context):
         try:
             bakes.remove(bpy.path.abspath(self.filepath))
-        except (PRTError, OSError) as error:
+        except work.FAILURES as error:
             return self.fail(error)
         bakes.refresh(context.scene)
         work.say(f"{Path(self.filepath).name} deleted")
@@ -255,7 +255,7 @@ class PRT_OT_refresh(_Common, bpy.types.Operator):
         rate = bakes.rate(plan.back_end(scene))
         try:
             made = run(plan.steps(scene, rays_per_second=rate))
-        except PRTError as error:
+        except work.FAILURES as error:
             return self.fail(error)
         cost = made.cost
         self.report(
@@ -431,7 +431,7 @@ class PRT_OT_subdivide(_Common, bpy.types.Operator):
         if made is None or made.cost is None:
             try:
                 made = run(plan.steps(scene))
-            except PRTError as error:
+            except work.FAILURES as error:
                 return self.fail(error)
         done = 0
         for name in [self.object_name] if self.object_name else list(made.cost.coarse):
@@ -441,7 +441,7 @@ class PRT_OT_subdivide(_Common, bpy.types.Operator):
                 continue
             try:
                 levels = _subdivide(context, item, min(found[1], _MOST_LEVELS), self.apply)
-            except PRTError as error:
+            except work.FAILURES as error:
                 return self.fail(error)
             done += 1
             work.say(f"{name}: every edge halved {levels} times")

@@ -42,6 +42,10 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             icon = "ERROR" if state.failed else "INFO"
             _lines(layout, state.message, icon, context)
         if scene.prt.loaded:
+            shown = [item for item in state.bakes if item.path == preview.path_of(scene)]
+            text, icon = bakes.state(scene, shown[0]) if shown else ("", "NONE")
+            if text.startswith("stale"):
+                _lines(layout, f"Bake again: {text.removeprefix('stale: ')}", icon, context)
             row = layout.row(align=True)
             row.operator("prt.relight", icon="LIGHT_SUN")
             row.operator("prt.clear", icon="LOOP_BACK")
@@ -119,9 +123,9 @@ class PRT_PT_bake(_Panel, bpy.types.Panel):
             row.label(text=text if holds else text + " (before the last change)")
             details = layout.column(align=True)
             details.scale_y = 0.8
+            details.label(text=f"about {_seconds(cost.seconds)} with {made.back_end}")
             details.label(
-                text=f"about {_seconds(cost.seconds)} with {made.back_end}, "
-                f"{cost.memory_bytes / 1e6:.0f} MB memory, {cost.disk_bytes / 1e6:.0f} MB disk"
+                text=f"{_megabytes(cost.memory_bytes)} memory, {_megabytes(cost.disk_bytes)} disk"
             )
         row.operator("prt.refresh", text="", icon="FILE_REFRESH")
         found = plan.warnings(scene)
@@ -221,6 +225,10 @@ class PRT_UL_bakes(bpy.types.UIList):
 
 def _seconds(value):
     return f"{value:.0f} s" if value < 120 else f"{value / 60:.0f} min"
+
+
+def _megabytes(value):
+    return f"{value / 1e6:.0f} MB" if value < 2e9 else f"{value / 1e9:.1f} GB"
 
 
 def _lines(layout, text, icon, context):

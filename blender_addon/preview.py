@@ -1,5 +1,6 @@
 """The bake in memory, and its colours on the meshes of the scene."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,10 +92,26 @@ def forget():
         _HELD.pop().relighter.close()
 
 
-def release():
-    """Let go of what lives in Blender's data; it is made again when needed."""
-    if _HELD:
-        _HELD[0].relighter.release()
+def follow(scene, path):
+    """Keep a scene's bake within reach of the file that is about to be saved as `path`.
+
+    A bake in the temporary folder moves beside the file; one beside a file of another folder is
+    named in full.
+    """
+    where, home = path_of(scene), Path(path).parent
+    if not where or not Path(where).is_dir():
+        return
+    if Path(bpy.app.tempdir) in Path(where).parents:
+        target = home / "prt" / Path(where).name
+        if target.exists():
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(where, target)
+        if _HELD and _HELD[0].path == where:
+            _HELD[0].path = str(target)
+        scene.prt.loaded = f"//prt/{target.name}"
+    elif home != Path(bpy.data.filepath).parent:
+        scene.prt.loaded = where
 
 
 def request(scene, samples=None, depsgraph=None):

@@ -11,6 +11,9 @@ from prt_core.progress import run
 _TIMER, _BUDGET, PACE, _REDRAW = 0.01, 0.05, 0.025, 0.2
 _RUNNING = []
 
+# What goes wrong outside of Blender, and is said in one line.
+FAILURES = (PRTError, OSError, MemoryError)
+
 # How long each turn of the main thread took, of the last work (for measuring).
 turns = []
 
@@ -61,7 +64,7 @@ class LongWork:
             return {"CANCELLED"}
         try:
             result = run(self.steps(context, None))
-        except PRTError as error:
+        except FAILURES as error:
             return self._fail(error)
         return self._finish(context, result)
 
@@ -104,7 +107,7 @@ class LongWork:
         except StopIteration as end:
             self.end()
             return self._finish(context, end.value)
-        except PRTError as error:
+        except FAILURES as error:
             self.end()
             return self._fail(error)
         except Exception:
@@ -131,13 +134,14 @@ class LongWork:
     def _finish(self, context, result):
         try:
             self.finish(context, result)
-        except PRTError as error:
+        except FAILURES as error:
             return self._fail(error)
         return {"FINISHED"}
 
     def _fail(self, error):
-        say(str(error), True)
-        self.report({"ERROR"}, str(error))
+        text = str(error) or type(error).__name__
+        say(text, True)
+        self.report({"ERROR"}, text)
         return {"CANCELLED"}
 
     def cancel(self, _context):

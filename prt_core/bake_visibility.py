@@ -26,6 +26,8 @@ BLOCK = 2048
 _STOP = 0.1
 # Below so many rays every entry is traced: it takes a second at most, and there is no error.
 _FEW_RAYS = 1 << 21
+# An object with fewer rays than this is traced whole.
+_SMALL = 1 << 15
 # What is asked again where the tolerance is not met; after the last all that is left is traced.
 _TURNS = (
     {"neighbours": 6, "candidates": 12, "checks": 32, "edge_halvings": 0},
@@ -130,6 +132,9 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     sampled = yield from sampler(scene, cube_map, caster, kind(seed=settings.seed), pace=rays)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
     lights = lights or probe_lights(cube_map)
+    small = _small_objects(scene, cube_map)
+    if small.any():
+        sampled = yield from trace_rest(scene, cube_map, caster, sampled, small, pace=rays)
     for turn in range(len(_TURNS) + 2):
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)
@@ -161,6 +166,13 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     for stage, value in spent.items():
         add_seconds(store, seconds, stage, value)
     return _facts(scene, cube_map, method, sampled, errors, turn, settings)
+
+
+def _small_objects(scene, cube_map):
+    """Points of objects that cost less to trace whole than to certify."""
+    index = scene.points.object_index
+    rays = np.bincount(index, minlength=len(scene.objects)) * (cube_map.n_directions // 2)
+    return (rays < _SMALL)[index]
 
 
 def _facts(scene, cube_map, method, sampled, errors, turns, settings):

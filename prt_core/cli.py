@@ -15,6 +15,7 @@ from prt_core.cli_bench import add_bench
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.light import EnvironmentMap, rotation_matrix
+from prt_core.report import report_lines
 
 _IN_BLENDER = "the scene that is open"
 
@@ -226,68 +227,13 @@ def _bake(options):
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:
-        _print_report(output, report)
+        _print_lines(output, report)
     return 0
 
 
-def _print_report(path, report):
-    seconds = report["seconds"]
-    stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
-    print(f"{path}: {report['points']:,} points, {report['directions']:,} directions")
-    print(
-        f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}, "
-        f"{report['rays_per_second'] / 1e6:.1f} M a second"
-    )
-    print(f"  time    {sum(seconds.values()):.1f} s ({stages})")
-    print(
-        f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
-    )
-    for line in _about_error(report):
-        print(f"  error   {line}")
-    for line in _about_skipped(report):
-        print(f"  spared  {line}")
-    for message in report["messages"]:
-        print(f"  note    {message}")
-
-
-def _about_error(report):
-    """Lines on how far the bake is from the truth; old bakes traced every entry."""
-    certificate = report.get("certificate")
-    if certificate:
-        print(
-            f"  traced  {report['entries_percent']:.2f} % of all entries, "
-            f"{report['hemisphere_percent']:.2f} % of those above the horizon "
-            f"({report['method']})"
-        )
-        met = "within" if report["tolerance_met"] else "NOT within"
-        yield f"{report['visibility_error']:.2%} of direct light, {met} the tolerance; at 95 %:"
-        for item in certificate:
-            parts = [("matrix", item["matrix"]), *item["relit"].items()]
-            yield f"  {item['name']}: " + ", ".join(
-                f"{name} {part['error']:.2%} ({part['low']:.2%} to {part['high']:.2%})"
-                for name, part in parts
-            )
-    else:
-        yield "none of direct light: every entry was traced"
-    if report["error"] is not None:
-        rays = report["rays_a_point"]
-        yield f"{report['error']:.2%} of the relit colours, from the bounces ({rays} rays a point)"
-
-
-def _about_skipped(report):
-    """Lines on what the scene did not need."""
-    skipped = report.get("skipped") or {}
-    if skipped.get("visibility_rays"):
-        yield f"{skipped['visibility_rays'] / 1e6:.1f} M shadow rays"
-    if skipped.get("gather_rays"):
-        yield (
-            f"{skipped['gather_rays'] / 1e6:.1f} M bounce rays of "
-            f"{skipped['gather_open_points']:,} points that see no surface"
-        )
-    if "bounces_below" in skipped:
-        yield f"all bounces: they add at most {skipped['bounces_below']:.2%}"
-    if skipped.get("grey"):
-        yield "two of three channels where the light is grey too: all materials are grey"
+def _print_lines(path, report):
+    for line in report_lines(path, report):
+        print(line)
 
 
 def _relight(options):
@@ -446,7 +392,7 @@ def _info(options):
     if not facts.get("complete"):
         print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
         return 0
-    _print_report(options.bake, report)
+    _print_lines(options.bake, report)
     settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
     print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
     for item in facts["objects"]:

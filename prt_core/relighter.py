@@ -165,15 +165,11 @@ class Relighter:
             total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.bounce(total, bounces)
 
-    def release(self):
-        """Let go of the ray caster; it is made again when needed."""
+    def close(self):
+        """Let go of everything."""
         if self._caster is not None:
             self._caster.close()
         self._caster = None
-
-    def close(self):
-        """Let go of everything."""
-        self.release()
         self._images, self._lamps, self._environment = {}, {}, (None, None)
 
 

@@ -5,6 +5,7 @@ Blender's own BVH is in `prt_core.blender.casters`, which alone may import bpy.
 
 from prt_core.rays import brute
 from prt_core.rays.caster import Hits, RayCaster, as_rays, make_caster, register_caster
+from prt_core.rays.shared import shared
 
 try:
     import embreex.rtcore_scene  # noqa: F401
@@ -18,4 +19,12 @@ else:
 
 BruteForceCaster = brute.BruteForceCaster
 
-__all__ = ["BruteForceCaster", "Hits", "RayCaster", "as_rays", "make_caster", "register_caster"]
+__all__ = [
+    "BruteForceCaster",
+    "Hits",
+    "RayCaster",
+    "as_rays",
+    "make_caster",
+    "register_caster",
+    "shared",
+]

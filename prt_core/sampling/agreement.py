@@ -18,7 +18,7 @@ import numpy as np
 
 from prt_core.errors import expect
 from prt_core.progress import Progress, maybe_beside
-from prt_core.sampling.dilate import dilate
+from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler
@@ -27,9 +27,10 @@ from prt_core.transport.gather import _frames
 from prt_core.transport.visibility import horizon_bits
 
 # Points worked on together: their random numbers are drawn together too. Rows a thread takes.
-_BLOCK, _ROWS = 8192, 256
-# Steps of following what the neighbours had missed; nearly all ends within six.
-_MOST_STEPS = 16
+_BLOCK, _ROWS = 16384, 256
+# Steps of following what the neighbours had missed: nearly all ends within the first, by one
+# texel each; the few large parts that are left are followed by more texels at once.
+_MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
 _SEED_STAGE, _REFINE = 4, 1000
 
 
@@ -55,7 +56,7 @@ class AgreementSettings:
     seed : int
     """
 
-    neighbours: int = 3
+    neighbours: int = 4
     candidates: int = 8
     checks: int = 4
     edge_halvings: int = 3
@@ -219,14 +220,27 @@ class _Work:
         above, traced = self.above[points], self.traced[points]
         agreed, said = yield from self._aside(_on_rows, _vote, len(points), self, points, around)
         bits = said & ~traced | self.bits[points] & traced
-        yield from self.trace("disagree", points, above & ~agreed & ~traced, bits, traced)
+        contested = above & ~agreed & ~traced
+        every_other = contested & chequer(self._cube_map.resolution)
+        yield from self.trace("disagree", points, every_other, bits, traced)
         checks = yield from self._aside(self._random_entries, points, n_checks, rng)
         yield from self.trace("check", points, checks & agreed & ~traced, bits, traced)
+        between, lit = yield from self._aside(
+            _on_rows, _between, len(points), contested & ~every_other, above, bits
+        )
+        agreed |= between
+        bits = bits & ~between | lit
+        said = said & ~between | lit
+        rest = contested & ~every_other & ~between
+        yield from self.trace("disagree", points, rest, bits, traced)
         surprise = agreed & traced & (bits ^ said)
         rows, coin, reason = np.arange(len(points)), _coin(rng, above.shape, halvings), "check"
-        for _ in range(_MOST_STEPS):
+        for step in range(_MOST_STEPS):
+            reach = 1 if step < _NEAR_STEPS else _FAR
             some = agreed[rows], traced[rows], bits[rows]
-            mask = yield from self._aside(_on_rows, _follow, len(rows), surprise, *some, coin)
+            mask = yield from self._aside(
+                _on_rows, _follow, len(rows), surprise, *some, coin, reach
+            )
             fresh = mask.any(axis=1)
             rows, mask = rows[fresh], mask[fresh]
             if not len(rows):
@@ -313,11 +327,22 @@ def _vote(part, work, points, around):
     return above & (lit ^ dark), said & above
 
 
-def _follow(part, surprise, agreed, traced, bits, coin):
+def _between(part, open_entries, above, bits):
+    """Contested entries whose known neighbours on the cube map all say the same; those lit."""
+    open_entries, bits = open_entries[part], bits[part]
+    known = above[part] & ~open_entries
+    resolution = round((bits.shape[1] * 8 / 6) ** 0.5)
+    lit = dilate(known & bits, resolution)
+    dark = dilate(known & ~bits, resolution)
+    between = open_entries & (lit ^ dark)
+    return between, between & lit
+
+
+def _follow(part, surprise, agreed, traced, bits, coin, reach):
     """Entries to trace next: around what contradicts the neighbours, and beside boundaries.
 
     `coin` picks the boundary texels that are checked in points without a contradiction; None
-    where all points have one.
+    where all points have one. `reach` is how many texels around are traced.
     """
     surprise, traced, bits = surprise[part], traced[part], bits[part]
     resolution = round((traced.shape[1] * 8 / 6) ** 0.5)
@@ -326,7 +351,10 @@ def _follow(part, surprise, agreed, traced, bits, coin):
     follow = np.zeros_like(edges)
     contradicted = surprise.any(axis=1)
     if contradicted.any():
-        follow[contradicted] = dilate(surprise[contradicted], resolution) | edges[contradicted]
+        around = surprise[contradicted]
+        for _ in range(reach):
+            around = dilate(around, resolution)
+        follow[contradicted] = around | edges[contradicted]
     if coin is not None:
         follow |= edges & coin[part]
     return follow & agreed[part] & ~traced

@@ -3,20 +3,17 @@
 Two questions, two designs, each for every object apart.
 
 *The matrix.* Entries (point, direction) are drawn independently, each with a probability in
-proportion to what it is worth, the square of its cosine integral; entries that were traced, or lie
-below the horizon, are known to be right and cost no ray. Of the draws, those that are really lit
-and those that are wrong estimate the squared norm of the matrix and of the error by their mere
-counts, so `error^2 = wrong / lit`. The draws are independent, so the count of wrong ones is
-binomial however the errors cluster in points, and its interval is that of Clopper and Pearson in
-Lancaster's mid-P form (1961), which covers close to 95 % even for a handful.
+proportion to what it is worth, the square of its cosine integral; entries that were traced, lie
+below the horizon or see no surface (`open_points`) are known to be right and cost no ray. Of the
+draws, those that are really lit and those that are wrong estimate the squared norm of the matrix
+and of the error by their mere counts, so `error^2 = wrong / lit`. The draws are independent, so
+the count of wrong ones is binomial however the errors cluster in points (see `binomial_interval`).
 
 *Relit colours.* A point's error under a light is a sum over all its wrong entries. So the rows in
 which a draw was wrong are traced whole. How often a row was likely to be found so is then known,
 and its squared error divided by that is an unbiased estimate of the sum over all rows (Hansen and
 Hurwitz 1943): rows that are far off are found almost surely, so no single one decides. As many
-draws again are weighted by the lights, which may be small and bright. The interval of such a
-weighted sum of rare events is the mid-P form of the gamma interval (Fay and Feuer 1997; Fay and
-Kim 2017).
+draws again are weighted by the lights, which may be small and bright (see `weighted_interval`).
 """
 
 from dataclasses import asdict, dataclass, field
@@ -24,12 +21,15 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
+from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.tracer import Tracer
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 
 _SEED_STAGE = 5
 # Proposals made at once; rows whose light is summed, to know how much there is.
 _BATCH, _SIZE_ROWS = 1 << 18, 2048
+# Draws of an object at least: fewer would often find nothing wrong where something is.
+_FEWEST = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,14 @@ class CertificateSettings:
     Parameters
     ----------
     entries : int
-        Independent entries, for the matrix and again for the relit error.
+        Independent entries, for the matrix and again for the relit error; not more than about an
+        eighth of an object's, each time.
     rows : int
         Rows traced whole for the relit error, at most.
     seed : int
     """
 
-    entries: int = 1 << 17
+    entries: int = 1 << 18
     rows: int = 512
     seed: int = 0
 
@@ -120,14 +121,20 @@ def certificate_steps(
     tracer = Tracer(scene, cube_map, caster, tally, pace)
     index = scene.points.object_index
     present = np.unique(index)
+    # What is proven needs no ray.
+    open_sky = open_points(scene)
     certified = []
     for number in present:
         rng = np.random.default_rng([settings.seed, _SEED_STAGE, turn, int(number)])
-        draws = _Draws(scene, cube_map, tracer, sampled, np.flatnonzero(index == number), rng)
-        n_entries = max(1024, settings.entries // len(present))
+        points = np.flatnonzero(index == number)
+        draws = _Draws(scene, cube_map, tracer, sampled, points, open_sky, rng)
+        size = len(points) * cube_map.n_directions
+        n_entries = max(_FEWEST, min(settings.entries // len(present), size // 16))
         worth = (cube_map.vectors**2).sum(axis=1)
         counts = yield from draws.draw(worth, n_entries)
         matrix = matrix_estimate(**counts)
+        if not draws.rays and draws.all_traced():
+            matrix = Estimate(0.0, 0.0, 0.0)
         relit, n_rows = {}, 0
         if lights:
             yield from draws.draw(worth * _brightness(worth, lights), n_entries)
@@ -140,7 +147,7 @@ def certificate_steps(
 
 
 def matrix_estimate(entries, wrong, lit):
-    """Relative L2 error of the matrix from independent draws, with its mid-P interval.
+    """Relative L2 error of the matrix from independent draws, with its interval.
 
     Parameters
     ----------
@@ -168,17 +175,28 @@ def _brightness(worth, lights):
 class _Draws:
     """Independent draws of entries of one object, and what they found."""
 
-    def __init__(self, scene, cube_map, tracer, sampled, points, rng):
+    def __init__(self, scene, cube_map, tracer, sampled, points, open_sky, rng):
         self._scene, self._cube_map, self._tracer = scene, cube_map, tracer
         self._sampled, self._points, self._rng = sampled, points, rng
         # How often each direction was proposed, in all points together, if all cosines were 1.
         self._rate = np.zeros(cube_map.n_directions)
         self._wrong = []
+        self._open = open_sky
+        self.rays = 0
+
+    def all_traced(self):
+        """Whether no entry of the object is left to be wrong."""
+        for first in range(0, len(self._points), _SIZE_ROWS):
+            some = self._points[first : first + _SIZE_ROWS]
+            above = horizon_bits(self._scene, self._cube_map, some)
+            if (above & ~self._sampled.traced[some])[~self._open[some]].any():
+                return False
+        return True
 
     def draw(self, worth, n_entries):
         """Draw about `n_entries` entries by their worth; counts of all, wrong and lit ones."""
         vectors, rng = self._cube_map.vectors, self._rng
-        cumulative = np.cumsum(worth)
+        share = worth / worth.sum()
         ways = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
         samples = self._cube_map.samples.astype(np.float32)
         bits, traced = self._sampled.bits, self._sampled.traced
@@ -186,11 +204,10 @@ class _Draws:
         # A direction by its whole worth, a point evenly, kept by the square of their cosine: one
         # in six is. So the draws are independent, and no sum over the matrix is needed.
         proposals = 6 * n_entries
-        self._rate += proposals * worth / cumulative[-1]
+        self._rate += proposals * share
         for first in range(0, proposals, _BATCH):
             count = min(_BATCH, proposals - first)
-            direction = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], "right")
-            direction = np.minimum(direction, len(worth) - 1)
+            direction = np.repeat(np.arange(len(worth)), rng.multinomial(count, share))
             point = self._points[rng.integers(0, len(self._points), count)]
             cosine = np.einsum("ij,ij->i", self._scene.points.normals[point], ways[direction])
             kept = (cosine > 0) & (rng.random(count) < cosine * cosine)
@@ -199,7 +216,9 @@ class _Draws:
             above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
             byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
             said = (bits[point, byte] >> bit) & 1 > 0
-            asked = np.flatnonzero(above & ((traced[point, byte] >> bit) & 1 == 0))
+            asked = above & ((traced[point, byte] >> bit) & 1 == 0) & ~self._open[point]
+            asked = np.flatnonzero(asked)
+            self.rays += len(asked)
             lit = said.copy()
             lit[asked] = yield from self._tracer.trace_pairs(point[asked], direction[asked])
             self._wrong.append(point[lit != said])

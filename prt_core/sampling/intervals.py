@@ -6,26 +6,32 @@ _TAIL = 0.025
 
 
 def binomial_interval(count, n):
-    """The 95 % mid-P interval (Lancaster 1961) of a binomial share.
+    """95 % interval of a binomial share.
 
-    The two bounds solve P(X > count) + P(X = count) / 2 = 2.5 % and its mirror image; they lie
-    between those of Clopper and Pearson for `count` and for its neighbour.
+    The lower bound is the mid-P one (Lancaster 1961), the upper that of Clopper and Pearson:
+    rare events are found too seldom more often than too often, and what is wrong with a bake had
+    better not be understated.
     """
 
-    def above(p):
+    def low(p):
         """P(X > count) + P(X = count) / 2 for a share p: rises with p."""
         more = betainc(count + 1, n - count, p) if count < n else 0.0
-        same_or_more = betainc(count, n - count + 1, p) if count else 1.0
-        return (more + same_or_more) / 2
+        return (more + betainc(count, n - count + 1, p)) / 2
+
+    def high(p):
+        """P(X > count)."""
+        return betainc(count + 1, n - count, p)
 
     return (
-        _solve(above, _TAIL, 1.0) if count else 0.0,
-        _solve(above, 1 - _TAIL, 1.0) if count < n else 1.0,
+        _solve(low, _TAIL, 1.0) if count else 0.0,
+        _solve(high, 1 - _TAIL, 1.0) if count < n else 1.0,
     )
 
 
 def weighted_interval(weights):
     """95 % interval of a sum of Poisson counts times weights, from one weight an event.
+
+    The gamma interval (Fay and Feuer 1997), its lower bound in mid-P form (Fay and Kim 2017).
 
     Parameters
     ----------
@@ -41,8 +47,9 @@ def weighted_interval(weights):
     def share(value):
         return sum(gammainc(shape, value / scale) for shape, scale in laws) / 2
 
-    most = float(max(gammaincinv(shape, 0.9999) * scale for shape, scale in laws))
-    return _solve(share, _TAIL, most), _solve(share, 1 - _TAIL, most)
+    shape, scale = laws[1]
+    high = float(gammaincinv(shape, 1 - _TAIL) * scale)
+    return _solve(share, _TAIL, high), high
 
 
 def _solve(rising, wanted, most):

@@ -81,6 +81,8 @@ class Neighbours:
         (n, n_neighbours) int64
             -1 where there are not so many in the same object.
         """
+        if not len(wanted) or not len(known):
+            return np.full((len(wanted), n_neighbours), -1, np.int64)
         n_asked = min(n_candidates + itself, len(known))
         tree = cKDTree(self._features[known])
         here = self._features[wanted]

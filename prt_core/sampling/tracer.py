@@ -3,6 +3,7 @@
 import numpy as np
 
 from prt_core.progress import Pace, Progress
+from prt_core.rays import shared
 
 # Rays prepared at once, at most (but for one point's).
 _RAYS = 1 << 21
@@ -30,7 +31,7 @@ class Tracer:
     def __init__(self, scene, cube_map, caster, tally=None, pace=None):
         self._origins = scene.ray_origins
         self._directions = cube_map.samples.astype(np.float32)
-        self._caster, self._tally = caster, tally
+        self._caster, self._tally = shared(caster), tally
         self._pace = pace or Pace()
         self.n_points = len(self._origins)
         self.rays = 0
@@ -81,8 +82,8 @@ class Tracer:
         """
         origins, directions = self._origins, self._directions
         free = np.empty(len(point), bool)
-        for start in range(0, len(point), self._caster.batch * self._caster.threads):
-            stop = min(start + self._caster.batch * self._caster.threads, len(point))
+        for start in range(0, len(point), self._caster.batch):
+            stop = min(start + self._caster.batch, len(point))
             for part in self._pace.parts(start, stop):
                 hit = self._caster.occluded(
                     origins.take(point[part], axis=0), directions.take(direction[part], axis=0)

@@ -7,6 +7,8 @@ of its arithmetic alone. So any sampler can be resumed, and none has to store wh
 
 import numpy as np
 
+from prt_core.rays import shared
+
 # Rays of a chunk: what a kill loses at most, with what was not yet answered.
 CHUNK = 1 << 19
 _HEAD = 9
@@ -31,10 +33,8 @@ class RayJournal:
     threads = 1
 
     def __init__(self, caster, store, name="ray_journal"):
-        self._caster, self._store, self._array_name = caster, store, name
-        self.name = caster.name
-        # Larger batches, for the threads that the caster has of its own.
-        self.batch = caster.batch if caster.threads == 1 else 1 << 20
+        self._caster, self._store, self._array_name = shared(caster), store, name
+        self.name, self.batch = caster.name, self._caster.batch
         self._open()
 
     def _open(self):

@@ -137,11 +137,19 @@ def received_light(bits, normals, cube_map, light):
     # Three vectors for each channel: the cosine is taken after the sum over directions.
     factors = cube_map.vectors[:, :, None] * light[:, None] / np.pi
     factors = factors.reshape(len(light), -1).astype(np.float32)
+    # By byte: directions that no point of a part sees, as those below a floor, are left out.
+    n_bytes = bits.shape[1]
+    by_byte = np.zeros((n_bytes * 8, 3 * n_channels), np.float32)
+    by_byte[: len(light)] = factors
+    by_byte = by_byte.reshape(n_bytes, 8, -1)
     result = np.empty((len(bits), n_channels), np.float32)
 
     def one(first):
         part = slice(first, first + _UNPACK)
-        vectors = unpack(bits[part], cube_map.n_directions) @ factors
+        seen = np.flatnonzero(bits[part].any(axis=0))
+        vectors = unpack(bits[part].take(seen, axis=1), 8 * len(seen)) @ by_byte[seen].reshape(
+            8 * len(seen), -1
+        )
         vectors = vectors.reshape(-1, 3, n_channels)
         result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
 

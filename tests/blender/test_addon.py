@@ -454,3 +454,119 @@ def test_a_stopped_bake_goes_on_to_the_same_bytes(scene, tmp_path):
     one, two = BakeStore(path), BakeStore(tmp_path / "api.prt")
     for name in ("visibility", "gather"):
         np.testing.assert_array_equal(one.read(name), two.read(name))
+
+
+def test_a_folder_that_cannot_be_written_is_said(scene, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    scene.prt.folder = str(tmp_path / "file" / "prt")
+    assert "file" in why_not("bake") and not work.status().running
+    assert work.status().failed
+
+
+def test_saving_elsewhere_keeps_the_bake(baked, tmp_path):
+    wanted = colours_on("ball").copy()
+    (tmp_path / "deeper").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "deeper" / "x.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "deeper" / "x.blend"))
+    assert Path(preview.path_of(bpy.context.scene)).is_dir()
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+    np.testing.assert_array_equal(colours_on("ball"), wanted)
+
+
+def test_a_bake_of_an_unsaved_file_moves_beside_it(tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    chosen = bpy.context.scene.prt
+    chosen.resolution, chosen.caster, chosen.tolerance = "8", "blender", 0.05
+    bpy.ops.prt.bake()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "new.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "new.blend"))
+    assert preview.path_of(bpy.context.scene) == str(tmp_path / "prt" / "Scene.prt")
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+
+
+def test_scenes_are_apart(baked):
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    assert "Bake the scene" in why_not("relight")
+    assert plan.output_path(other).name == "Other.prt"
+    bpy.ops.mesh.primitive_cube_add()
+    other.prt.resolution, other.prt.caster, other.prt.tolerance = "8", "blender", 0.05
+    bpy.ops.prt.bake()
+    assert len(colours_on("Cube")) == 24
+    bpy.context.window.scene = baked
+    wanted = colours_on("ball").copy()
+    bpy.ops.prt.relight()
+    np.testing.assert_array_equal(colours_on("ball"), wanted)
+    bpy.data.scenes.remove(other)
+
+
+def test_instances_linked_and_shared_meshes_get_copies(scene, tmp_path):
+    """Copies in a collection; the originals hide behind them and come back."""
+    floor = scene.objects["floor"]
+    twin = bpy.data.objects.new("twin", scene.objects["ball"].data)
+    twin.location = -0.5, 0.3, 0.5
+    scene.collection.objects.link(twin)
+    library = tmp_path / "library.blend"
+    cube = bpy.data.meshes.new("linked")
+    cube.from_pydata([(0, 0, 1), (0.2, 0, 1), (0, 0.2, 1)], [], [(0, 1, 2)])
+    item = bpy.data.objects.new("linked", cube)
+    bpy.data.libraries.write(str(library), {item}, fake_user=True)
+    bpy.data.objects.remove(item)
+    bpy.data.meshes.remove(cube)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["linked"]
+    scene.collection.objects.link(wanted.objects[0])
+    bpy.ops.prt.bake()
+    copies = {o.name for o in bpy.data.collections["PRT"].objects}
+    assert len(copies) == 3 and "PRT" in floor.data.color_attributes
+    assert twin.hide_render and scene.objects["ball"].hide_render
+    bake = prt_core.load(preview.path_of(scene))
+    bpy.ops.prt.refresh()
+    assert blender_addon.bakes.state(scene, work.status().bakes[0])[0] == "fresh"
+    twin.data = twin.data.copy()  # made single-user: the copies stay right
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+    assert {o.name for o in bake.scene.objects} == {"floor", "ball", "twin", "linked"}
+    bpy.ops.prt.clear()
+    assert not twin.hide_render and "PRT" not in bpy.data.collections
+
+
+@pytest.mark.parametrize("how", ["join", "remesh"])
+def test_joined_or_remeshed_after_the_bake(baked, how):
+    ball, floor = baked.objects["ball"], baked.objects["floor"]
+    bpy.context.view_layer.objects.active = ball
+    if how == "join":
+        with bpy.context.temp_override(
+            object=ball, active_object=ball, selected_editable_objects=[ball, floor]
+        ):
+            bpy.ops.object.join()
+        assert "no such mesh object" in why_not("relight")
+    else:
+        modifier = ball.modifiers.new("Remesh", "REMESH")
+        ball.modifiers.move(1, 0)
+        with bpy.context.temp_override(object=ball, active_object=ball):
+            bpy.ops.object.modifier_apply(modifier=modifier.name)
+        assert "the mesh was changed after the bake" in why_not("relight")
+    bpy.ops.prt.bake()
+    assert bpy.ops.prt.relight() == {"FINISHED"} and not work.status().failed
+
+
+def test_an_appended_object_is_not_broken(baked, tmp_path):
+    path = str(tmp_path / "lit.blend")
+    wanted = colours_on("ball").copy()
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(path) as (_, taken):
+        taken.objects = ["ball"]
+    bpy.context.scene.collection.objects.link(taken.objects[0])
+    bpy.context.view_layer.update()
+    np.testing.assert_array_equal(colours_on("ball"), wanted)
+    bpy.ops.prt.clear()
+    assert "PRT preview" not in bpy.data.objects["ball"].modifiers
+
+
+def test_the_addon_can_be_taken_off_and_put_back(baked):
+    blender_addon.unregister()
+    blender_addon.register()
+    scene = bpy.context.scene
+    assert scene.prt.loaded and scene.prt.resolution == "8"
+    assert bpy.ops.prt.relight() == {"FINISHED"}

@@ -104,6 +104,17 @@ class SparsePoints:
         -------
         bits, traced : (n, n_bytes) uint8
         """
+        combined, seen, wanted = yield from self.sample(points, neighbours)
+        return (combined & ~wanted) | seen, wanted
+
+    def sample(self, points, neighbours):
+        """As `fill`, but what the combinations say of every direction is kept apart.
+
+        Returns
+        -------
+        combined, seen, wanted : (n, n_bytes) uint8
+            Combined rows; of the traced directions those that are seen; the traced directions.
+        """
         above = horizon_bits(self.scene, self.cube_map, points)
         groups = [
             _Group(slice(first, first + _GROUP), points, neighbours, above, self.dense)
@@ -124,7 +135,7 @@ class SparsePoints:
         )
         jobs = [(group, weights[group.part]) for group in groups]
         rows = yield from self.clock("reconstruction", self._each(jobs, self._combine))
-        return (np.concatenate(rows) & ~wanted) | seen, wanted
+        return np.concatenate(rows), seen, wanted
 
     def _each(self, jobs, work):
         """The results of `work` for all jobs, in their order, on all cores."""

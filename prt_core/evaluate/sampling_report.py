@@ -31,7 +31,7 @@ _LABELS = {
     "seconds": "seconds",
     "matrix_l2": "relative L2 error of the matrix",
 }
-_WIDTH, _HEIGHT = 400, 300
+_WIDTH, _HEIGHT, _TANGENT = 400, 300, 0.26
 # Differences are shown so many times brighter.
 _FACTOR = 10
 
@@ -59,7 +59,9 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
     plot = curve_plot(
         flat, ["entries_percent", "seconds"], "matrix_l2", "object", "method", _LABELS
     )
-    rays = CameraRays(scene, caster, auto_camera(scene, _WIDTH, _HEIGHT), _WIDTH, _HEIGHT)
+    # What is worth a look stands in the middle.
+    camera = {**auto_camera(scene, _WIDTH, _HEIGHT), "tangent": _TANGENT}
+    rays = CameraRays(scene, caster, camera, _WIDTH, _HEIGHT)
     pictures = []
     if lights:
         pictures += _relit(scene, cube_map, rays, results, *next(iter(lights.items())))
@@ -120,7 +122,8 @@ def _where(cube_map, rays, results):
 
 def _exploration(rays, label, dense):
     """Local ranks, and the dense points: white the first iteration, then green to red."""
-    rank = heat_colours(dense.rank, logarithmic=True)
+    # Points that see nothing have rank 0.
+    rank = heat_colours(np.maximum(dense.rank, 1), 1, logarithmic=True)
     last = max(int(dense.iteration.max(initial=0)), 1)
     share = (dense.iteration / last)[:, None]
     chosen = rank * np.float32(0.25)

@@ -32,6 +32,8 @@ _LABELS = {
     "matrix_l2": "relative L2 error of the matrix",
 }
 _WIDTH, _HEIGHT, _TANGENT = 400, 300, 0.26
+# Objects that get a panel in the plot: the largest.
+_PANELS = 6
 # Differences are shown so many times brighter.
 _FACTOR = 10
 
@@ -55,6 +57,9 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
     Report
     """
     flat = [{**flattened(row), "object": _panel(row)} for row in rows]
+    largest = sorted({(row["points"], row["object"]) for row in rows}, reverse=True)[:_PANELS]
+    largest = {name for _, name in largest}
+    flat = [row for row, whole in zip(flat, rows, strict=True) if whole["object"] in largest]
     # Settings of one sampler make one curve.
     plot = curve_plot(
         flat, ["entries_percent", "seconds"], "matrix_l2", "object", "method", _LABELS

@@ -58,7 +58,8 @@ def sparse_blocks(scene, dense, settings):
             some = sparse[first : first + _BLOCK]
             distance, near = tree.query(places_of[some], k=range(1, k + 1))
             taken = (distance <= settings.radius) | (np.arange(k) < settings.fewest)
-            yield some, np.where(taken, places[near], -1)
+            # Nearest first: what no point of the block takes is cut off.
+            yield some, np.where(taken, places[near], -1)[:, taken.any(axis=0)]
 
 
 class SparsePoints:

@@ -90,7 +90,7 @@ class Sparse:
         tracer = Tracer(self.scene, CUBE, self.caster)
         self.dense = run(dense_steps(self.scene, tracer, AngularGrid(CUBE), settings))
 
-    def measure(self, settings, index):
+    def measure(self, settings, index, some=SOME):
         """Of some sparse points of an object.
 
         Returns
@@ -108,9 +108,16 @@ class Sparse:
             for block in sparse_blocks(self.scene, self.dense, settings)
             if self.scene.points.object_index[block[0][0]] == index
         ]
-        points, neighbours = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        points = np.concatenate([points for points, _ in blocks])
+        most = max(neighbours.shape[1] for _, neighbours in blocks)
+        neighbours = np.concatenate(
+            [
+                np.pad(near, ((0, 0), (0, most - near.shape[1])), constant_values=-1)
+                for _, near in blocks
+            ]
+        )
         # Whole groups of points side by side, spread over the object.
-        groups = np.random.default_rng(0).permutation(len(points) // 64)[: SOME // 64]
+        groups = np.random.default_rng(0).permutation(len(points) // 64)[: some // 64]
         rows = (groups[:, None] * 64 + np.arange(64)).ravel()
         points, neighbours = points[rows], neighbours[rows]
         combined, seen, wanted = run(work.sample(points, neighbours))
@@ -136,17 +143,17 @@ class _Only:
 def radius(names):
     """Figure 6: least squares, L1 and all directions against the radius, position alone."""
     name = names[0] if names else "dancer"
-    base = HuangSettings(normal_weight=0.0, neighbours=400)
+    base = HuangSettings(normal_weight=0.0, neighbours=160)
     sparse = Sparse(name, base)
     print(f"{name}: matrix L2 % of the combinations (with traced entries put in)")
     print("object  radius  neighbours  least squares          L1 (used)                 full")
     for index, item in enumerate(sparse.scene.objects):
-        for radius in (0.025, 0.05, 0.1, 0.2, 0.4):
+        for radius in (0.03, 0.06, 0.1, 0.15, 0.2, 0.3):
             cells = []
             for kind in ("least_squares", "l1", "full"):
                 # The paper's radius is in units of a ground of 4, ours in the scene's size.
                 settings = replace(base, radius=radius / 4, reconstruction=kind)
-                cells.append(sparse.measure(settings, index))
+                cells.append(sparse.measure(settings, index, SOME // 4))
             least, sparse_, full = cells
             print(
                 f"{item.name:7} {radius:6.3f} {least['neighbours']:11.1f}  "

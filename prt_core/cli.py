@@ -6,10 +6,12 @@ import os
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 import prt_core
+from prt_core.cli_bench import add_bench
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.light import EnvironmentMap, rotation_matrix
@@ -104,14 +106,8 @@ def _parser(in_blender):
     info.add_argument("--json", action="store_true")
     info.set_defaults(run=_info)
 
-    bench = commands.add_parser("bench", help="measure on this machine")
-    kinds = bench.add_subparsers(required=True, metavar="WHAT")
-    rays = kinds.add_parser("rays", help="rays a second of every back-end on a scene")
-    _scene_argument(rays, in_blender)
-    rays.add_argument("--resolution", type=int, default=32)
-    rays.add_argument("--points", type=int, default=2048, help="points traced (2048)")
-    _quiet_arguments(rays)
-    rays.set_defaults(run=_bench_rays, in_blender=in_blender)
+    show = SimpleNamespace(Bar=_Bar, Hushed=_Hushed)
+    add_bench(commands, _scene_argument, _quiet_arguments, show, in_blender)
     return parser
 
 
@@ -404,32 +400,6 @@ def _info(options):
         print(f"  object  {item['name']}: {item['n_corners']:,} corners, {role}")
     for lamp in facts["lamps"]:
         print(f"  lamp    {lamp['name']}: {lamp['kind']}")
-    return 0
-
-
-def _bench_rays(options):
-    from prt_core.api import open_blend
-    from prt_core.evaluate.bench_rays import bench_rays
-
-    with _Hushed():
-        if options.scene:
-            open_blend(options.scene)
-        else:
-            _load_bpy()
-        from prt_core.blender.depsgraph import read_scene
-
-        rows = bench_rays(read_scene(), options.resolution, options.points)
-    if options.json:
-        print(json.dumps(rows))
-        return 0
-    print(f"{rows['points']:,} points, {rows['directions']:,} directions, {rows['rays']:,} rays")
-    print("back-end   stage M/s   bare M/s   stage/bare   incoherent M/s   disagree")
-    for row in rows["back_ends"]:
-        print(
-            f"{row['back_end']:9}  {row['stage_rays_per_second'] / 1e6:9.2f}  "
-            f"{row['bare_rays_per_second'] / 1e6:9.2f}  {row['overhead']:11.2f}  "
-            f"{row['incoherent_rays_per_second'] / 1e6:15.2f}  {row['disagree']:9d}"
-        )
     return 0
 
 

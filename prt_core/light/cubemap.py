@@ -48,6 +48,9 @@ class CubeMap:
         cosine-weighted solid angle of a texel above the horizon.
     """
 
+    # (6, 3, 3): see `_FACES`; a point (1, u, v) of a face is `point @ face_axes[face]`.
+    face_axes = _FACES
+
     def __init__(self, resolution):
         expect(
             int(resolution) == resolution and 1 <= resolution <= 1024,

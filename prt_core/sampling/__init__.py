@@ -13,6 +13,7 @@ from prt_core.sampling.certificate import (
     certificate_steps,
     probe_lights,
 )
+from prt_core.sampling.huang import HuangSettings, sample_huang
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler, sampler_named, sampler_names
 
@@ -20,6 +21,7 @@ __all__ = [
     "AgreementSettings",
     "CertificateSettings",
     "Estimate",
+    "HuangSettings",
     "ObjectError",
     "Sampled",
     "certificate_steps",
@@ -28,6 +30,7 @@ __all__ = [
     "refine_agreement",
     "register_sampler",
     "sample_agreement",
+    "sample_huang",
     "sampler_named",
     "sampler_names",
     "trace_rest",

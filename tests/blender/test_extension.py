@@ -21,7 +21,8 @@ PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 # What a Blender has of its own.
 BLENDERS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi", "charset_normalizer",
             "idna", "zstandard", "attr", "attrs", "cattr", "cattrs")  # fmt: skip
-BRINGS = {"prt_core", "scipy", "zarr", "numcodecs", "OpenEXR", "embreex", "yaml", "donfig"}
+BRINGS = {"prt_core", "scipy", "zarr", "numcodecs", "OpenEXR", "embreex", "yaml", "donfig",
+          "threadpoolctl"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,9 @@ def test_numpy_is_blenders_own_and_wheels_are_for_this_platform_only(zip_path):
         names = archive.namelist()
     wheels = [name.removeprefix("wheels/") for name in names if name.endswith(".whl")]
     assert not [name for name in wheels if name.startswith("numpy")]
-    assert len({name.split("-")[0] for name in wheels}) == len(wheels) == 12
+    assert len({name.split("-")[0] for name in wheels}) == len(wheels)
+    pins = ROOT / "scripts" / "extension_wheels" / f"{PYTHON}.txt"
+    assert len(wheels) == 1 + pins.read_text().count("=="), "prt_core and every pinned wheel"
     assert "blender_manifest.toml" in names and "LICENSE" in names
     assert not [name for name in names if "__pycache__" in name]
 

@@ -21,7 +21,10 @@ def report(blender):
 def test_the_zip_is_installed_and_nothing_is_held_against_it(report, blender):
     assert report["enabled"] and report["warnings"] == "{}"
     assert report["core"].startswith(f"{blender.inside}/user/")
-    assert "Traceback" not in report["said_all"], report["said_all"]
+    # A distribution's Blender may have troubles of its own; none may come from here.
+    lines = report["said_all"].splitlines()
+    ours = [line for line in lines if 'File "' in line and ("prt_" in line or "/play.py" in line)]
+    assert not ours, report["said_all"]
 
 
 def test_the_bake_shows_its_progress_and_ends_in_colours(report):

@@ -100,9 +100,9 @@ def bake_blend_steps(
     source = yield from beside("scene", mesh_digests, meshes)
     cube_map, probes = CubeMap(settings.resolution), None
     if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
-        from prt_core.blender.studio import studio_lights, studio_paths
+        from prt_core.blender.studio import studio_light_steps
 
-        probes = yield from beside("scene", studio_lights, studio_paths(), cube_map)
+        probes = yield from studio_light_steps(cube_map)
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, probes
     )

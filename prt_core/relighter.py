@@ -7,7 +7,8 @@ import numpy as np
 
 from prt_core.errors import expect, expect_array
 from prt_core.light import EnvironmentMap, rotation_matrix, split_sun
-from prt_core.progress import Pace, beside, run
+from prt_core.light.images import reads_in_threads
+from prt_core.progress import Pace, beside, maybe_beside, run
 from prt_core.transport import lamp_steps
 
 # Images that stay in memory at once.
@@ -77,12 +78,8 @@ class Relighter:
                 f"strength: expected a finite number >= 0, got {factor}",
             )
         chosen = self._chosen_lamps(light, lamps)
-        is_file = isinstance(light, str | Path)
-        if pace and is_file and Path(light).suffix.lower() == ".exr":
-            light = yield from beside("image", self._read, light)
-        else:
-            # Other formats are read by Blender, which wants its own thread.
-            light = self._read(light)
+        apart = pace and isinstance(light, str | Path) and reads_in_threads(light)
+        light = yield from maybe_beside(apart, "image", self._read, light)
         if sharp_sun:
             expect(
                 isinstance(light, EnvironmentMap),

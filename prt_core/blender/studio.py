@@ -6,6 +6,8 @@ import bpy
 
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
+from prt_core.light.images import reads_in_threads
+from prt_core.progress import beside, maybe_beside
 
 # A hard sun over a street, an even sky between walls, and the small windows of a room.
 NAMES = ("city", "courtyard", "interior")
@@ -20,6 +22,10 @@ def studio_paths(names=NAMES):
     return paths
 
 
-def studio_lights(paths, cube_map):
-    """{name: (n_directions, 3) float32} of environment files; any thread."""
-    return {name: EnvironmentMap.read(path).to_cube_map(cube_map) for name, path in paths.items()}
+def studio_light_steps(cube_map, names=NAMES):
+    """{name: (n_directions, 3) float32} of environments; a generator of `Progress`."""
+    lights = {}
+    for name, path in studio_paths(names).items():
+        image = yield from maybe_beside(reads_in_threads(path), "scene", EnvironmentMap.read, path)
+        lights[name] = yield from beside("scene", image.to_cube_map, cube_map)
+    return lights

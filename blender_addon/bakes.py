@@ -29,6 +29,10 @@ def refresh(scene):
         item.seconds = sum((facts.get("seconds") or {}).values())
         item.error = -1.0 if report.get("error") is None else report["error"]
         item.points = report.get("points", 0)
+        item.method = report.get("method") or "exhaustive"
+        item.entries = report.get("entries_percent") or 0.0
+        found = report.get("visibility_error")
+        item.visibility_error = -1.0 if found is None else found
         item.back_end = report.get("back_end", "")
         item.rate = report.get("rays_per_second", 0.0)
         for name, digest in (facts.get("source") or {}).items():

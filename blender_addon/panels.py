@@ -104,6 +104,7 @@ class PRT_PT_bake(_Panel, bpy.types.Panel):
         column.prop(settings, "all_bounces")
         if not settings.all_bounces:
             column.prop(settings, "bounces")
+        column.prop(settings, "method")
         column.prop(settings, "caster")
         column.prop(settings, "name")
         column.prop(settings, "folder")
@@ -205,7 +206,12 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
         text, icon = bakes.state(scene, item)
         _lines(layout, text, icon, context)
         if item.complete:
-            error = "" if item.error < 0 else f", error {item.error:.2%}"
+            if item.method != "exhaustive":
+                layout.label(
+                    text=f"{item.entries:.1f} % traced by {item.method}, "
+                    f"error at most {item.visibility_error:.2%}"
+                )
+            error = "" if item.error < 0 else f", bounces {item.error:.2%}"
             layout.label(
                 text=f"{item.points:,} points, {item.megabytes:.1f} MB, "
                 f"{_seconds(item.seconds)} with {item.back_end}{error}"

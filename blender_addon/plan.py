@@ -53,6 +53,7 @@ def bake_settings(scene):
         # As it was typed: Blender keeps single precision.
         tolerance=round(chosen.tolerance, 6),
         caster=chosen.caster,
+        method=chosen.method,
     )
 
 

@@ -66,6 +66,17 @@ class PRTScene(bpy.types.PropertyGroup):
         default="auto",
         update=_plan_changed,
     )
+    method: EnumProperty(
+        name="Rays",
+        items=[
+            ("auto", "Automatic", "The cheapest that keeps the tolerance"),
+            ("agreement", "By Agreement", "Where neighbours disagree about what they see"),
+            ("huang", "Sparse", "After Huang and Ramamoorthi; to compare with"),
+            ("exhaustive", "All", "Every direction of every point"),
+        ],
+        default="auto",
+        update=_plan_changed,
+    )
     folder: StringProperty(
         name="Folder", description="Where bakes are kept", default="//prt", subtype="DIR_PATH",
         update=_plan_changed,
@@ -170,6 +181,9 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     seconds: FloatProperty()
     error: FloatProperty(default=-1.0)
     points: IntProperty()
+    method: StringProperty()
+    entries: FloatProperty()
+    visibility_error: FloatProperty(default=-1.0)
     back_end: StringProperty()
     rate: FloatProperty()
     source: CollectionProperty(type=PRTSource)

@@ -570,3 +570,16 @@ def test_the_addon_can_be_taken_off_and_put_back(baked):
     scene = bpy.context.scene
     assert scene.prt.loaded and scene.prt.resolution == "8"
     assert bpy.ops.prt.relight() == {"FINISHED"}
+
+
+def test_a_sampled_bake_shows_what_it_is_worth(scene, tmp_path):
+    scene.prt.method = "agreement"
+    bpy.ops.prt.bake()
+    item = work.status().bakes[0]
+    report = prt_core.load(preview.path_of(scene)).report
+    assert (item.method, report["method"]) == ("agreement", "agreement")
+    assert 0 < item.entries < 50 and item.entries == pytest.approx(report["entries_percent"])
+    assert item.visibility_error == pytest.approx(report["visibility_error"])
+    prt_core.bake(SCENE, tmp_path / "api.prt", **OPTIONS, method="agreement")
+    one, two = BakeStore(item.path), BakeStore(tmp_path / "api.prt")
+    np.testing.assert_array_equal(one.read("visibility"), two.read("visibility"))

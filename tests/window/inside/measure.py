@@ -74,20 +74,31 @@ def slider(hand, report):
     yield Until("it is loaded", lambda: not status().running)
     yield 1.0
     yield Until("the preview has settled", settled)
-    drawn = []
+    drawn, written, preview = [], [], part("preview")
+    write = preview.write
+
+    def timed(*arguments):
+        write(*arguments)
+        written.append(time.perf_counter())
+
+    preview.write = timed
     handler = bpy.types.SpaceView3D.draw_handler_add(
         lambda: drawn.append(time.perf_counter()), (), "WINDOW", "POST_PIXEL"
     )
     delays = []
     for turn in range(TURNS):
-        start = time.perf_counter()
+        count, start = len(written), time.perf_counter()
         scene.prt.rotation = 0.25 * (turn + 1)
-        yield Until("the colours are there", live.idle)
-        written, count = time.perf_counter(), len(drawn)
-        yield Until("they are drawn", lambda count=count: len(drawn) > count)
-        delays.append((written - start, drawn[count] - start))
+        yield Until(
+            "the colours are drawn",
+            lambda count=count: len(written) > count and drawn and drawn[-1] > written[count],
+        )
+        shown = next(moment for moment in drawn if moment > written[count])
+        delays.append((written[count] - start, shown - start))
+        yield Until("the preview has settled", live.idle)
         yield 0.3
+    preview.write = write
     bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
     report["delays"] = delays
-    report["points"] = part("preview").held(scene).bake.transport.n_points
+    report["points"] = preview.held(scene).bake.transport.n_points
     hand.picture("measured")

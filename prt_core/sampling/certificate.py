@@ -133,13 +133,14 @@ def certificate_steps(
         worth = (cube_map.vectors**2).sum(axis=1)
         counts = yield from draws.draw(worth, n_entries)
         matrix = matrix_estimate(**counts)
+        relit, n_rows = {}, 0
         if not draws.rays and draws.all_traced():
             matrix = Estimate(0.0, 0.0, 0.0)
-        relit, n_rows = {}, 0
-        if lights:
+            relit = dict.fromkeys(lights, matrix)
+        elif lights:
             yield from draws.draw(worth * _brightness(worth, lights), n_entries)
             most = max(16, settings.rows // len(present))
-            relit, n_rows = yield from draws.relit(lights, most, matrix.high)
+            relit, n_rows = yield from draws.relit(lights, most)
         name = scene.objects[number].name
         certified.append(ObjectError(name, matrix, relit, rows=n_rows, **counts))
     sampled.rays += tracer.rays
@@ -203,7 +204,7 @@ class _Draws:
         counts = dict.fromkeys(("entries", "wrong", "lit"), 0)
         # A direction by its whole worth, a point evenly, kept by the square of their cosine: one
         # in six is. So the draws are independent, and no sum over the matrix is needed.
-        proposals = 6 * n_entries
+        proposals = self._proposals = 6 * n_entries
         self._rate += proposals * share
         for first in range(0, proposals, _BATCH):
             count = min(_BATCH, proposals - first)
@@ -227,34 +228,35 @@ class _Draws:
             counts["lit"] += int(lit.sum())
         return counts
 
-    def relit(self, lights, n_rows, otherwise):
-        """Relit error under each light, from the rows in which draws were wrong.
-
-        `otherwise` is the upper bound where no draw was.
-        """
-        wrong = np.concatenate(self._wrong)
-        share = min(1.0, n_rows / max(len(wrong), 1))
-        if share < 1:
-            wrong = self._rng.choice(wrong, n_rows, replace=False)
-        rows, which = np.unique(wrong, return_inverse=True)
+    def relit(self, lights, n_rows):
+        """Relit error under each light, from the rows in which draws were wrong."""
+        rows, times = np.unique(np.concatenate(self._wrong), return_counts=True)
+        # Too many rows are thinned, but not those that were found again and again.
+        kept = np.minimum(1.0, n_rows * times / max(times.sum(), 1))
+        chosen = self._rng.random(len(rows)) < kept
+        rows, times, kept = rows[chosen], times[chosen], kept[chosen]
+        events = np.where(kept < 1, 1, times)
+        which = np.repeat(np.arange(len(rows)), events)
         said, true = yield from self._whole_rows(rows)
         n_directions, vectors = self._cube_map.n_directions, self._cube_map.vectors
         cosine = np.maximum(self._scene.points.normals[rows].astype(np.float64) @ vectors.T, 0)
         difference = unpack(true, n_directions, np.float64) - unpack(said, n_directions, np.float64)
         length = np.linalg.norm(vectors, axis=1)
         found = ((cosine / length) ** 2 * (difference != 0)) @ self._rate
-        found *= share / len(self._points)
+        found *= kept * events / (times * len(self._points))
         sizes, estimates = self._sizes(lights), {}
         for name, light in lights.items():
-            error = (((cosine * difference) @ np.asarray(light, np.float64)) ** 2).sum(axis=1)
-            weights = (error / np.maximum(found, 1e-300))[which] / max(sizes[name], 1e-300)
+            light = np.asarray(light, np.float64)
+            error = (((cosine * difference) @ light) ** 2).sum(axis=1)
             if not sizes[name]:
-                estimates[name] = Estimate(float(error.any()), 0.0, 1.0)
-            elif not weights.any():
-                estimates[name] = Estimate(0.0, 0.0, float(otherwise))
-            else:
-                bounds = np.array([weights.sum(), *weighted_interval(weights)])
-                estimates[name] = Estimate(*map(float, np.sqrt(bounds)))
+                estimates[name] = Estimate(float(error.any()), 0.0, float(light.any()))
+                continue
+            weights = (error / np.maximum(found, 1e-300))[which] / sizes[name]
+            # What a single wrong entry weighs, wherever it is, when draws follow this light.
+            single = length**2 @ (light**2).sum(axis=1) * len(lights) * len(self._points)
+            single /= self._proposals * sizes[name]
+            bounds = np.array([weights.sum(), *weighted_interval(weights, single)])
+            estimates[name] = Estimate(*map(float, np.sqrt(bounds)))
         return estimates, len(rows)
 
     def _whole_rows(self, rows):

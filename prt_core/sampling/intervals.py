@@ -28,7 +28,7 @@ def binomial_interval(count, n):
     )
 
 
-def weighted_interval(weights):
+def weighted_interval(weights, unseen=0.0):
     """95 % interval of a sum of Poisson counts times weights, from one weight an event.
 
     The gamma interval (Fay and Feuer 1997), its lower bound in mid-P form (Fay and Kim 2017).
@@ -36,20 +36,24 @@ def weighted_interval(weights):
     Parameters
     ----------
     weights : (n,) float64
-        Of the events that happened, n >= 1.
+        Of the events that happened.
+    unseen : float
+        The weight that an event may have even if none of those that happened has it.
     """
-    total, square, largest = weights.sum(), (weights**2).sum(), weights.max()
+    total, square = weights.sum(), (weights**2).sum()
+    largest = max(unseen, weights.max(initial=0.0))
+    if not largest:
+        return 0.0, 0.0
     # The truth lies between two gamma laws: as seen, and with one more of the largest events.
-    laws = []
-    for mean, variance in ((total, square), (total + largest, square + largest**2)):
-        laws.append((mean**2 / variance, variance / mean))
+    moments = ((total, square), (total + largest, square + largest**2))
+    laws = [(mean**2 / variance, variance / mean) for mean, variance in moments if mean]
 
     def share(value):
-        return sum(gammainc(shape, value / scale) for shape, scale in laws) / 2
+        return sum(gammainc(shape, value / scale) for shape, scale in laws) / len(laws)
 
-    shape, scale = laws[1]
+    shape, scale = laws[-1]
     high = float(gammaincinv(shape, 1 - _TAIL) * scale)
-    return _solve(share, _TAIL, high), high
+    return (_solve(share, _TAIL, high) if total else 0.0), high
 
 
 def _solve(rising, wanted, most):

@@ -81,7 +81,7 @@ class HuangSettings:
     reconstruction: str = "l1"
     columns: str = "features"
     reduced_rows: int = 300
-    strength: float = 1e-2
+    strength: float = 3e-3
     quantity: str = "transport"
     threshold: float = 0.4
     fewest_dense: int = 8

@@ -20,6 +20,8 @@ from prt_core.transport.visibility import horizon_bits, unpack
 
 # Sparse points whose rays are cast at once, and whose neighbourhoods are taken together.
 _BLOCK, _GROUP = 4096, 64
+# Problems that one thread solves together.
+_SOLVED = 512
 # A sum of equal shares that is one, but for rounding.
 _ALL = np.float32(1 - 1e-4)
 
@@ -131,24 +133,32 @@ class SparsePoints:
         ]
         problems = yield from self.clock("reconstruction", self._each(jobs, self._problems))
         problems = [np.concatenate(parts) for parts in zip(*problems, strict=True)]
-        weights = yield from self.clock(
-            "reconstruction", maybe_beside(self.apart, "sparse", self._solve, *problems)
-        )
+        parts = [
+            tuple(values[first : first + _SOLVED] for values in problems)
+            for first in range(0, len(points), _SOLVED)
+        ]
+        solved = yield from self.clock("reconstruction", self._each(parts, self._solve))
+        weights = np.concatenate([found for found, _ in solved])
+        self.gap = max(self.gap, *(gap for _, gap in solved))
+        self.solved += len(weights)
+        self.nonzero += int(np.count_nonzero(weights))
         jobs = [(group, weights[group.part]) for group in groups]
         rows = yield from self.clock("reconstruction", self._each(jobs, self._combine))
         return np.concatenate(rows), seen, wanted
 
     def _each(self, jobs, work):
         """The results of `work` for all jobs, in their order, on all cores."""
+
+        def together(some):
+            with one_blas_thread(), ThreadPoolExecutor(cpu_count() or 1) as pool:
+                return list(pool.map(work, some))
+
         step = 8 if self.apart else max(len(jobs), 1)
         results = []
-        with one_blas_thread(), ThreadPoolExecutor(cpu_count() or 1) as pool:
-            for first in range(0, len(jobs), step):
-                some = jobs[first : first + step]
-                results += yield from maybe_beside(
-                    self.apart, "sparse", lambda some=some: list(pool.map(work, some))
-                )
-                yield Progress("sparse", len(results), len(jobs))
+        for first in range(0, len(jobs), step):
+            some = jobs[first : first + step]
+            results += yield from maybe_beside(self.apart, "sparse", together, some)
+            yield Progress("sparse", len(results), len(jobs))
         return results
 
     def _columns(self, group):
@@ -236,20 +246,16 @@ class SparsePoints:
     def _cosine(self, points, directions):
         return np.maximum(self.scene.points.normals[points] @ self.vectors[:, directions], 0)
 
-    def _solve(self, grams, moments, squares):
-        """(n, k) float32 weights of the neighbours of all points of a block."""
-        if self.settings.reconstruction == "l1":
-            # Where nothing is seen the solution is zero for every lambda.
-            strengths = self.settings.strength * np.abs(moments).max(axis=1, initial=0)
-            found = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
-            share = found.gap / np.maximum(squares, 1e-30)
-            self.gap = max(self.gap, float(share.max(initial=0)))
-            weights = found.weights
-        else:
-            weights = least_squares(grams, moments)[0]
-        self.solved += len(weights)
-        self.nonzero += int(np.count_nonzero(weights))
-        return weights.astype(np.float32)
+    def _solve(self, problems):
+        """(n, k) float32 weights of the neighbours, and the largest gap as a share of |y|^2."""
+        grams, moments, squares = problems
+        if self.settings.reconstruction != "l1":
+            return least_squares(grams, moments)[0].astype(np.float32), 0.0
+        # Where nothing is seen the solution is zero for every lambda.
+        strengths = self.settings.strength * np.abs(moments).max(axis=1, initial=0)
+        found = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
+        share = found.gap / np.maximum(squares, 1e-30)
+        return found.weights.astype(np.float32), float(share.max(initial=0))
 
 
 class _Group:

@@ -1,6 +1,28 @@
 """Transport in fewer bytes, and relighting from them."""
 
+from prt_core.compress.base import Compressor
+from prt_core.compress.clustered_pca import ClusteredPCA
+from prt_core.compress.haar_lighting import HaarLighting, IncrementalLighting
+from prt_core.compress.harmonics import Harmonics, Irradiance
+from prt_core.compress.pca import PCA, BlockPCA
+from prt_core.compress.realtime import ClusterRelighter
 from prt_core.compress.row_code import RowCode
 from prt_core.compress.rows import ArrayRows, Rows, TransportRows
+from prt_core.compress.vq import VectorQuantisation
 
-__all__ = ["ArrayRows", "RowCode", "Rows", "TransportRows"]
+__all__ = [
+    "PCA",
+    "ArrayRows",
+    "BlockPCA",
+    "ClusterRelighter",
+    "ClusteredPCA",
+    "Compressor",
+    "HaarLighting",
+    "Harmonics",
+    "IncrementalLighting",
+    "Irradiance",
+    "RowCode",
+    "Rows",
+    "TransportRows",
+    "VectorQuantisation",
+]

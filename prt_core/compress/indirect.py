@@ -28,9 +28,9 @@ def indirect_factors(transport, channels, rank, seed=0):
 
     Returns
     -------
-    left : list of (n_points, rank) float32
-        For each channel; orthonormal columns.
-    right : list of (rank, n_directions) float32
+    left : list of (n_points, k) float32
+        For each channel; orthonormal columns, k <= rank of them.
+    right : list of (k, n_directions) float32
         `left @ right` is the best of K T within the range that `rank` random lights span.
     """
     rank = min(rank, transport.n_points, transport.n_directions)
@@ -56,7 +56,7 @@ def indirect_factors(transport, channels, rank, seed=0):
         weights.append(albedo * total)
         yield Progress("indirect", transport.n_points, transport.n_points)
     right = yield from _times_direct(transport, np.hstack(weights))
-    return left, np.split(right, len(left))
+    return left, np.split(right, np.cumsum([part.shape[1] for part in left])[:-1])
 
 
 def _direct_times(transport, lights):

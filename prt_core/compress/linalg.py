@@ -2,6 +2,9 @@
 
 import numpy as np
 
+# Multiplications up to which a matrix is decomposed directly in float64.
+_SMALL = 1 << 24
+
 
 def orthonormal_columns(matrix):
     """An orthonormal basis of the columns of a tall matrix.
@@ -34,20 +37,29 @@ def principal_rows(matrix, rank):
     Returns
     -------
     rows : (k, m) float32
-        Orthonormal; k <= rank, only directions above rounding error.
+        Orthonormal, strongest first; k <= rank, only directions above rounding error.
     energies : (k,) float64
         Squares of the singular values, decreasing.
     """
     n, m = matrix.shape
-    if min(n, m, rank) == 0:
+    if min(n, m, rank) <= 0:
         return np.zeros((0, m), np.float32), np.zeros(0)
+    if n * m * min(n, m) < _SMALL:
+        _, values, rows = np.linalg.svd(matrix.astype(np.float64), full_matrices=False)
+        kept = int((values[:rank] > 1e-6 * max(values[0], 1e-150)).sum())
+        return rows[:kept].astype(np.float32), values[:kept] ** 2
     flat = n <= m
-    gram = _gram(matrix.T if flat else matrix)
-    squares, vectors = _largest(gram, min(rank, n, m))
-    kept = squares > 1e-10 * max(squares[0], 1e-300)
+    squares, vectors = _largest(_gram(matrix.T if flat else matrix), min(rank, n, m))
+    # The Gram matrix knows singular values to the root of float32's precision.
+    kept = squares > 1e-6 * max(squares[0], 1e-300)
     squares, vectors = squares[kept], vectors[:, kept]
-    rows = (matrix.T @ vectors.astype(np.float32)) if flat else vectors
-    return orthonormal_columns(rows).T.copy() if flat else rows.T.astype(np.float32), squares
+    if not flat or not len(squares):
+        return vectors.T.astype(np.float32).reshape(-1, m), squares
+    rows = matrix.T @ (vectors / np.sqrt(squares)).astype(np.float32)
+    # Nearly orthonormal; the nearest orthonormal ones keep their order (Lowdin 1950).
+    sizes, turn = np.linalg.eigh(_gram(rows))
+    rows = rows @ (turn / np.sqrt(sizes) @ turn.T).astype(np.float32)
+    return np.ascontiguousarray(rows.T), squares
 
 
 def _largest(gram, count):

@@ -34,9 +34,7 @@ class ClusterRelighter:
         Share of the light's power from which a texel is bright.
     """
 
-    def __init__(
-        self, model, transport=None, n_terms=512, error=1e-3, n_exact=16, bright=2e-3
-    ):
+    def __init__(self, model, transport=None, n_terms=512, error=1e-3, n_exact=16, bright=2e-3):
         self.model, self.n_terms, self.error = model, n_terms, error
         self.n_exact, self.bright = n_exact if transport is not None else 0, bright
         self._pool = ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1))
@@ -50,9 +48,7 @@ class ClusterRelighter:
     def relight(self, light):
         """(n_points, n_channels) float32 under (n_directions, n_channels) light."""
         model = self.model
-        light = expect_array(
-            "light", light, (model.n_directions_, model.n_channels_), np.float32
-        )
+        light = expect_array("light", light, (model.n_directions_, model.n_channels_), np.float32)
         with self._blas.limit(limits=1):
             bright, rest = self._split(light)
             products = self._products(light, rest)
@@ -103,8 +99,7 @@ class ClusterRelighter:
         self._place = np.empty(model.n_points_, np.int32)
         self._place[model.order_] = np.arange(model.n_points_, dtype=np.int32)
         self._weights = [
-            np.column_stack([np.ones(len(a.weights), np.float32), a.weights])
-            for a in model.affine_
+            np.column_stack([np.ones(len(a.weights), np.float32), a.weights]) for a in model.affine_
         ]
         self._rows = np.cumsum([0, *(w.shape[1] for w in self._weights)])
         self._gain = None if model.gain_ is None else model.gain_[model.order_]

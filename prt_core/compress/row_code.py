@@ -128,6 +128,27 @@ class RowCode:
             result[:, used] += vectors[:, part] @ coded * shares
         return result
 
+    def responses(self, vectors, lights):
+        """What feature vectors give under many lights without colour.
+
+        Parameters
+        ----------
+        vectors : (k, n_features) float32
+        lights : (n_directions, m) float32
+            As `RowCode.light` returns them.
+
+        Returns
+        -------
+        (k, m, n_channels) float32
+        """
+        result = np.zeros((len(vectors), lights.shape[1], self.n_channels), np.float32)
+        for group, part in zip(self.groups, self.slices, strict=True):
+            coded = lights if group.basis is None else group.basis @ lights
+            products = vectors[:, part] @ coded
+            for channel in np.flatnonzero(group.shares):
+                result[..., channel] += np.float32(group.shares[channel]) * products
+        return result
+
 
 def natural_scale(resolution):
     """Expected size of an environment's wavelet coefficients, (6 resolution^2,) float32.

@@ -121,10 +121,8 @@ class TransportRows(Rows):
             factors = yield from indirect_factors(transport, channels, self.rank, self.seed)
             left, right = factors
             code = RowCode(self.n_directions, 3, tuple(groups), self.resolution, scale)
-            coded = code.code(np.concatenate(right))
-            if grey:
-                left, coded = left * 3, np.tile(coded, (3, 1))
-            more, lefts = opponent_groups(left, coded)
+            right = [code.code(part) for part in right]
+            more, lefts = opponent_groups(*(x * 3 if grey else x for x in (left, right)))
             groups += more
         return RowCode(self.n_directions, 3, tuple(groups), self.resolution, scale), lefts
 
@@ -165,9 +163,9 @@ def opponent_groups(left, right, error=_OPPONENT_ERROR):
 
     Parameters
     ----------
-    left : sequence of three (n_points, k) float32
-    right : (3 k, n_directions) float32
-        Coded; channel c is left[c] @ right[c k : (c + 1) k].
+    left : sequence of three (n_points, k_c) float32
+    right : sequence of three (k_c, n_directions) float32
+        Coded; channel c is left[c] @ right[c].
     error : float
         Share of the whole that the two differences may lose.
 
@@ -178,8 +176,9 @@ def opponent_groups(left, right, error=_OPPONENT_ERROR):
         The features of each group.
     """
     mix = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
-    rank, allowed = left[0].shape[1], error * np.linalg.norm(right)
-    along, across = np.linalg.qr(right.T.astype(np.float64))
+    sizes, right = [len(part) for part in right], np.concatenate(right).astype(np.float64)
+    rank, allowed = max(sizes), error * np.linalg.norm(right)
+    along, across = np.linalg.qr(right.T)
     stacked = np.hstack(left)
     gram = sum(
         part.T.astype(np.float64) @ part
@@ -187,7 +186,7 @@ def opponent_groups(left, right, error=_OPPONENT_ERROR):
     )
     groups, lefts = [], []
     for shares in mix:
-        weights = np.repeat(shares, rank)
+        weights = np.repeat(shares, sizes)
         # Eigenvectors of what the group's rows give, squared, within the span of `right`.
         squares, vectors = np.linalg.eigh(across @ (weights[:, None] * gram * weights) @ across.T)
         squares, vectors = np.maximum(squares[::-1], 0), vectors[:, ::-1]

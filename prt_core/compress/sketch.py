@@ -61,6 +61,8 @@ def cluster_steps(coordinates, n_clusters, seed=0):
     n_clusters = min(n_clusters, len(coordinates))
     if coordinates.shape[1] == 0 or n_clusters == 1:
         return np.zeros(len(coordinates), np.int32)
+    if n_clusters == len(coordinates):
+        return np.arange(n_clusters, dtype=np.int32)
 
     def cluster():
         # One thread: sums in one order, so that a seed gives the same clusters everywhere.

@@ -8,6 +8,8 @@ from prt_core.compress.pca import PCA, BlockPCA
 from prt_core.compress.realtime import ClusterRelighter
 from prt_core.compress.row_code import RowCode
 from prt_core.compress.rows import ArrayRows, Rows, TransportRows
+from prt_core.compress.seams import border_pairs, neighbour_pairs, seam
+from prt_core.compress.sparse_clusters import SparseClusteredPCA
 from prt_core.compress.vq import VectorQuantisation
 
 __all__ = [
@@ -23,6 +25,10 @@ __all__ = [
     "Irradiance",
     "RowCode",
     "Rows",
+    "SparseClusteredPCA",
     "TransportRows",
     "VectorQuantisation",
+    "border_pairs",
+    "neighbour_pairs",
+    "seam",
 ]

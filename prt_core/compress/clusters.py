@@ -5,6 +5,7 @@ import numpy as np
 from prt_core.compress.affine import Affine, fit_affine
 from prt_core.compress.base import Compressor, as_rows
 from prt_core.compress.parallel import in_parallel
+from prt_core.compress.seams import guests
 from prt_core.errors import expect
 from prt_core.progress import Progress
 
@@ -16,8 +17,15 @@ class ClusterCompressor(Compressor):
     ----------
     labels_ : (n_points,) int32
         Cluster of each point.
-    order_ : (n_points,) int64
-        Points sorted by cluster.
+    order_ : (n_slots,) int64
+        Points sorted by cluster. A point whose neighbours are in another cluster may have a
+        second slot there (see `blend_borders`).
+    place_ : (n_points,) int64
+        Slot of each point in its own cluster.
+    guests_ : (g, 2) int64
+        Points with a second slot, and that slot.
+    shares_ : (g,) float32
+        Of the second slot in the point's value.
     affine_ : list of Affine
         One a cluster, its weights in the order of `order_`.
     matrix_error_ : float
@@ -73,16 +81,69 @@ class ClusterCompressor(Compressor):
 
     def reconstruct(self, points):
         """The compressed rows of some fitted points, (n, n_directions, n_channels) float32."""
+        self._expect_fitted()
         points = np.atleast_1d(points)
-        features = np.empty((len(points), self.code_.n_features), np.float32)
-        place = np.empty(self.n_points_, np.int64)
-        place[self.order_] = np.arange(self.n_points_)
-        labels = self.labels_[points]
+        second = np.full(self.n_points_, -1)
+        second[self.guests_[:, 0]] = np.arange(len(self.guests_))
+        features = self._slot_features(self.place_[points])
+        blended = np.flatnonzero(second[points] >= 0)
+        guest = second[points[blended]]
+        other = self._slot_features(self.guests_[guest, 1])
+        features[blended] += self.shares_[guest, None] * (other - features[blended])
+        return self.code_.decode(features)
+
+    def _slot_features(self, slots):
+        features = np.empty((len(slots), self.code_.n_features), np.float32)
+        labels = np.searchsorted(self.starts_, slots, side="right") - 1
         for c in np.unique(labels):
             here, affine = labels == c, self.affine_[c]
-            weights = affine.weights[place[points[here]] - self.starts_[c]]
-            features[here] = affine.mean + weights @ affine.basis
-        return self.code_.decode(features)
+            features[here] = affine.mean
+            features[here] += affine.weights[slots[here] - self.starts_[c]] @ affine.basis
+        return features
+
+    def blend_borders(self, rows, pairs):
+        """Mix what their own and the next cluster say about points at borders.
+
+        The better the next cluster knows a point, the more it counts, up to a half where both
+        are as near; so errors change gradually. Each border point costs a second set of weights.
+
+        Parameters
+        ----------
+        rows : Rows
+            The rows that were fitted.
+        pairs : (m, 2) int
+            Neighbours (see `neighbour_pairs`).
+
+        Returns
+        -------
+        self
+        """
+        self._expect_fitted()
+        expect(not len(self.guests_), "blend_borders: the borders are blended already")
+        points, clusters = guests(self.labels_, pairs)
+        members = np.split(self.order_, self.starts_[1:-1])
+        order, found, shares, start = [], [], [], 0
+        own = self._slot_features(self.place_[points])
+        for c, affine in enumerate(self.affine_):
+            guest = points[clusters == c]
+            if len(guest):
+                features = rows.features(guest)
+                weights = (features - affine.mean) @ affine.basis.T
+                here = ((features - own[clusters == c]) ** 2).sum(axis=1)
+                there = ((features - affine.mean - weights @ affine.basis) ** 2).sum(axis=1)
+                shares.append(here / np.maximum(here + there, 1e-30))
+                affine.weights = np.concatenate([affine.weights, weights])
+                slots = start + len(members[c]) + np.arange(len(guest))
+                found.append(np.column_stack([guest, slots]))
+            self.place_[members[c]] = start + np.arange(len(members[c]))
+            order += [members[c], guest]
+            start += len(members[c]) + len(guest)
+        self.order_ = np.concatenate(order)
+        self.starts_ = np.concatenate([[0], np.cumsum([len(a.weights) for a in self.affine_])])
+        if found:
+            self.guests_ = np.concatenate(found)
+            self.shares_ = np.minimum(np.concatenate(shares), 0.5)
+        return self
 
     @property
     def ranks_(self):
@@ -94,19 +155,27 @@ class ClusterCompressor(Compressor):
         """Of means, bases, weights and order."""
         self._expect_fitted()
         arrays = sum(a.mean.nbytes + a.basis.nbytes + a.weights.nbytes for a in self.affine_)
-        return arrays + self.n_points_ * 4 + (0 if self.gain_ is None else self.gain_.nbytes)
+        return arrays + len(self.order_) * 4 + (0 if self.gain_ is None else self.gain_.nbytes)
 
     def _relight(self, light):
-        result = np.empty((self.n_points_, self.n_channels_), np.float32)
+        values = np.empty((len(self.order_), self.n_channels_), np.float32)
         vectors = np.concatenate([part for a in self.affine_ for part in (a.mean[None], a.basis)])
         products = self.code_.products(vectors, self.code_.light(light))
         first = 0
         for c, affine in enumerate(self.affine_):
             mean, basis = products[first], products[first + 1 : first + 1 + len(affine.basis)]
             first += 1 + len(affine.basis)
-            points = self.order_[self.starts_[c] : self.starts_[c + 1]]
-            result[points] = mean + affine.weights @ basis
+            values[self.starts_[c] : self.starts_[c + 1]] = mean + affine.weights @ basis
+        result = self.gather_slots(values)
         return result if self.gain_ is None else result * self.gain_
+
+    def gather_slots(self, values):
+        """(n_points, n_channels) from values of slots."""
+        result = np.take(values, self.place_, axis=0)
+        if len(self.guests_):
+            points, slots = self.guests_.T
+            result[points] += self.shares_[:, None] * (values[slots] - result[points])
+        return result
 
     def _nearest(self, features):
         """Nearest affine space of each feature vector, and the squared distance to it."""
@@ -120,6 +189,8 @@ class ClusterCompressor(Compressor):
         self.labels_ = labels.astype(np.int32)
         self.order_ = np.argsort(self.labels_, kind="stable")
         self.starts_ = np.concatenate([[0], np.cumsum(np.bincount(self.labels_))])
+        self.place_ = np.argsort(self.order_)
+        self.guests_, self.shares_ = np.zeros((0, 2), np.int64), np.zeros(0, np.float32)
         self.code_ = rows.code
         members = np.split(self.order_, self.starts_[1:-1])
         self.affine_ = []

@@ -57,7 +57,7 @@ class ClusterRelighter:
             self._part(*first)
             for future in done:
                 future.result()
-        return np.take(self._sorted, self._place, axis=0)
+        return self.model.gather_slots(self._sorted)
 
     def terms(self, light):
         """Number of terms that a light is cut to, for each group of the code."""
@@ -69,7 +69,7 @@ class ClusterRelighter:
     @property
     def nbytes(self):
         """Bytes of what is read when relighting, the visibility bits included."""
-        arrays = [*self._bases, *self._weights, self._place, self._sorted]
+        arrays = [*self._bases, *self._weights, self.model.place_, self._sorted]
         arrays += [self._bits] if self.n_exact else []
         return sum(array.nbytes for array in arrays)
 
@@ -96,28 +96,25 @@ class ClusterRelighter:
 
     def _plan_points(self):
         model = self.model
-        self._place = np.empty(model.n_points_, np.int32)
-        self._place[model.order_] = np.arange(model.n_points_, dtype=np.int32)
         self._weights = [
             np.column_stack([np.ones(len(a.weights), np.float32), a.weights]) for a in model.affine_
         ]
         self._rows = np.cumsum([0, *(w.shape[1] for w in self._weights)])
         self._gain = None if model.gain_ is None else model.gain_[model.order_]
-        self._sorted = np.empty((model.n_points_, model.n_channels_), np.float32)
+        self._sorted = np.empty((len(model.order_), model.n_channels_), np.float32)
         n_threads = os.cpu_count() or 1
-        targets = np.linspace(0, model.n_points_, n_threads + 1)[1:-1]
+        targets = np.linspace(0, len(model.order_), n_threads + 1)[1:-1]
         cuts = [0, *np.searchsorted(model.starts_, targets), len(model.affine_)]
         self._parts = [(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a]
 
     def _plan_bits(self, transport):
         """Visibility, a row of bits for each direction, and normals in the order of clusters."""
-        order, n_points = self.model.order_, self.model.n_points_
+        order, wanted = self.model.order_, (self.model.n_points_, self.model.n_directions_)
         expect(
-            transport.shape == (n_points, self.model.n_directions_),
-            f"transport: expected {(n_points, self.model.n_directions_)} as was compressed, "
-            f"got {transport.shape}",
+            transport.shape == wanted,
+            f"transport: expected {wanted} as was compressed, got {transport.shape}",
         )
-        self._bits = np.empty((transport.n_directions, -(-n_points // 8)), np.uint8)
+        self._bits = np.empty((transport.n_directions, -(-len(order) // 8)), np.uint8)
         for byte in range(transport.bits.shape[1]):
             spread = np.unpackbits(transport.bits[order, byte][:, None], axis=1, bitorder="little")
             rows = slice(8 * byte, min(8 * byte + 8, transport.n_directions))

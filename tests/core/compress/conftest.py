@@ -10,9 +10,13 @@ from tests.meshes import caster_of, plane, sphere
 
 
 @pytest.fixture(scope="session")
-def transport():
-    ball = sphere(10, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
-    scene = Scene.from_meshes([ball, plane(13, albedo=(0.7, 0.65, 0.6))])
+def scene():
+    ball = sphere(12, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
+    return Scene.from_meshes([ball, plane(17, albedo=(0.7, 0.65, 0.6))])
+
+
+@pytest.fixture(scope="session")
+def transport(scene):
     cube_map, caster = CubeMap(8), caster_of(scene)
     every = slice(0, len(scene.points))
     bits = visibility_bits(scene, cube_map, caster, every)

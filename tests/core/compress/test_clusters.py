@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from sklearn.base import clone
 
 from prt_core import PRTError
@@ -9,8 +10,12 @@ from prt_core.compress import (
     BlockPCA,
     ClusteredPCA,
     ClusterRelighter,
+    SparseClusteredPCA,
     TransportRows,
     VectorQuantisation,
+    border_pairs,
+    neighbour_pairs,
+    seam,
 )
 from prt_core.compress import affine as affine_module
 from tests.core.compress.conftest import relative
@@ -191,3 +196,49 @@ def test_another_transport_is_refused(transport, compressed):
     other = replace(transport, bits=transport.bits[:-1])
     with pytest.raises(PRTError, match="transport"):
         ClusterRelighter(compressed, other)
+
+
+def test_blended_borders_have_smaller_seams(scene, transport, light):
+    rows = TransportRows(transport, 40)
+    model = ClusteredPCA(6, 2).fit(rows)
+    points = scene.points
+    pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
+    border = border_pairs(model.labels_, pairs)
+    assert 0 < len(border) < len(pairs)
+    light = np.minimum(light, 5)
+    truth = transport.relight(light)
+    before = seam(model.relight(light), truth, border)
+    error = relative(model.relight(light), truth)
+    model.blend_borders(rows, pairs)
+    after = seam(model.relight(light), truth, border)
+    assert after["rms"] < 0.85 * before["rms"]
+    assert relative(model.relight(light), truth) < error
+    quick = ClusterRelighter(model, n_terms=None, error=0)
+    assert relative(quick.relight(light), model.relight(light)) < 1e-5
+    every = np.arange(rows.n_points)
+    truth = np.einsum("ndc,dc->nc", model.reconstruct(every), light) * rows.gain
+    assert relative(model.relight(light), truth) < 1e-5
+    with pytest.raises(PRTError, match="already"):
+        model.blend_borders(rows, pairs)
+
+
+def test_without_borders_there_is_no_seam():
+    labels, pairs = np.zeros(4, int), np.array([[0, 1], [2, 3]])
+    assert len(border_pairs(labels, pairs)) == 0
+    assert seam(np.ones((4, 3)), np.zeros((4, 3)), border_pairs(labels, pairs))["largest"] == 0
+    found = seam(np.array([[0.0], [2], [0], [0]]), np.ones((4, 1)), pairs)
+    assert found["largest"] == 2 and found["rms"] == pytest.approx(np.sqrt(2))
+
+
+def test_dense_points_are_enough_for_the_clusters(scene, transport):
+    rows = TransportRows(transport, 40)
+    positions = scene.points.positions
+    dense = np.arange(0, rows.n_points, 4)
+    _, near = cKDTree(positions[dense]).query(positions, 4)
+    full = ClusteredPCA(6, 6, method="iterative").fit(rows)
+    sparse = SparseClusteredPCA(dense, dense[near], 6, 6).fit(rows)
+    assert sparse.matrix_error_ < 1.15 * full.matrix_error_
+    with pytest.raises(PRTError, match="neighbours"):
+        SparseClusteredPCA(dense, near * 4 + 1, 6, 6).fit(rows)
+    with pytest.raises(PRTError, match="dense"):
+        SparseClusteredPCA([], dense[near], 6, 6).fit(rows)

@@ -1,0 +1,22 @@
+"""Functions on faces, images, spheres and points, in which light and transport are sparse."""
+
+from prt_core.basis.haar import haar_areas, haar_forward, haar_inverse, haar_levels, haar_rows
+from prt_core.basis.point_haar import PointHaar
+from prt_core.basis.spherical_harmonics import harmonics, rotation_of_harmonics, texel_harmonics
+from prt_core.basis.wavelets import ORTHONORMAL, WAVELETS, ImageWavelet, wavelet_rows
+
+__all__ = [
+    "ORTHONORMAL",
+    "WAVELETS",
+    "ImageWavelet",
+    "PointHaar",
+    "haar_areas",
+    "haar_forward",
+    "haar_inverse",
+    "haar_levels",
+    "haar_rows",
+    "harmonics",
+    "rotation_of_harmonics",
+    "texel_harmonics",
+    "wavelet_rows",
+]

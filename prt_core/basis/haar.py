@@ -1,0 +1,114 @@
+"""Two-dimensional Haar wavelets on the faces of a cube map: nonstandard and orthonormal.
+
+Each level replaces squares of 2 x 2 texels by their mean (times 2) and three differences, then
+goes on with the means alone (Stollnitz et al. 1995, the nonstandard decomposition). Faces of
+n x n texels with n = 2^k m are halved k times; m x m scaling coefficients stay.
+"""
+
+import numpy as np
+
+from prt_core.errors import expect
+
+
+def haar_levels(size):
+    """How many times a side of `size` can be halved."""
+    return (size & -size).bit_length() - 1
+
+
+def haar_forward(faces, levels=None):
+    """Wavelet coefficients of faces.
+
+    Parameters
+    ----------
+    faces : (..., n, n) float
+    levels : int, optional
+        Default: as many as n allows.
+
+    Returns
+    -------
+    (..., n, n) float, of the same type
+        Scaling coefficients in the corner [0, 0]; beside them, level by level, the differences
+        along columns (right), along rows (below) and both.
+    """
+    result = np.array(faces)
+    for level in range(_levels(result, levels)):
+        size = result.shape[-1] >> level
+        part = result[..., :size, :size]
+        left, right = part[..., 0::2], part[..., 1::2]
+        sums, differences = left + right, left - right
+        half = size // 2
+        for columns, values in ((slice(0, half), sums), (slice(half, size), differences)):
+            top, bottom = values[..., 0::2, :], values[..., 1::2, :]
+            np.add(top, bottom, out=part[..., :half, columns])
+            np.subtract(top, bottom, out=part[..., half:, columns])
+        part *= result.dtype.type(0.5)
+    return result
+
+
+def haar_inverse(coefficients, levels=None):
+    """Faces from their coefficients: the inverse, and the transpose, of `haar_forward`."""
+    result = np.array(coefficients)
+    for level in reversed(range(_levels(result, levels))):
+        size = result.shape[-1] >> level
+        half = size // 2
+        part = result[..., :size, :size]
+        above, below = part[..., :half, :], part[..., half:, :]
+        rows = np.empty_like(part)
+        np.add(above, below, out=rows[..., 0::2, :])
+        np.subtract(above, below, out=rows[..., 1::2, :])
+        left, right = rows[..., :half], rows[..., half:]
+        np.add(left, right, out=part[..., 0::2])
+        np.subtract(left, right, out=part[..., 1::2])
+        part *= result.dtype.type(0.5)
+    return result
+
+
+def haar_rows(rows, resolution, inverse=False):
+    """`haar_forward` of rows of a cube map's texels.
+
+    Parameters
+    ----------
+    rows : (..., 6 resolution^2) float
+    resolution : int
+    inverse : bool
+
+    Returns
+    -------
+    (..., 6 resolution^2) float
+    """
+    rows = np.asarray(rows)
+    faces = rows.reshape(*rows.shape[:-1], 6, resolution, resolution)
+    return (haar_inverse if inverse else haar_forward)(faces).reshape(rows.shape)
+
+
+def haar_areas(resolution):
+    """Level and support of each wavelet of a cube map.
+
+    Returns
+    -------
+    levels : (6 resolution^2,) int
+        0 for scaling coefficients and the coarsest wavelets, one more for each finer level.
+    areas : (6 resolution^2,) float64
+        Texels in the support.
+    """
+    n, levels = resolution, haar_levels(resolution)
+    level = np.zeros((n, n), int)
+    for step in range(levels):
+        size = n >> step
+        band = np.ones((size, size), bool)
+        band[: size // 2, : size // 2] = False
+        level[:size, :size][band] = levels - 1 - step
+    area = 4.0 ** (levels - level)
+    return np.tile(level.ravel(), 6), np.tile(area.ravel(), 6)
+
+
+def _levels(array, levels):
+    n = array.shape[-1]
+    most = haar_levels(n)
+    expect(
+        array.ndim >= 2 and array.shape[-2] == n and array.dtype.kind == "f",
+        f"faces: expected (..., n, n) floats, got {array.shape} {array.dtype}",
+    )
+    levels = most if levels is None else levels
+    expect(0 <= levels <= most, f"levels: expected 0 to {most} for faces of {n}, got {levels}")
+    return levels

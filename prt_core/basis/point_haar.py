@@ -1,0 +1,117 @@
+"""Haar-like wavelets on points in space: an orthonormal basis for any mesh, without parameters.
+
+Points are sorted so that each half, quarter ... of the sequence is a compact patch. A step joins
+neighbouring pairs of nodes: their weighted mean goes on, their difference stays. (Girardi &
+Sweldens 1997, unbalanced Haar wavelets, on a tree as in Gavish et al. 2010.)
+"""
+
+import numpy as np
+
+from prt_core.basis.wavelets import _all_steps
+from prt_core.errors import expect_array
+
+# Normals count as much as so much of the scene's size.
+_NORMAL_SHARE = 0.15
+
+
+class PointHaar:
+    """The transform of functions on points; offers what `ImageWavelet` offers.
+
+    Vectors are in the order of the points; coefficients in that of the tree.
+
+    Parameters
+    ----------
+    positions : (n, 3) float
+    normals : (n, 3) float, optional
+        Points that look elsewhere are kept apart, like those of other groups.
+    groups : (n,) int, optional
+        Objects.
+
+    Attributes
+    ----------
+    n, depth : int
+    order : (n,) int64
+        Point of each leaf.
+    """
+
+    def __init__(self, positions, normals=None, groups=None):
+        positions = expect_array("positions", positions, (None, 3), np.float64)
+        self.n = len(positions)
+        size = np.ptp(positions, axis=0).max(initial=0) or 1.0
+        features = [positions / size]
+        if normals is not None:
+            features.append(_NORMAL_SHARE * np.asarray(normals, np.float64))
+        if groups is not None:
+            features.append(2.0 * np.asarray(groups, np.float64)[:, None])
+        self.depth = max(self.n - 1, 0).bit_length()
+        self.order = _tree_order(np.hstack(features), self.depth)
+        self._sizes = [self.n]
+        self._weights = []
+        counts = np.ones(self.n)
+        for _ in range(self.depth):
+            pairs = len(counts) // 2
+            left, right = counts[0 : 2 * pairs : 2], counts[1 : 2 * pairs : 2]
+            total = left + right
+            self._weights.append((np.sqrt(left / total), np.sqrt(right / total)))
+            counts = np.concatenate([total, counts[2 * pairs :]])
+            self._sizes.append(len(counts))
+
+    def forward_step(self, vectors, level):
+        """One step down, in place, of (m, n) vectors in the order of the tree."""
+        size, half = self._sizes[level], self._sizes[level + 1]
+        left, right = (w.astype(vectors.dtype) for w in self._weights[level])
+        pairs = size // 2
+        a, b = vectors[:, 0 : 2 * pairs : 2].copy(), vectors[:, 1 : 2 * pairs : 2].copy()
+        # An odd node at the end has no partner and goes on as it is.
+        vectors[:, pairs:half] = vectors[:, 2 * pairs : size].copy()
+        vectors[:, :pairs] = left * a + right * b
+        vectors[:, half:size] = right * a - left * b
+        return vectors
+
+    def inverse_step(self, vectors, level):
+        """Undo `forward_step(vectors, level)`, in place."""
+        size, half = self._sizes[level], self._sizes[level + 1]
+        left, right = (w.astype(vectors.dtype) for w in self._weights[level])
+        pairs = size // 2
+        mean, difference = vectors[:, :pairs].copy(), vectors[:, half:size].copy()
+        vectors[:, 2 * pairs : size] = vectors[:, pairs:half].copy()
+        vectors[:, 0 : 2 * pairs : 2] = left * mean + right * difference
+        vectors[:, 1 : 2 * pairs : 2] = right * mean - left * difference
+        return vectors
+
+    def forward(self, vectors, depth=None):
+        """Coefficients after `depth` steps of (..., n) functions in the order of the points."""
+        return _all_steps(self, np.asarray(vectors)[..., self.order], depth, False)
+
+    def inverse(self, coefficients, depth=None):
+        """Functions in the order of the points: undoes `forward`."""
+        result = np.empty_like(coefficients)
+        result[..., self.order] = _all_steps(self, coefficients, depth, True)
+        return result
+
+    def scales(self, depth):
+        """(n,) int: 0 for scaling coefficients after `depth` steps, half a level a step: two
+        steps here halve a patch's width as one step does an image's."""
+        result = np.zeros(self.n, int)
+        for level in range(depth):
+            result[self._sizes[level + 1] : self._sizes[level]] = (depth - level + 1) // 2
+        return result
+
+
+def _tree_order(features, depth):
+    """Leaves from left to right: nodes of 2^k leaves are halved along their longest axis."""
+    order = np.arange(len(features))
+    pending = [(0, len(features), depth)]
+    while pending:
+        first, stop, level = pending.pop()
+        half = 1 << (level - 1) if level else 1
+        if stop - first < 2 or level == 0:
+            continue
+        if stop - first > half:
+            here = order[first:stop]
+            some = features[here]
+            axis = np.ptp(some, axis=0).argmax()
+            order[first:stop] = here[np.argsort(some[:, axis], kind="stable")]
+            pending.append((first + half, stop, level - 1))
+        pending.append((first, min(first + half, stop), level - 1))
+    return order

@@ -1,0 +1,126 @@
+"""Real spherical harmonics: values, integrals over texels, rotation.
+
+Index of degree l and order m is l (l + 1) + m; `order` n means degrees 0 to n - 1, n^2 functions.
+Signs as in Sloan 2008 without the Condon-Shortley phase: Y_1 is proportional to (y, z, x).
+"""
+
+import numpy as np
+
+from prt_core.errors import expect
+
+MOST = 32
+
+
+def harmonics(directions, order):
+    """Values of the harmonics.
+
+    Parameters
+    ----------
+    directions : (..., 3) float
+        Unit vectors.
+    order : int
+        1 to 32.
+
+    Returns
+    -------
+    (..., order^2) float64
+        Orthonormal over the sphere.
+    """
+    expect(
+        isinstance(order, int | np.integer) and 1 <= order <= MOST,
+        f"order: expected a whole number from 1 to {MOST}, got {order!r}",
+    )
+    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+    result = np.empty((*z.shape, order * order))
+    # Legendre functions divided by sin^m, fully normalised, so that no factorial appears; the
+    # sines go with the angle as real and imaginary part of (x + i y)^m.
+    cosine, sine = np.ones_like(z), np.zeros_like(z)
+    diagonal = np.full(z.shape, np.sqrt(1 / (4 * np.pi)))
+    for m in range(order):
+        before, current = np.zeros_like(z), diagonal
+        for degree in range(m, order):
+            if degree > m:
+                a = np.sqrt((4 * degree**2 - 1) / (degree**2 - m**2))
+                b = np.sqrt(((degree - 1) ** 2 - m**2) / max(4 * (degree - 1) ** 2 - 1, 1))
+                before, current = current, a * (z * current - b * before)
+            centre = degree * (degree + 1)
+            if m == 0:
+                result[..., centre] = current
+            else:
+                result[..., centre + m] = np.sqrt(2) * current * cosine
+                result[..., centre - m] = np.sqrt(2) * current * sine
+        cosine, sine = x * cosine - y * sine, x * sine + y * cosine
+        diagonal = diagonal * np.sqrt((2 * m + 3) / (2 * m + 2))
+    return result
+
+
+def texel_harmonics(resolution, order, faces, n_nodes=4):
+    """Integrals of the harmonics over the texels of a cube map.
+
+    Parameters
+    ----------
+    resolution : int
+    order : int
+    faces : (6, 3, 3) float
+        Per face the axis it looks along, and those of its columns and rows.
+    n_nodes : int
+        Gauss-Legendre nodes along a texel's edge.
+
+    Returns
+    -------
+    (6 resolution^2, order^2) float64
+        The projection of a light (n_directions,) is `light @ integrals`.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(n_nodes)
+    place = (np.arange(resolution)[:, None] + (nodes + 1) / 2) / resolution * 2 - 1
+    weight = np.outer(weights, weights).ravel() / resolution**2
+    v, u = np.meshgrid(place.ravel(), place.ravel(), indexing="ij")
+    local = np.stack([np.ones_like(u), u, v], axis=-1)
+    square = (local**2).sum(axis=-1)
+    local /= np.sqrt(square)[..., None]
+    result = []
+    for face in np.asarray(faces):
+        values = harmonics(local @ face, order) * square[..., None] ** -1.5
+        values = values.reshape(resolution, n_nodes, resolution, n_nodes, -1)
+        values = np.moveaxis(values, 1, 2).reshape(resolution**2, n_nodes**2, -1)
+        result.append(np.einsum("tnk,n->tk", values, weight))
+    return np.concatenate(result)
+
+
+def rotation_of_harmonics(matrix, order):
+    """What turning a function does to its coefficients.
+
+    Parameters
+    ----------
+    matrix : (3, 3) float
+        Rotation; the turned function is f(matrix^T d).
+    order : int
+
+    Returns
+    -------
+    (order^2, order^2) float64
+        Orthogonal, one block a degree: coefficients of the turned function are
+        `result @ coefficients`.
+
+    Raises
+    ------
+    PRTError
+        `matrix` is no rotation.
+    """
+    matrix = np.asarray(matrix, np.float64)
+    expect(
+        matrix.shape == (3, 3) and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6),
+        "matrix: expected a rotation, (3, 3) with orthonormal rows",
+    )
+    # A degree's functions at a few well spread directions determine the block.
+    n_points = 4 * (2 * order + 1)
+    height = 1 - (np.arange(n_points) + 0.5) * 2 / n_points
+    angle = np.arange(n_points) * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - height**2)
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    turned, still = harmonics(points @ matrix, order), harmonics(points, order)
+    result = np.zeros((order**2, order**2))
+    for degree in range(order):
+        block = slice(degree**2, (degree + 1) ** 2)
+        result[block, block] = np.linalg.lstsq(still[:, block], turned[:, block], rcond=None)[0]
+    return result

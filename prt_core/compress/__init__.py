@@ -1,0 +1,34 @@
+"""Transport in fewer bytes, and relighting from them."""
+
+from prt_core.compress.base import Compressor
+from prt_core.compress.clustered_pca import ClusteredPCA
+from prt_core.compress.haar_lighting import HaarLighting, IncrementalLighting
+from prt_core.compress.harmonics import Harmonics, Irradiance
+from prt_core.compress.pca import PCA, BlockPCA
+from prt_core.compress.realtime import ClusterRelighter
+from prt_core.compress.row_code import RowCode
+from prt_core.compress.rows import ArrayRows, Rows, TransportRows
+from prt_core.compress.seams import border_pairs, neighbour_pairs, seam
+from prt_core.compress.sparse_clusters import SparseClusteredPCA
+from prt_core.compress.vq import VectorQuantisation
+
+__all__ = [
+    "PCA",
+    "ArrayRows",
+    "BlockPCA",
+    "ClusterRelighter",
+    "ClusteredPCA",
+    "Compressor",
+    "HaarLighting",
+    "Harmonics",
+    "IncrementalLighting",
+    "Irradiance",
+    "RowCode",
+    "Rows",
+    "SparseClusteredPCA",
+    "TransportRows",
+    "VectorQuantisation",
+    "border_pairs",
+    "neighbour_pairs",
+    "seam",
+]

@@ -1,0 +1,109 @@
+"""Spherical harmonics: the light's lowest frequencies alone (Sloan et al. 2002)."""
+
+import numpy as np
+
+from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
+from prt_core.compress.base import Compressor, expect_count
+from prt_core.compress.parallel import in_parallel
+from prt_core.errors import expect
+from prt_core.light import rotation_matrix
+from prt_core.light.cubemap import _FACES, CubeMap
+from prt_core.progress import Progress
+
+
+class Harmonics(Compressor):
+    """Rows as coefficients of spherical harmonics.
+
+    Shadows come out as soft as the order allows; turning the environment costs one small matrix.
+
+    Parameters
+    ----------
+    order : int
+        Degrees 0 to order - 1: order^2 coefficients a point and channel.
+
+    Attributes
+    ----------
+    coefficients_ : (n_points, order^2, n_channels) float32
+        What each point sends out under a light that is one harmonic.
+    """
+
+    def __init__(self, order=5):
+        self.order = order
+
+    def fit_steps(self, rows):
+        order = expect_count("order", self.order)
+        expect(order <= 10, f"order: expected 1 to 10, got {order}")
+        expect(
+            rows.resolution is not None,
+            "rows: harmonics need the texels of a cube map; say its resolution",
+        )
+        if hasattr(rows, "prepare_steps"):
+            yield from rows.prepare_steps()
+        self._integrals = texel_harmonics(rows.resolution, order, _FACES)
+        # A light of one harmonic is its mean over each texel.
+        means = self._integrals / CubeMap(rows.resolution).solid_angles[:, None]
+        coded = rows.code.light(means.astype(np.float32))
+
+        def project(points):
+            return rows.code.responses(rows.features(points), coded)
+
+        parts, done = [], 0
+        for part in in_parallel(project, rows.blocks()):
+            parts.append(part)
+            done += len(part)
+            yield Progress("harmonics", done, rows.n_points)
+        self.coefficients_ = np.concatenate(parts)
+        return self._fitted(rows)
+
+    def project(self, light):
+        """Coefficients of a light: (order^2, n_channels) float64."""
+        return self._integrals.T @ np.asarray(light, np.float64)
+
+    def relight_coefficients(self, coefficients, rotation=None):
+        """Colours under a light given by coefficients, turned by `rotation` (degrees or matrix)."""
+        if rotation is not None:
+            turn = rotation_of_harmonics(rotation_matrix(rotation), self.order)
+            coefficients = turn @ coefficients
+        values = np.asarray(coefficients, np.float32)
+        result = np.einsum("nkc,kc->nc", self.coefficients_, values)
+        return result if self.gain_ is None else result * self.gain_
+
+    @property
+    def nbytes(self):
+        self._expect_fitted()
+        return self.coefficients_.nbytes + (0 if self.gain_ is None else self.gain_.nbytes)
+
+    def _relight(self, light):
+        return self.relight_coefficients(self.project(light))
+
+
+class Irradiance(Compressor):
+    """Nine coefficients and the normal: no shadows, no bounces (Ramamoorthi & Hanrahan 2001).
+
+    What every scene can do without a bake, so the floor for all others.
+    """
+
+    # The clamped cosine's factors of degree 0, 1 and 2.
+    _FACTORS = np.pi * np.array([1, *(2 / 3,) * 3, *(1 / 4,) * 5])
+
+    def fit_steps(self, rows):
+        expect(
+            hasattr(rows, "transport"),
+            "rows: irradiance needs the points' normals; give the rows of a transport",
+        )
+        yield Progress("irradiance", 0, rows.n_points)
+        normals = rows.transport.normals
+        self.weights_ = (harmonics(normals, 3) * (self._FACTORS / np.pi)).astype(np.float32)
+        self._integrals = texel_harmonics(rows.resolution, 3, _FACES)
+        return self._fitted(rows)
+
+    @property
+    def nbytes(self):
+        self._expect_fitted()
+        return self.weights_.nbytes + (0 if self.gain_ is None else self.gain_.nbytes)
+
+    def _relight(self, light):
+        coefficients = (self._integrals.T @ np.asarray(light, np.float64)).astype(np.float32)
+        # Nine terms overshoot below zero behind a hard light.
+        result = np.maximum(self.weights_ @ coefficients, 0)
+        return result if self.gain_ is None else result * self.gain_

@@ -1,0 +1,94 @@
+"""The light between surfaces as a product of two thin matrices.
+
+Indirect light varies slowly over points and directions, so its matrix has a low rank, and a
+randomised range finder (Halko et al. 2011, algorithm 4.1) needs only products with it: some
+random lights bounced forward, and as many adjoint series backward.
+"""
+
+import numpy as np
+
+from prt_core.compress.linalg import orthonormal_columns
+from prt_core.compress.parallel import in_parallel
+from prt_core.progress import Progress
+from prt_core.transport.bounce import all_bounces
+
+_BLOCK = 512
+
+
+def indirect_factors(transport, channels, rank, seed=0):
+    """Factors of K T, what points receive from other points; a generator of `Progress`.
+
+    Parameters
+    ----------
+    transport : Transport
+        With a gather operator and at least one bounce.
+    channels : sequence of int
+        Of the albedo.
+    rank, seed : int
+
+    Returns
+    -------
+    left : list of (n_points, k) float32
+        For each channel; orthonormal columns, k <= rank of them.
+    right : list of (k, n_directions) float32
+        `left @ right` is the best of K T within the range that `rank` random lights span.
+    """
+    rank = min(rank, transport.n_points, transport.n_directions)
+    rng = np.random.default_rng([seed, 4])
+    lights = rng.standard_normal((transport.n_directions, rank), np.float32)
+    received = yield from _direct_times(transport, lights)
+    transposed = transport.gather.T.tocsr()
+    before = None if transport.bounces is None else transport.bounces - 1
+    left, weights = [], []
+    for channel in channels:
+        albedo = transport.albedo[:, [channel]]
+        sent, n_bounces = all_bounces(
+            transport.gather, albedo, received, transport.tolerance, before
+        )
+        left.append(orthonormal_columns(transport.gather @ sent))
+        yield Progress("indirect", transport.n_points, transport.n_points)
+        # left^T K (1 + A K + ...) A D, from the left: w <- K^T left, then w <- K^T (A w).
+        term = transposed @ left[-1]
+        total = term.copy()
+        for _ in range(n_bounces):
+            term = transposed @ (albedo * term)
+            total += term
+        weights.append(albedo * total)
+        yield Progress("indirect", transport.n_points, transport.n_points)
+    right = yield from _times_direct(transport, np.hstack(weights))
+    return left, np.split(right, np.cumsum([part.shape[1] for part in left])[:-1])
+
+
+def _direct_times(transport, lights):
+    """D @ lights, (n_points, m) float32."""
+    result = np.empty((transport.n_points, lights.shape[1]), np.float32)
+
+    def one(points):
+        result[points] = transport.direct(points) @ lights
+
+    for done, _ in _each(transport, one):
+        yield Progress("indirect", done, transport.n_points)
+    return result
+
+
+def _times_direct(transport, weights):
+    """weights^T @ D, (m, n_directions) float32, summed in float64."""
+    total = np.zeros((weights.shape[1], transport.n_directions))
+
+    def one(points):
+        return weights[points].T @ transport.direct(points)
+
+    for done, part in _each(transport, one):
+        total += part
+        yield Progress("indirect", done, transport.n_points)
+    return total.astype(np.float32)
+
+
+def _each(transport, function):
+    """(points done, result) of `function` for every block of points, in order."""
+    blocks = [
+        np.arange(first, min(first + _BLOCK, transport.n_points))
+        for first in range(0, transport.n_points, _BLOCK)
+    ]
+    for points, result in zip(blocks, in_parallel(function, blocks), strict=True):
+        yield int(points[-1]) + 1, result

@@ -1,0 +1,24 @@
+"""Independent pieces of array work on all cores, one BLAS thread each, in order."""
+
+import os
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+
+from threadpoolctl import threadpool_limits
+
+
+def in_parallel(function, items):
+    """Results of `function` for every item, in order; closing the generator ends the work.
+
+    Pieces that fit a core's cache beat one BLAS call on all cores, and several BLAS threads in
+    each of several Python threads get in each other's way. Few results wait at any time.
+    """
+    n_threads = os.cpu_count() or 1
+    with threadpool_limits(1), ThreadPoolExecutor(n_threads) as pool:
+        waiting = deque()
+        for item in items:
+            waiting.append(pool.submit(function, item))
+            if len(waiting) > 2 * n_threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

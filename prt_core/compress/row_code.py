@@ -1,0 +1,159 @@
+"""Rows as feature vectors in which equal distances mean about equal errors of relit colours.
+
+On a cube map a row is Haar-transformed and each coefficient is multiplied by how strong light of
+the real world is, on average, in that wavelet; a light is divided by the same, so that products of
+row and light stay what they are. Least squares in the plain directions would prepare for white
+noise, which no sky is.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from prt_core.basis import haar_areas, haar_rows
+
+# Standard deviation of the wavelet coefficients of environments at level l, 0 the coarsest, is
+# about sqrt(_SMOOTH 4^-l + _WHITE): smooth skies and small bright things.
+_SMOOTH, _WHITE = 36.0, 0.5
+
+
+@dataclass(frozen=True)
+class Group:
+    """Features that share a place in the channels.
+
+    Attributes
+    ----------
+    shares : (n_channels,) float
+        Channel c of a row is the sum over groups of shares[c] times the group's part.
+    basis : (k, n_directions) float32 or None
+        Orthonormal rows that span the group's part of coded rows; None: all of them.
+    direct : bool
+        Light that arrives straight from its texel.
+    """
+
+    shares: tuple
+    basis: np.ndarray | None = None
+    direct: bool = False
+
+
+@dataclass(frozen=True)
+class RowCode:
+    """How rows become features, and what features give under a light.
+
+    Attributes
+    ----------
+    n_directions, n_channels : int
+    groups : tuple of Group
+    resolution : int or None
+        Of the cube map; None: no transform.
+    scale : (n_directions,) float32 or None
+        See `natural_scale`.
+    """
+
+    n_directions: int
+    n_channels: int
+    groups: tuple
+    resolution: int | None = None
+    scale: np.ndarray | None = field(default=None, repr=False)
+
+    @classmethod
+    def plain(cls, n_directions, n_channels, resolution=None, natural=True):
+        """Each channel a group of its own."""
+        groups = tuple(Group(tuple(row)) for row in np.eye(n_channels))
+        scale = natural_scale(resolution) if resolution and natural else None
+        return cls(n_directions, n_channels, groups, resolution, scale)
+
+    @cached_property
+    def slices(self):
+        """The features of each group."""
+        sizes = [self.n_directions if g.basis is None else len(g.basis) for g in self.groups]
+        ends = [int(end) for end in np.cumsum([0, *sizes])]
+        return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+    @property
+    def n_features(self):
+        return self.slices[-1].stop
+
+    def code(self, rows):
+        """(..., n_directions) of one channel: transformed and scaled."""
+        coded = haar_rows(rows, self.resolution) if self.resolution else rows
+        return coded if self.scale is None else coded * self.scale
+
+    def encode(self, rows):
+        """(n, n_directions, n_channels) to (n, n_features), for codes made by `plain`."""
+        coded = self.code(np.ascontiguousarray(np.moveaxis(rows, -1, 1)))
+        return coded.reshape(len(rows), -1)
+
+    def decode(self, features):
+        """(n, n_features) to rows (n, n_directions, n_channels)."""
+        result = np.zeros((len(features), self.n_channels, self.n_directions), features.dtype)
+        for group, part in zip(self.groups, self.slices, strict=True):
+            coded = features[:, part]
+            coded = coded if group.basis is None else coded @ group.basis
+            for channel in np.flatnonzero(group.shares):
+                result[:, channel] += features.dtype.type(group.shares[channel]) * coded
+        if self.scale is not None:
+            result /= self.scale
+        if self.resolution:
+            result = haar_rows(result, self.resolution, inverse=True)
+        return np.moveaxis(result, 1, -1)
+
+    def light(self, light):
+        """(n_directions, n_channels) light: transformed, and divided by the scale."""
+        coded = haar_rows(light.T, self.resolution).T if self.resolution else light
+        return coded if self.scale is None else coded / self.scale[:, None]
+
+    def products(self, vectors, light, rest=None):
+        """What feature vectors give under a light, channel by channel.
+
+        Parameters
+        ----------
+        vectors : (k, n_features) float
+        light : (n_directions, n_channels) float
+            As `RowCode.light` returns it.
+        rest : (n_directions, n_channels) float, optional
+            Instead of `light` for the groups that are direct.
+
+        Returns
+        -------
+        (k, n_channels)
+        """
+        result = np.zeros((len(vectors), light.shape[1]), np.result_type(vectors, light))
+        for group, part in zip(self.groups, self.slices, strict=True):
+            used = np.flatnonzero(group.shares)
+            coded = (rest if group.direct and rest is not None else light)[:, used]
+            coded = coded if group.basis is None else group.basis @ coded
+            shares = np.asarray(group.shares, result.dtype)[used]
+            result[:, used] += vectors[:, part] @ coded * shares
+        return result
+
+    def responses(self, vectors, lights):
+        """What feature vectors give under many lights without colour.
+
+        Parameters
+        ----------
+        vectors : (k, n_features) float32
+        lights : (n_directions, m) float32
+            As `RowCode.light` returns them.
+
+        Returns
+        -------
+        (k, m, n_channels) float32
+        """
+        result = np.zeros((len(vectors), lights.shape[1], self.n_channels), np.float32)
+        for group, part in zip(self.groups, self.slices, strict=True):
+            coded = lights if group.basis is None else group.basis @ lights
+            products = vectors[:, part] @ coded
+            for channel in np.flatnonzero(group.shares):
+                result[..., channel] += np.float32(group.shares[channel]) * products
+        return result
+
+
+def natural_scale(resolution):
+    """Expected size of an environment's wavelet coefficients, (6 resolution^2,) float32.
+
+    Measured on six captured environments; the finest level of 32 x 32 texels is about 1.
+    """
+    level, _ = haar_areas(resolution)
+    return np.sqrt(_SMOOTH * 4.0**-level + _WHITE).astype(np.float32)

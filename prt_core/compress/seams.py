@@ -1,0 +1,88 @@
+"""Seams: where neighbouring points are in different clusters their errors may jump."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from prt_core.errors import expect_array
+
+
+def neighbour_pairs(positions, normals=None, groups=None, k=6):
+    """Pairs of points that are neighbours on a surface.
+
+    Parameters
+    ----------
+    positions : (n, 3) float
+    normals : (n, 3) float, optional
+        Neighbours' normals are less than 60 degrees apart.
+    groups : (n,) int, optional
+        Neighbours are of one group (an object).
+    k : int
+        Nearest points that are asked.
+
+    Returns
+    -------
+    (m, 2) int
+        Each pair once, the smaller index first.
+    """
+    positions = expect_array("positions", positions, (None, 3), np.float64)
+    k = min(k, len(positions) - 1)
+    if k < 1:
+        return np.zeros((0, 2), int)
+    _, near = cKDTree(positions).query(positions, k + 1)
+    first = np.repeat(np.arange(len(positions)), k + 1)
+    second = near.ravel()
+    kept = first != second
+    if normals is not None:
+        kept &= np.einsum("ij,ij->i", normals[first], normals[second]) > 0.5
+    if groups is not None:
+        kept &= groups[first] == groups[second]
+    pairs = np.sort(np.column_stack([first, second])[kept], axis=1)
+    return np.unique(pairs, axis=0)
+
+
+def border_pairs(labels, pairs):
+    """The pairs whose points are in different clusters."""
+    return pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
+
+
+def seam(colours, truth, pairs):
+    """Jumps of the error between neighbours.
+
+    Parameters
+    ----------
+    colours, truth : (n_points, n_channels) float
+    pairs : (m, 2) int
+        See `border_pairs`.
+
+    Returns
+    -------
+    dict
+        `largest` and `rms`: of the jump of (colours - truth) over a pair, relative to the mean
+        of the truth.
+    """
+    error = np.asarray(colours, np.float64) - truth
+    jumps = np.linalg.norm(error[pairs[:, 0]] - error[pairs[:, 1]], axis=1)
+    size = np.linalg.norm(truth, axis=1).mean() or 1.0
+    if not len(jumps):
+        return {"largest": 0.0, "rms": 0.0}
+    return {"largest": float(jumps.max() / size), "rms": float(np.sqrt((jumps**2).mean()) / size)}
+
+
+def guests(labels, pairs):
+    """The points at borders, and the other cluster that most of their neighbours are in.
+
+    Returns
+    -------
+    points : (g,) int
+        Each once, increasing.
+    clusters : (g,) int
+    """
+    border = border_pairs(labels, pairs)
+    both = np.concatenate([border, border[:, ::-1]])
+    found, counts = np.unique(
+        np.column_stack([both[:, 0], labels[both[:, 1]]]), axis=0, return_counts=True
+    )
+    # The most frequent cluster of each point; among equals the smaller number.
+    order = np.lexsort([found[:, 1], -counts, found[:, 0]])
+    points, first = np.unique(found[order, 0], return_index=True)
+    return points, found[order[first], 1]

@@ -127,7 +127,7 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
 def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace):
     """Sample, certify, and ask again until the tolerance is met; then store."""
     start = time.perf_counter()
-    rays = Pace(pace, 4096)
+    rays = Pace(pace, 1 << 15)
     sampler, kind = sampler_named(method)
     sampled = yield from sampler(scene, cube_map, caster, kind(seed=settings.seed), pace=rays)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}

@@ -50,11 +50,12 @@ class Pace:
     seconds : float, optional
         Of a step; None: no cuts.
     first : int
-        Units of the first step, until the speed is known.
+        Units of the first step, until the speed is known, and the fewest of any but the last: a
+        call that costs more than it does for a single unit must not be cut ever smaller.
     """
 
     def __init__(self, seconds=None, first=16):
-        self.seconds, self._units = seconds, float(first)
+        self.seconds, self._units, self._fewest = seconds, float(first), float(first)
 
     def parts(self, start, stop):
         """Slices from `start` to `stop`."""
@@ -70,7 +71,7 @@ class Pace:
         if self.seconds is not None:
             spent = max(time.perf_counter() - self._began, 1e-6)
             wanted = self._count * self.seconds / spent
-            self._units = min(max(wanted, self._units / 4), self._units * 2)
+            self._units = max(min(max(wanted, self._units / 4), self._units * 2), self._fewest)
 
 
 def beside(stage, function, *arguments):

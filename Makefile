@@ -31,6 +31,10 @@ extension: $(VENV)/.ready
 test-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
 
+# How the add-on feels in a window, into RESULTS.md; BLENDER as for test-window.
+bench-window: $(VENV)/.ready
+	BLENDER="$(BLENDER)" $(RUN) tests/benchmarks/window.py
+
 # The tests on every supported Blender: bpy 4.2, 4.5, 5.0 (Python 3.11) and 5.2 (Python 3.13).
 matrix:
 	sh scripts/matrix.sh
@@ -38,4 +42,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint bench extension test-window matrix clean
+.PHONY: setup demo test lint bench extension test-window bench-window matrix clean

@@ -43,9 +43,10 @@ def measure(command, scene, folder):
     found = blender.play("measure")
     assert found["error"] is None, found["error"]
     headless = {}
-    for caster in ("embree", "blender"):
+    for caster in found["bake"]:
         done = blender.run(
-            "-b", "scene.blend", "--command", "prt", "bake", "-o", f"h_{caster}.prt",
+            "-b", "scene.blend", "--addons", "bl_ext.user_default.prt_relight", "--command", "prt",
+            "bake", "-o", f"h_{caster}.prt",
             "--caster", caster, "--quiet", user="user",
         )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr

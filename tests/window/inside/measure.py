@@ -9,7 +9,7 @@ import bpy
 from hand import FOLDER, Until
 from relight_story import install, part, settled, status
 
-TURNS, STOPS = 24, 5
+CASTERS, TURNS, STOPS = ("embree",), 16, 3
 
 
 def story(hand, report):
@@ -26,7 +26,7 @@ def story(hand, report):
     hand.view.tag_redraw()
     yield 1.0
     report["bake"] = {}
-    for caster in ("embree", "blender"):
+    for caster in CASTERS:
         yield from bake(hand, report["bake"], caster)
     yield from stops(hand, report)
     yield from slider(hand, report)
@@ -52,7 +52,7 @@ def stops(hand, report):
     """Esc at different moments of a bake; seconds until it has stopped."""
     scene, report["stops"] = bpy.context.scene, []
     for turn in range(STOPS):
-        scene.prt.name, scene.prt.caster = f"stop{turn}", ("embree", "blender")[turn % 2]
+        scene.prt.name, scene.prt.caster = f"stop{turn}", CASTERS[turn % len(CASTERS)]
         yield 0.3
         yield from hand.click("prt.bake")
         yield Until("it is in the midst", lambda: status().stage == "visibility", 60)

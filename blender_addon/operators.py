@@ -108,6 +108,9 @@ class PRT_OT_bake(LongWork, _Common, bpy.types.Operator):
             self.report({"WARNING"}, f"{error}; the bake is there, choose another light")
         return there, asked, radiance
 
+    def stopped(self, context):
+        bakes.refresh(context.scene)
+
     def _scene(self):
         scene = bpy.data.scenes.get(self.scene_name)
         expect(scene is not None, f"scene '{self.scene_name}' was removed or renamed meanwhile")

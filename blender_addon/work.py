@@ -8,7 +8,7 @@ from prt_core.errors import PRTError
 from prt_core.progress import run
 
 # Seconds: between two timer events, of work in one event, of one step, between redraws.
-_TIMER, _BUDGET, PACE, _REDRAW = 0.01, 0.05, 0.025, 0.2
+_TIMER, _BUDGET, PACE, _REDRAW = 0.002, 0.06, 0.025, 0.5
 _RUNNING = []
 
 # What goes wrong outside of Blender, and is said in one line.
@@ -93,6 +93,7 @@ class LongWork:
         escape = event.type == "ESC" and event.value == "PRESS"
         if escape or status().cancel:
             self.end()
+            self.stopped(context)
             say(f"{self.title} stopped; the same button goes on where it was")
             self.report({"INFO"}, f"{self.title} stopped")
             return {"CANCELLED"}
@@ -143,6 +144,9 @@ class LongWork:
         say(text, True)
         self.report({"ERROR"}, text)
         return {"CANCELLED"}
+
+    def stopped(self, context):
+        """What is left to do when a person stopped the work."""
 
     def cancel(self, _context):
         """Blender ends the operator: a window closes, a file loads."""

@@ -46,7 +46,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, pace):
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
         return 0, bound, 0, skipped
-    rounds, error, pace = 0, np.inf, Pace(pace, 1 << 15)
+    rounds, error, pace = 0, np.inf, Pace(pace, 1 << 15, apart=caster.threads > 1)
     while rounds < MOST_ROUNDS and error > settings.tolerance:
         rounds += 2
         yield Progress("gather", 0, n_points)

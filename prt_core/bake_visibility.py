@@ -22,8 +22,6 @@ from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits
 
 BLOCK = 2048
-# Seconds that a stop may have to wait for threads.
-_STOP = 0.1
 # Below so many rays every entry is traced: it takes a second at most, and there is no error.
 _FEW_RAYS = 1 << 21
 # An object with fewer rays than this is traced whole.
@@ -104,9 +102,7 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
     bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
     counts = store.create("visibility_rays", (len(parts),), "int64", (1,), -1)
     yield Progress("visibility", 0, n_points)
-    # A caster that threads may call works beside its caller, in parts that a stop waits for.
-    threaded = pace is not None and caster.threads > 1
-    pace = Pace(_STOP if threaded else pace)
+    pace = Pace(pace, apart=caster.threads > 1)
     for index, block in enumerate(parts):
         if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
             start, tally = time.perf_counter(), []
@@ -114,7 +110,7 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
             for part in pace.parts(block.start, block.stop):
                 inside = slice(part.start - block.start, part.stop - block.start)
                 work = (visibility_bits, scene, cube_map, caster, part, tally.append)
-                traced[inside] = yield from maybe_beside(threaded, "visibility", *work)
+                traced[inside] = yield from maybe_beside(pace.apart, "visibility", *work)
                 pace.worked()
                 yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)
@@ -127,7 +123,7 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
 def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace):
     """Sample, certify, and ask again until the tolerance is met; then store."""
     start = time.perf_counter()
-    rays = Pace(pace, 1 << 15)
+    rays = Pace(pace, 1 << 15, apart=caster.threads > 1)
     sampler, kind = sampler_named(method)
     sampled = yield from sampler(scene, cube_map, caster, kind(seed=settings.seed), pace=rays)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}

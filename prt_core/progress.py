@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 # How long `beside` lets its caller wait at most.
 _POLL = 0.02
+# Seconds that a stop may have to wait for threads.
+STOP = 0.1
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,14 @@ class Pace:
     first : int
         Units of the first step, until the speed is known, and the fewest of any but the last: a
         call that costs more than it does for a single unit must not be cut ever smaller.
+    apart : bool
+        Whether the parts may be worked on beside the caller (see `maybe_beside`); then nobody
+        but a stop waits for a part, and where `seconds` are given a part lasts `STOP`.
     """
 
-    def __init__(self, seconds=None, first=16):
+    def __init__(self, seconds=None, first=16, apart=False):
+        self.apart = apart and seconds is not None
+        seconds = STOP if self.apart else seconds
         self.seconds, self._units, self._fewest = seconds, float(first), float(first)
 
     def parts(self, start, stop):

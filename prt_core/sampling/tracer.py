@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.progress import Pace, Progress
+from prt_core.progress import Pace, Progress, maybe_beside
 from prt_core.rays import shared
 
 # Rays prepared at once, at most (but for one point's).
@@ -80,21 +80,24 @@ class Tracer:
         (m,) bool
             Whether nothing is in the way.
         """
-        origins, directions = self._origins, self._directions
         free = np.empty(len(point), bool)
         for start in range(0, len(point), self._caster.batch):
             stop = min(start + self._caster.batch, len(point))
             for part in self._pace.parts(start, stop):
-                hit = self._caster.occluded(
-                    origins.take(point[part], axis=0), directions.take(direction[part], axis=0)
+                free[part] = yield from maybe_beside(
+                    self._pace.apart, "visibility", self._free, point[part], direction[part]
                 )
-                free[part] = ~hit
                 self._pace.worked()
                 yield Progress("visibility", int(point[part.start]), self.n_points)
         self.rays += len(point)
         if self._tally is not None and len(point):
             self._tally(len(point))
         return free
+
+    def _free(self, point, direction):
+        return ~self._caster.occluded(
+            self._origins.take(point, axis=0), self._directions.take(direction, axis=0)
+        )
 
 
 def _entries(mask):

@@ -8,7 +8,7 @@ that ended at y: unbiased, and one non-zero a ray at most.
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.progress import Pace, Progress, run
+from prt_core.progress import Pace, Progress, maybe_beside, run
 from prt_core.sobol import sobol_points
 
 ROUND = 64
@@ -68,8 +68,16 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
     for first in range(0, len(directions), caster.batch):
         stop = min(first + caster.batch, len(directions))
         for part in pace.parts(first, stop):
-            found = caster.intersect(origins.take(ray_point[part], axis=0), directions[part])
-            ends[part], back = _ends(scene, found, directions[part], pick[part])
+            ends[part], back = yield from maybe_beside(
+                pace.apart,
+                "gather",
+                _trace,
+                scene,
+                caster,
+                origins.take(ray_point[part], axis=0),
+                directions[part],
+                pick[part],
+            )
             n_back += back
             pace.worked()
             yield Progress("gather", points.start, len(scene.points))
@@ -109,6 +117,10 @@ def _frames(normals):
     u = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
     v = np.stack([b, sign + y * y * a, -y], axis=1)
     return np.stack([u, v, np.stack([x, y, z], axis=1)], axis=1).astype(np.float32)
+
+
+def _trace(scene, caster, origins, directions, pick):
+    return _ends(scene, caster.intersect(origins, directions), directions, pick)
 
 
 def _ends(scene, found, directions, pick):

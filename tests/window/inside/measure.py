@@ -3,13 +3,14 @@
 The scene is scene.blend; headless.json holds the seconds of the same bake without a window.
 """
 
+import json
 import time
 
 import bpy
 from hand import FOLDER, Until
 from relight_story import install, part, settled, status
 
-CASTERS, TURNS, STOPS = ("embree",), 16, 3
+CASTERS, TURNS, STOPS = ("embree",), 24, 5
 
 
 def story(hand, report):
@@ -44,6 +45,8 @@ def bake(hand, report, caster):
     yield Until("it is done", lambda: not status().running, 900)
     found = {"seconds": time.perf_counter() - start, "turns": sorted(part("work").turns)}
     found["said"] = status().message
+    path = FOLDER / "prt" / f"{caster}.prt" / "zarr.json"
+    found["stages"] = sum(json.loads(path.read_text())["attributes"]["seconds"].values())
     yield Until("the preview has settled", settled)
     report[caster] = found
 

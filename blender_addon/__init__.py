@@ -1,18 +1,19 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties (what is set), operators (what is done), panels (what is drawn), plan (what a bake would
-be), bakes (those on disk), preview (the one in memory and its colours), live (when these are made
-again), work (long work without a stuck window), views and studio (Blender's shading and lights).
+properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
+plan (what a bake would be), bakes (those on disk), preview (the one in memory and its colours),
+live (when these are made again), work (long work without a stuck window), views and studio
+(Blender's shading and lights).
 """
 
 import bpy
 
 import prt_core.blender  # noqa: F401  (makes Blender's ray casters known)
 
-from . import live, operators, panels, plan, preview, properties, work
+from . import keeping, live, operators, panels, plan, preview, properties, remedies, work
 
-_PARTS = (properties, operators, panels, live)
+_PARTS = (properties, operators, keeping, remedies, panels, live)
 _COMMANDS = []
 
 

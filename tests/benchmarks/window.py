@@ -62,7 +62,8 @@ def table(rows):
         "1280 x 900 with software OpenGL (viewport anti-aliasing off). Steps are turns of the "
         "main thread while a bake runs; colours are on screen when the view was drawn with them.",
         "",
-        "| Blender | points | caster | button to colours s | of that the bake s | bake headless s | ratio | longest step s "
+        "| Blender | points | caster | button to colours s | of that the bake s "
+        "| bake headless s | ratio | longest step s "
         "| 99th percentile s | Esc obeyed s (worst) | slider to colours s: median, worst "
         "| on screen s: median, worst |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
@@ -73,7 +74,8 @@ def table(rows):
             turns = np.array(bake["turns"])
             alone = row["headless"][caster]
             lines.append(
-                f"| {row['version']} | {row['points']:,} | {caster} | {bake['seconds']:.1f} | {bake['stages']:.1f} | "
+                f"| {row['version']} | {row['points']:,} | {caster} | {bake['seconds']:.1f} | "
+                f"{bake['stages']:.1f} | "
                 f"{alone:.1f} | {bake['stages'] / alone:.2f} | {turns.max():.3f} | "
                 f"{np.quantile(turns, 0.99):.3f} | {max(row['stops']):.2f} | "
                 f"{np.median(written):.2f}, {written.max():.2f} | "

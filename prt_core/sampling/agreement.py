@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.progress import Progress, maybe_beside
+from prt_core.progress import maybe_beside
 from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
@@ -176,6 +176,7 @@ class _Work:
         if sampled:
             self.bits, self.traced = sampled.bits.copy(), sampled.traced.copy()
             self._counts.update({k: sampled.facts.get(k, 0) for k in self._counts})
+            self._tracer.done = len(scene.points)
             self._rays_before = sampled.rays
 
     def begin(self):
@@ -188,7 +189,7 @@ class _Work:
             self.above[part] = yield from maybe_beside(
                 self._apart, "visibility", horizon_bits, scene, self._cube_map, part
             )
-            yield Progress("visibility", 0, n_points)
+            yield self._tracer.progress()
         self.open = yield from maybe_beside(self._apart, "visibility", open_points, scene)
         if self.bits is None:
             self.bits, self.traced = np.zeros_like(self.above), np.zeros_like(self.above)
@@ -214,7 +215,8 @@ class _Work:
             part = slice(first, first + _BLOCK)
             rng = np.random.default_rng([self._seed, _SEED_STAGE, *key, index])
             yield from self._ask_block(points[part], around[part], settings.checks, halvings, rng)
-            yield Progress("visibility", first, len(points))
+            self._tracer.done = len(known) + first
+            yield self._tracer.progress()
 
     def _ask_block(self, points, around, n_checks, halvings, rng):
         above, traced = self.above[points], self.traced[points]

@@ -118,7 +118,8 @@ def certificate_steps(
         One for each object that has points.
     """
     settings = settings or CertificateSettings()
-    tracer = Tracer(scene, cube_map, caster, tally, pace)
+    tracer = Tracer(scene, cube_map, caster, tally, pace, "certificate")
+    tracer.done = len(scene.points)
     index = scene.points.object_index
     present = np.unique(index)
     # What is proven needs no ray.

@@ -26,15 +26,28 @@ class Tracer:
     tally : callable(int), optional
     pace : Pace, optional
         In rays.
+    stage : str
+        Of the `Progress` it yields.
+
+    Attributes
+    ----------
+    rays : int
+    done : int
+        Points that are known, for `Progress`; whoever traces sets it.
     """
 
-    def __init__(self, scene, cube_map, caster, tally=None, pace=None):
+    def __init__(self, scene, cube_map, caster, tally=None, pace=None, stage="visibility"):
         self._origins = scene.ray_origins
         self._directions = cube_map.samples.astype(np.float32)
         self._caster, self._tally = shared(caster), tally
         self._pace = pace or Pace()
         self.n_points = len(self._origins)
-        self.rays = 0
+        self.rays = self.done = 0
+        self._stage = stage
+
+    def progress(self):
+        """How far the sampling is."""
+        return Progress(self._stage, min(self.done, self.n_points), self.n_points)
 
     def trace(self, points, mask):
         """Trace the entries of a mask; a generator of `Progress`.
@@ -85,10 +98,10 @@ class Tracer:
             stop = min(start + self._caster.batch, len(point))
             for part in self._pace.parts(start, stop):
                 free[part] = yield from maybe_beside(
-                    self._pace.apart, "visibility", self._free, point[part], direction[part]
+                    self._pace.apart, self._stage, self._free, point[part], direction[part]
                 )
                 self._pace.worked()
-                yield Progress("visibility", int(point[part.start]), self.n_points)
+                yield self.progress()
         self.rays += len(point)
         if self._tally is not None and len(point):
             self._tally(len(point))

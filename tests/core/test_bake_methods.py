@@ -96,3 +96,12 @@ def test_bounces_that_matter_are_baked(scene, tmp_path):
     # The upper half of the ball sees no surface: no ray is cast for it, none would hit.
     assert report["skipped"]["gather_open_points"] > 0
     assert report["skipped"]["gather_rays"] > 0
+
+
+@pytest.mark.parametrize("method", ["exhaustive", "agreement"])
+def test_progress_never_goes_back(scene, tmp_path, method):
+    shown = []
+    settings = BakeSettings(resolution=12, method=method, tolerance=0.1)
+    run(bake_steps(scene, tmp_path / "p.prt", settings, pace=0.001), shown.append)
+    shares = [p.done / p.total for p in shown if p.stage == "visibility" and p.total]
+    assert shares == sorted(shares) and len(set(shares)) > 3 and shares[-1] > 0.5

@@ -76,16 +76,19 @@ class LongWork:
             return {"CANCELLED"}
         turns.clear()
         self._steps, self._drawn = self.steps(context, PACE), 0.0
-        self._manager = context.window_manager
-        self._timer = self._manager.event_timer_add(_TIMER, window=context.window)
-        self._manager.modal_handler_add(self)
         state = status()
         state.running, state.cancel = True, False
         state.title, state.stage, state.done = self.title, "", 0.0
         say("")
         _RUNNING.append(self)
-        # The first step reads the context as it is while the button is pressed.
-        return self._turn(context)
+        # The first steps read the context as it is while the button is pressed. What they end
+        # must not become a handler: Blender would call an operator that is gone, and crash.
+        found = self._turn(context)
+        if found == {"RUNNING_MODAL"}:
+            self._manager = context.window_manager
+            self._timer = self._manager.event_timer_add(_TIMER, window=context.window)
+            self._manager.modal_handler_add(self)
+        return found
 
     def modal(self, context, event):
         if self._steps is None:

@@ -409,6 +409,15 @@ def test_the_modal_driver_works_to_the_end(window):
     assert max(work.turns) < 0.5 and len(work.turns) > 3
 
 
+@pytest.mark.parametrize(("total", "fails_at"), [(1, None), (5, 0)])
+def test_work_that_ends_at_once_leaves_no_handler(window, total, fails_at):
+    operator = Counting(total, fails_at)
+    found = operator.invoke(window, None)
+    assert found == ({"FINISHED"} if fails_at is None else {"CANCELLED"})
+    assert window.window_manager.handlers == window.window_manager.timers == 0
+    assert operator.closed and not work.status().running
+
+
 @pytest.mark.parametrize("how", ["escape", "button", "blender", "unregister"])
 def test_the_modal_driver_stops(window, how):
     operator = Counting(total=4000)

@@ -8,7 +8,7 @@ from prt_core.errors import PRTError
 from prt_core.progress import run
 
 # Seconds: between two timer events, of work in one event, of one step, between redraws.
-_TIMER, _BUDGET, PACE, _REDRAW = 0.002, 0.06, 0.025, 0.5
+_TIMER, _BUDGET, PACE, _REDRAW = 0.002, 0.04, 0.025, 0.5
 _RUNNING = []
 
 # What goes wrong outside of Blender, and is said in one line.

@@ -14,7 +14,7 @@ from prt_core.light.rotation import rotation_matrix
 # Parts of pixels a texel is averaged over, at least: what is even, and what is bright.
 _EVEN_SAMPLES, _BRIGHT_SAMPLES = 150, 4000
 _EVEN_HEIGHT = 512
-_BAND = 1 << 17
+_BAND = 1 << 16
 # Pixels above so many times the mean count as small sources.
 _BRIGHT = 4.0
 
@@ -141,32 +141,35 @@ class EnvironmentMap:
 def _onto_texels(cube_map, matrix, rows, columns, shape, values, samples):
     """Power of pixels on each texel (n_directions, 3), and the solid angle that was covered."""
     height, width = shape
-    wanted = cube_map.n_directions * samples / (height * width)
-    parts = int(np.clip(np.ceil(np.sqrt(wanted)), 1, 4096))
+    n_directions = cube_map.n_directions
+    parts = int(np.clip(np.ceil(np.sqrt(n_directions * samples / (height * width))), 1, 4096))
     # Parts of a pixel's height that have equal area: equal steps of z inside the pixel.
     edges = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
     step = (edges[:-1] - edges[1:]) / parts
-    inside = np.arange(parts) + 0.5
-    z = edges[:-1, None] - step[:, None] * inside
-    angle = np.pi - (np.arange(width)[:, None] + inside / parts) / width * 2 * np.pi
-    cosine, sine = np.cos(angle), np.sin(angle)
-    area = step * (2 * np.pi / (width * parts))
+    inside = np.arange(parts)[:, None] + 0.5
+    z = edges[:-1] - step * inside
+    radius = np.sqrt(np.maximum(0, 1 - z * z))
+    angle = np.pi - (np.arange(width) + inside / parts) / width * 2 * np.pi
+    tables = (z, radius, np.cos(angle), np.sin(angle))
+    z, radius, cosine, sine = (table.astype(np.float32) for table in tables)
+    matrix = matrix.astype(np.float32)
+    share = (step * (2 * np.pi / (width * parts)))[rows]
+    weights = [*(values.T * share), share]
 
     def some(first):
-        part = slice(first, first + step_pixels)
+        part = slice(first, first + _BAND)
         row, column = rows[part], columns[part]
-        level = z[row][:, :, None]
-        radius = np.sqrt(np.maximum(0, 1 - level * level))
-        x, y = radius * cosine[column][:, None], radius * sine[column][:, None]
-        directions = np.stack([x, y, np.broadcast_to(level, x.shape)], axis=-1).reshape(-1, 3)
-        texel = cube_map.texel_of(directions @ matrix.T)
-        share = np.repeat(area[row], parts * parts)
-        pixel = np.repeat(np.arange(len(row)), parts * parts)
-        n = cube_map.n_directions
-        sums = [np.bincount(texel, share * values[part, c][pixel], n) for c in range(3)]
-        return np.stack([*sums, np.bincount(texel, share, n)])
+        sums = np.zeros((4, n_directions))
+        for level, ring in zip(z, radius, strict=True):
+            up, out = level[row], ring[row]
+            for cosines, sines in zip(cosine, sine, strict=True):
+                x, y = out * cosines[column], out * sines[column]
+                turned = (m[0] * x + m[1] * y + m[2] * up for m in matrix)
+                texel = cube_map.texel_along(*turned)
+                for total, weight in zip(sums, weights, strict=True):
+                    total += np.bincount(texel, weight[part], n_directions)
+        return sums
 
-    step_pixels = max(1, _BAND // parts**2)
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        total = sum(pool.map(some, range(0, len(rows), step_pixels)))
+        total = sum(pool.map(some, range(0, len(rows), _BAND)))
     return total[:3].T.copy(), total[3]

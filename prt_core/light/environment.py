@@ -146,10 +146,10 @@ def _onto_texels(cube_map, matrix, rows, columns, shape, values, samples):
     # Parts of a pixel's height that have equal area: equal steps of z inside the pixel.
     edges = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
     step = (edges[:-1] - edges[1:]) / parts
-    inside = np.arange(parts)[:, None] + 0.5
-    z = edges[:-1] - step * inside
+    inside = np.arange(parts) + 0.5
+    z = edges[:-1] - step * inside[:, None]
     radius = np.sqrt(np.maximum(0, 1 - z * z))
-    angle = np.pi - (np.arange(width) + inside / parts) / width * 2 * np.pi
+    angle = np.pi - (np.arange(width)[:, None] + inside / parts) / width * 2 * np.pi
     tables = (z, radius, np.cos(angle), np.sin(angle))
     z, radius, cosine, sine = (table.astype(np.float32) for table in tables)
     matrix = matrix.astype(np.float32)
@@ -157,19 +157,22 @@ def _onto_texels(cube_map, matrix, rows, columns, shape, values, samples):
     weights = [*(values.T * share), share]
 
     def some(first):
-        part = slice(first, first + _BAND)
+        part = slice(first, first + n_pixels)
         row, column = rows[part], columns[part]
+        cosines, sines = cosine[column], sine[column]
+        power = [np.repeat(weight[part], parts) for weight in weights]
         sums = np.zeros((4, n_directions))
+        # One of the parts of each pixel's height after the other, all along its width at once.
         for level, ring in zip(z, radius, strict=True):
-            up, out = level[row], ring[row]
-            for cosines, sines in zip(cosine, sine, strict=True):
-                x, y = out * cosines[column], out * sines[column]
-                turned = (m[0] * x + m[1] * y + m[2] * up for m in matrix)
-                texel = cube_map.texel_along(*turned)
-                for total, weight in zip(sums, weights, strict=True):
-                    total += np.bincount(texel, weight[part], n_directions)
+            up, out = level[row][:, None], ring[row][:, None]
+            x, y = out * cosines, out * sines
+            turned = ((m[0] * x + m[1] * y + m[2] * up).ravel() for m in matrix)
+            texel = cube_map.texel_along(*turned)
+            for total, weight in zip(sums, power, strict=True):
+                total += np.bincount(texel, weight, n_directions)
         return sums
 
+    n_pixels = max(1, _BAND // parts)
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        total = sum(pool.map(some, range(0, len(rows), _BAND)))
+        total = sum(pool.map(some, range(0, len(rows), n_pixels)))
     return total[:3].T.copy(), total[3]

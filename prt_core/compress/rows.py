@@ -159,6 +159,32 @@ class TransportRows(Rows):
         return self.code.decode(self.features(points))
 
 
+class SomeRows(Rows):
+    """Some rows of others, in the same code: what a choice is tried on.
+
+    Parameters
+    ----------
+    rows : Rows
+    points : (n,) int
+    """
+
+    def __init__(self, rows, points):
+        self.rows, self.points = rows, np.asarray(points)
+        self.n_points, self.n_directions = len(self.points), rows.n_directions
+        self.n_channels, self.resolution = rows.n_channels, rows.resolution
+        self.gain = None if rows.gain is None else rows.gain[self.points]
+
+    @property
+    def code(self):
+        return self.rows.code
+
+    def features(self, points):
+        return self.rows.features(self.points[points])
+
+    def block(self, points):
+        return self.rows.block(self.points[points])
+
+
 def opponent_groups(left, right, error=_OPPONENT_ERROR):
     """Groups of the indirect light: luminance and two differences of channels.
 

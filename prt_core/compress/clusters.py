@@ -168,16 +168,8 @@ class ClusterCompressor(Compressor):
             mean, basis = products[first], products[first + 1 : first + 1 + len(affine.basis)]
             first += 1 + len(affine.basis)
             values[self.starts_[c] : self.starts_[c + 1]] = mean + affine.weights @ basis
-        result = self.gather_slots(values)
+        result = blended(values, self.place_, self.guests_, self.shares_)
         return result if self.gain_ is None else result * self.gain_
-
-    def gather_slots(self, values):
-        """(n_points, n_channels) from values of slots."""
-        result = np.take(values, self.place_, axis=0)
-        if len(self.guests_):
-            points, slots = self.guests_.T
-            result[points] += self.shares_[:, None] * (values[slots] - result[points])
-        return result
 
     def _state(self):
         models = self.affine_
@@ -275,6 +267,15 @@ class ClusterCompressor(Compressor):
         error = sum(a.error for a in self.affine_)
         self.matrix_error_ = float(np.sqrt(error / energy)) if energy else 0.0
         return self._fitted(rows)
+
+
+def blended(values, place, guests, shares):
+    """(n_points, n_channels) from values of slots: each point's own, mixed with its second."""
+    result = np.take(values, place, axis=0)
+    if len(guests):
+        points, slots = guests.T
+        result[points] += shares[:, None] * (values[slots] - result[points])
+    return result
 
 
 def ranks_within(models, allowed):

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.compress.indirect import indirect_factors
+from prt_core.compress.parallel import in_parallel
 from prt_core.compress.row_code import Group, RowCode, natural_scale
 from prt_core.errors import expect, expect_array
 from prt_core.progress import run
@@ -178,8 +179,14 @@ class SomeRows(Rows):
     def code(self):
         return self.rows.code
 
+    @cached_property
+    def _features(self):
+        parts = in_parallel(lambda some: self.rows.features(self.points[some]), self.blocks())
+        return np.concatenate(list(parts))
+
     def features(self, points):
-        return self.rows.features(self.points[points])
+        # Several models are fitted to a sample: made once.
+        return self._features[points]
 
     def block(self, points):
         return self.rows.block(self.points[points])

@@ -3,6 +3,7 @@
 import time
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from threading import Event
 
 # How long `beside` lets its caller wait at most.
 _POLL = 0.02
@@ -98,3 +99,29 @@ def maybe_beside(allowed, stage, function, *arguments):
     if allowed:
         return (yield from beside(stage, function, *arguments))
     return function(*arguments)
+
+
+def apart(steps):
+    """Drive a generator of pure numpy work in a thread; yields its newest `Progress` meanwhile.
+
+    For work whose single steps are too long for a user interface. Closing ends it after the step
+    in hand.
+    """
+    newest, stop = [Progress("", 0, 0)], Event()
+
+    def drive():
+        while not stop.is_set():
+            try:
+                newest[0] = next(steps)
+            except StopIteration as end:
+                return end.value
+        return steps.close()
+
+    with ThreadPoolExecutor(1) as pool:
+        future = pool.submit(drive)
+        try:
+            while not wait([future], _POLL).done:
+                yield newest[0]
+            return future.result()
+        finally:
+            stop.set()

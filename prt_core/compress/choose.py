@@ -128,7 +128,7 @@ def _climb(task, part, name, limits, lights, truths):
         yield from model.fit_steps(part.rows)
         seconds = time.perf_counter() - began
         quick = method.relighter(model, part.transport)
-        errors, spent = yield from beside("choice", _relit, quick, lights, truths)
+        errors, spent = yield from beside("choice", relit, quick, lights, truths)
         scale = task.n_points / part.n_points
         trial = Trial(
             name,
@@ -158,7 +158,7 @@ def _start(part, method, lights):
     return min((yield from beside("choice", _times, quick, lights)))
 
 
-def _relit(quick, lights, truths):
+def relit(quick, lights, truths):
     """Errors under each light, and the least time of one."""
     errors = [relative_l2(quick.relight(light), truths[name]) for name, light in lights.items()]
     return errors, min(_times(quick, lights))

@@ -13,7 +13,7 @@ from prt_core.compress.indirect import indirect_factors
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.row_code import Group, RowCode, natural_scale
 from prt_core.errors import expect, expect_array
-from prt_core.progress import run
+from prt_core.progress import Progress, run
 from prt_core.transport.visibility import unpack
 
 _BLOCK = 512
@@ -170,7 +170,10 @@ class SomeRows(Rows):
     """
 
     def __init__(self, rows, points):
-        self.rows, self.points = rows, np.asarray(points)
+        points = np.asarray(points)
+        if isinstance(rows, SomeRows):
+            rows, points = rows.rows, rows.points[points]
+        self.rows, self.points, self._features = rows, points, None
         self.n_points, self.n_directions = len(self.points), rows.n_directions
         self.n_channels, self.resolution = rows.n_channels, rows.resolution
         self.gain = None if rows.gain is None else rows.gain[self.points]
@@ -179,14 +182,23 @@ class SomeRows(Rows):
     def code(self):
         return self.rows.code
 
-    @cached_property
-    def _features(self):
-        parts = in_parallel(lambda some: self.rows.features(self.points[some]), self.blocks())
-        return np.concatenate(list(parts))
-
     def features(self, points):
-        # Several models are fitted to a sample: made once.
+        # Several models are fitted to a sample: made once, before threads ask for them.
+        if self._features is None:
+            return self.rows.features(self.points[points])
         return self._features[points]
+
+    def prepare_steps(self):
+        """Hold the features of all rows from now on."""
+        if self._features is None:
+            yield from getattr(self.rows, "prepare_steps", lambda: ())()
+            done, parts = 0, []
+            for part in in_parallel(lambda p: self.rows.features(self.points[p]), self.blocks()):
+                parts.append(part)
+                done += len(part)
+                yield Progress("sample", done, self.n_points)
+            self._features = np.concatenate(parts)
+        return self
 
     def block(self, points):
         return self.rows.block(self.points[points])

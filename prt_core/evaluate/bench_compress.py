@@ -121,7 +121,11 @@ def _truth(transport, lights, seed):
     white = [rng.standard_normal(shape).astype(np.float32) for _ in range(_WHITE)]
     some = np.sort(rng.choice(transport.n_points, min(64, transport.n_points), replace=False))
     largest = float(np.abs(transport.rows(some)).max())
-    return Truth(lights, colours, white, [transport.relight(w) for w in white], largest, seconds)
+    # Received light is cut at zero: each half of the noise by itself.
+    sides = [
+        transport.relight(np.maximum(w, 0)) - transport.relight(np.maximum(-w, 0)) for w in white
+    ]
+    return Truth(lights, colours, white, sides, largest, seconds)
 
 
 def _references(task, truth):

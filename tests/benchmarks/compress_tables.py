@@ -1,7 +1,7 @@
 """What compression is worth beyond `prt bench compress`: three tables, as Markdown.
 
     python tests/benchmarks/compress_tables.py haar BAKE.prt      # lights cut to few wavelets
-    python tests/benchmarks/compress_tables.py sparse NAME        # clusters of a sparse bake
+    python tests/benchmarks/compress_tables.py sparse NAME [N ...]  # clusters of a sparse bake
     python tests/benchmarks/compress_tables.py frames SCENE.blend BAKE.prt    # colours in Blender
 
 NAME is one of `sampling_scenes.MODELS`; the bake of `frames` is compressed and of that scene.
@@ -115,7 +115,7 @@ def sparse_task(name):
     return transport, np.sort(dense), near
 
 
-def sparse_table(name):
+def sparse_table(name, *clusters):
     """Clusters from a sparse bake against iterative and static ones on the full matrix."""
     transport, dense, near = sparse_task(name)
     rows = run(TransportRows(transport).prepare_steps())
@@ -128,7 +128,7 @@ def sparse_table(name):
         "sparse | error ratio |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for n_clusters in CLUSTERS:
+    for n_clusters in [int(text) for text in clusters] or CLUSTERS:
         found = []
         for model in (
             ClusteredPCA(n_clusters, 24, method="iterative"),

@@ -8,13 +8,13 @@ from prt_core.errors import PRTError
 from prt_core.progress import run
 
 # Seconds: between two timer events, of work in one event, of one step, between redraws.
-_TIMER, _BUDGET, PACE, _REDRAW = 0.002, 0.06, 0.025, 0.5
+_TIMER, _BUDGET, PACE, _REDRAW = 0.002, 0.04, 0.025, 0.5
 _RUNNING = []
 
 # What goes wrong outside of Blender, and is said in one line.
 FAILURES = (PRTError, OSError, MemoryError)
 
-# How long each turn of the main thread took, of the last work (for measuring).
+# How long each turn of the main thread took, and its stage, of the last work (for measuring).
 turns = []
 
 
@@ -56,6 +56,7 @@ class LongWork:
     """
 
     _steps = _timer = _manager = None
+    _stage = ""
 
     def execute(self, context):
         """All at once: for scripts and without a window."""
@@ -107,8 +108,11 @@ class LongWork:
         start = time.perf_counter()
         try:
             while time.perf_counter() - start <= _BUDGET - PACE:
-                self._show(next(self._steps))
+                progress = next(self._steps)
+                self._stage = progress.stage
+                self._show(progress)
         except StopIteration as end:
+            self._stage = "end"
             self.end()
             return self._finish(context, end.value)
         except FAILURES as error:
@@ -119,7 +123,7 @@ class LongWork:
             say(f"{self.title} failed; the system console has the details", True)
             raise
         finally:
-            turns.append(time.perf_counter() - start)
+            turns.append((time.perf_counter() - start, self._stage))
         return {"RUNNING_MODAL"}
 
     def _show(self, progress):

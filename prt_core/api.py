@@ -9,7 +9,7 @@ from prt_core.bake_visibility import chosen_method
 from prt_core.compressed import CompressSettings, compress_steps
 from prt_core.errors import PRTError, expect
 from prt_core.light import EnvironmentMap
-from prt_core.progress import apart, beside, run
+from prt_core.progress import Errands, beside, run, steps_beside
 from prt_core.relighter import Relighter, on_texels
 from prt_core.scene import Scene, mesh_digests
 from prt_core.store import BakeStore, remove_compressed
@@ -216,7 +216,8 @@ def compress_bake_steps(
         lights = _studio_lights()
     elif not isinstance(lights, dict):
         lights = {Path(path).stem: read_environment(Path(path)) for path in lights}
-    result = yield from apart(compress_steps(bake, settings, lights))
+    steps = compress_steps(bake, settings, lights)
+    result = yield from steps_beside(steps, Errands(), "compress")
     return result
 
 

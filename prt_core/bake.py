@@ -13,8 +13,8 @@ from prt_core.bake_visibility import expect_method, visibility_steps
 from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, Lamp
 from prt_core.machine import peak_bytes
-from prt_core.progress import beside
-from prt_core.rays import make_caster
+from prt_core.progress import STOP, Errands, Progress, steps_beside
+from prt_core.rays import RelayCaster, make_caster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
 from prt_core.transport import Transport
@@ -152,8 +152,9 @@ def bake_steps(
     restart : bool or "changed"
         Begin anew whatever is there; or only where that is of another scene or other settings.
     pace : float, optional
-        Seconds a step may take, for a user interface; default: whole blocks. The result is the
-        same.
+        Seconds a step may take, for a user interface; then the work is done beside the caller, in
+        a thread, but for rays that only the caller may cast. Default: whole blocks. The result is
+        the same.
     lights : dict of str -> (n_directions, 3) float32, optional
         Under which the sampled visibility must be within the tolerance; default: an even sky and
         two soft suns.
@@ -171,12 +172,39 @@ def bake_steps(
         The store belongs to another scene or other settings, or is no bake.
     """
     settings = settings or BakeSettings()
+    made = []
+
+    def caster():
+        made.append(make_caster(settings.caster, scene.vertices, scene.triangles))
+        return made[0]
+
+    parts = (lamps, world, camera, source)
+    try:
+        if pace is None:
+            return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
+        errands = Errands()
+
+        def relayed():
+            # Threaded rays are cast where the work is, and a stop waits for a part of them.
+            found = errands.call(caster)
+            return found if found.threads > 1 else RelayCaster(found, errands, pace)
+
+        work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
+        return (yield from steps_beside(work, errands, "scene"))
+    finally:
+        for item in made:
+            item.close()
+
+
+def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
+    """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
     store = BakeStore(path, "w" if restart is True else "a")
     identity = {
-        "scene": (yield from beside("scene", scene.fingerprint)),
+        "scene": scene.fingerprint(),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
     }
+    yield Progress("scene", 0, 0)
     facts = store.facts
     if restart == "changed" and facts.get("identity", identity) != identity:
         store = BakeStore(path, "w")
@@ -184,25 +212,23 @@ def bake_steps(
     if "identity" in facts:
         _same_bake(path, facts["identity"], identity)
     if facts.get("complete"):
-        _write_lights(store, lamps, world, camera, source)
+        _write_lights(store, *parts)
         return facts["report"]
-    caster = make_caster(settings.caster, scene.vertices, scene.triangles)
-    try:
-        _write_lights(store, lamps, world, camera, source)
-        if "identity" not in facts:
-            yield from beside("scene", write_scene, store, scene)
-            store.update(settings=asdict(settings), identity=identity)
-        seconds = dict(facts.get("seconds", {}))
-        seen = yield from visibility_steps(
-            store, scene, cube_map, caster, settings, lights, seconds, pace
+    caster = new_caster()
+    _write_lights(store, *parts)
+    if "identity" not in facts:
+        write_scene(store, scene)
+        store.update(settings=asdict(settings), identity=identity)
+        yield Progress("scene", 0, 0)
+    seconds = dict(facts.get("seconds", {}))
+    seen = yield from visibility_steps(
+        store, scene, cube_map, caster, settings, lights, seconds, pace
+    )
+    gathered, error, rounds, skipped = 0, None, 0, {}
+    if settings.bounces != 0:
+        gathered, error, rounds, skipped = yield from bounce_steps(
+            store, scene, cube_map, caster, settings, seconds, pace
         )
-        gathered, error, rounds, skipped = 0, None, 0, {}
-        if settings.bounces != 0:
-            gathered, error, rounds, skipped = yield from bounce_steps(
-                store, scene, cube_map, caster, settings, seconds, pace
-            )
-    finally:
-        caster.close()
     report = _report(
         scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store
     )

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from prt_core import bake_visibility
 from prt_core.bake_visibility import add_seconds, blocks
 from prt_core.errors import expect
-from prt_core.progress import Pace, Progress, beside
+from prt_core.progress import Pace, Progress
 from prt_core.sampling import open_points
 from prt_core.transport import all_bounces, gather_operator, gather_steps
 from prt_core.transport.gather import ROUND
@@ -46,7 +46,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, pace):
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
         return 0, bound, 0, skipped
-    rounds, error, pace = 0, np.inf, Pace(pace, 1 << 15, apart=caster.threads > 1)
+    rounds, error, pace = 0, np.inf, Pace(pace, 1 << 15)
     while rounds < MOST_ROUNDS and error > settings.tolerance:
         rounds += 2
         yield Progress("gather", 0, n_points)
@@ -63,7 +63,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, pace):
                     add_seconds(store, seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", block.stop, n_points)
         start = time.perf_counter()
-        error = yield from beside("bounces", _bounce_error, hits, scene, rounds, probes, settings)
+        error = _bounce_error(hits, scene, rounds, probes, settings)
+        yield Progress("bounces", n_points, n_points)
         add_seconds(store, seconds, "error", time.perf_counter() - start)
     store.update(rounds=rounds)
     skipped["gather_rays"] = skipped["gather_open_points"] * rounds * ROUND

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.progress import Pace, Progress, maybe_beside
+from prt_core.progress import Pace, Progress
 from prt_core.sampling import (
     AgreementSettings,
     CertificateSettings,
@@ -102,15 +102,14 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
     bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
     counts = store.create("visibility_rays", (len(parts),), "int64", (1,), -1)
     yield Progress("visibility", 0, n_points)
-    pace = Pace(pace, apart=caster.threads > 1)
+    pace = Pace(pace)
     for index, block in enumerate(parts):
         if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
             start, tally = time.perf_counter(), []
             traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
             for part in pace.parts(block.start, block.stop):
                 inside = slice(part.start - block.start, part.stop - block.start)
-                work = (visibility_bits, scene, cube_map, caster, part, tally.append)
-                traced[inside] = yield from maybe_beside(pace.apart, "visibility", *work)
+                traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
                 pace.worked()
                 yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)
@@ -123,7 +122,7 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
 def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace):
     """Sample, certify, and ask again until the tolerance is met; then store."""
     start = time.perf_counter()
-    rays = Pace(pace, 1 << 15, apart=caster.threads > 1)
+    rays = Pace(pace, 1 << 15)
     sampler, kind = sampler_named(method)
     sampled = yield from sampler(scene, cube_map, caster, kind(seed=settings.seed), pace=rays)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}

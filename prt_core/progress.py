@@ -1,11 +1,12 @@
 """Long work is a generator that yields `Progress` and returns its result; closing it cancels."""
 
+import queue
+import threading
 import time
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from threading import Event
 
-# How long `beside` lets its caller wait at most.
+# How long work in a thread lets its caller wait at most.
 _POLL = 0.02
 # Seconds that a stop may have to wait for threads.
 STOP = 0.1
@@ -55,14 +56,9 @@ class Pace:
     first : int
         Units of the first step, until the speed is known, and the fewest of any but the last: a
         call that costs more than it does for a single unit must not be cut ever smaller.
-    apart : bool
-        Whether the parts may be worked on beside the caller (see `maybe_beside`); then nobody
-        but a stop waits for a part, and where `seconds` are given a part lasts `STOP`.
     """
 
-    def __init__(self, seconds=None, first=16, apart=False):
-        self.apart = apart and seconds is not None
-        seconds = STOP if self.apart else seconds
+    def __init__(self, seconds=None, first=16):
         self.seconds, self._units, self._fewest = seconds, float(first), float(first)
 
     def parts(self, start, stop):
@@ -74,11 +70,11 @@ class Pace:
             yield slice(start, end)
             start = end
 
-    def worked(self):
-        """The part is done: how long it took decides how large the next one is."""
+    def worked(self, spent=None):
+        """The part is done: how long it took, in seconds, decides how large the next one is."""
         if self.seconds is not None:
-            spent = max(time.perf_counter() - self._began, 1e-6)
-            wanted = self._count * self.seconds / spent
+            spent = time.perf_counter() - self._began if spent is None else spent
+            wanted = self._count * self.seconds / max(spent, 1e-6)
             self._units = max(min(max(wanted, self._units / 4), self._units * 2), self._fewest)
 
 
@@ -101,27 +97,78 @@ def maybe_beside(allowed, stage, function, *arguments):
     return function(*arguments)
 
 
-def apart(steps):
-    """Drive a generator of pure numpy work in a thread; yields its newest `Progress` meanwhile.
+class _Stopped(BaseException):
+    """The caller of work in a thread wants no more of it."""
 
-    For work whose single steps are too long for a user interface. Closing ends it after the step
-    in hand.
+
+class Errands:
+    """What work in a thread has done by the thread that drives it (see `steps_beside`)."""
+
+    def __init__(self):
+        self._asked, self._stopped = queue.SimpleQueue(), False
+        self._lock = threading.Lock()
+
+    def call(self, function, *arguments):
+        """The result of a function that is called in the driving thread; waits for it."""
+        errand = Future()
+        with self._lock:
+            if self._stopped:
+                raise _Stopped
+            self._asked.put((errand, function, arguments))
+        return errand.result()
+
+    def wake(self):
+        """End the wait of `serve`."""
+        self._asked.put((Future(), int, ()))
+
+    def serve(self, timeout):
+        """Wait for an errand, `timeout` seconds at most, and do it."""
+        try:
+            errand, function, arguments = self._asked.get(timeout=timeout)
+        except queue.Empty:
+            return
+        try:
+            errand.set_result(function(*arguments))
+        except BaseException as error:
+            errand.set_exception(error)
+
+    def stop(self):
+        """Nothing is done any more; who waits for an errand is told so."""
+        with self._lock:
+            self._stopped = True
+        while not self._asked.empty():
+            self._asked.get()[0].set_exception(_Stopped())
+
+
+def steps_beside(steps, errands, stage):
+    """Drive a generator in a thread of its own; the same `Progress`, or less of it, and result.
+
+    Closing it ends `steps` at its next step, and waits for that.
+
+    Parameters
+    ----------
+    steps : generator of Progress
+        Must not touch what belongs to the caller's thread, but by `errands`.
+    errands : Errands
+    stage : str
+        Of the first `Progress`.
     """
-    newest, stop = [Progress("", 0, 0)], Event()
+    latest, stopped = [Progress(stage, 0, 0)], threading.Event()
 
-    def drive():
-        while not stop.is_set():
-            try:
-                newest[0] = next(steps)
-            except StopIteration as end:
-                return end.value
-        return steps.close()
+    def note(progress):
+        latest[0] = progress
+        if stopped.is_set():
+            raise _Stopped
 
     with ThreadPoolExecutor(1) as pool:
-        future = pool.submit(drive)
+        future = pool.submit(run, steps, note)
+        # So that the end of the work wakes the caller as an errand does.
+        future.add_done_callback(lambda _: errands.wake())
         try:
-            while not wait([future], _POLL).done:
-                yield newest[0]
-            return future.result()
+            while not future.done():
+                errands.serve(_POLL)
+                yield latest[0]
         finally:
-            stop.set()
+            stopped.set()
+            errands.stop()
+        return future.result()

@@ -226,8 +226,10 @@ def _to_mesh(name, source, data, matrix, messages):
         turned = np.zeros((n_corners, 3))
     else:
         turned = normals.reshape(-1, 3).astype(np.float64) @ np.linalg.inv(linear)
-        turned = np.nan_to_num(turned)
-        turned /= np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
+        lengths = np.sqrt(np.einsum("ij,ij->i", turned, turned))[:, None]
+        turned /= np.maximum(lengths, 1e-30)
+        if not np.isfinite(turned).all():
+            turned = np.where(np.isfinite(turned).all(axis=1)[:, None], turned, 0.0)
     if determinant < 0:
         # A mirror turns the winding round, not the side that is the front.
         triangles = triangles[:, ::-1]

@@ -143,26 +143,25 @@ class CubeMap:
         (m,) int32
         """
         directions = expect_array("directions", directions, (None, 3), np.float64)
+        expect(
+            directions.any(axis=1).all(),
+            "directions: a vector of length zero has no direction",
+        )
+        return self.texel_along(*directions.T)
+
+    def texel_along(self, x, y, z):
+        """`texel_of` of components, unchecked, in their own precision: (m,) int32."""
         n = self.resolution
-        sizes = np.abs(directions)
-        axis = sizes.argmax(axis=1)
-        result = np.empty(len(directions), np.int32)
-        for face in range(6):
-            here = np.flatnonzero(
-                (axis == face // 2) & ((directions[:, face // 2] < 0) == face % 2)
-            )
-            if not len(here):
-                continue
-            along = sizes[here, face // 2]
-            expect((along > 0).all(), "directions: a vector of length zero has no direction")
-            # A face's axes are world axes but for their sign.
-            place = []
-            for axis_of_face in _FACES[face][1:]:
-                world = int(np.abs(axis_of_face).argmax())
-                value = directions[here, world] * (axis_of_face[world] * n / 2) / along + n / 2
-                place.append(np.clip(value.astype(np.int32), 0, n - 1))
-            result[here] = (face * n + place[1]) * n + place[0]
-        return result
+        ax, ay, az = np.abs(x), np.abs(y), np.abs(z)
+        on_x, on_z = ax >= np.maximum(ay, az), az > np.maximum(ax, ay)
+        along = np.where(on_x, x, np.where(on_z, z, y))
+        scale = n / 2 / along
+        # What `_FACES` says: to divide by the signed axis turns the sides round as it should.
+        column = np.where(on_x, y * scale, x * np.where(on_z, np.abs(scale), -scale))
+        row = np.where(on_z, y * scale, z * np.abs(scale))
+        face = 2 - 2 * on_x.astype(np.int32) + 2 * on_z + (along < 0)
+        column, row = (np.clip((c + n / 2).astype(np.int32), 0, n - 1) for c in (column, row))
+        return (face * n + row) * n + column
 
     def coarser(self, factor):
         """(n_directions,) int32: the texel of the cube map `factor` times coarser around each.

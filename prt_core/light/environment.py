@@ -14,7 +14,7 @@ from prt_core.light.rotation import rotation_matrix
 # Parts of pixels a texel is averaged over, at least: what is even, and what is bright.
 _EVEN_SAMPLES, _BRIGHT_SAMPLES = 150, 4000
 _EVEN_HEIGHT = 512
-_BAND = 1 << 17
+_BAND = 1 << 16
 # Pixels above so many times the mean count as small sources.
 _BRIGHT = 4.0
 
@@ -140,20 +140,41 @@ class EnvironmentMap:
 
 def sums_on_texels(cube_map, matrix, rows, columns, shape, values, samples):
     """Power of pixels on each texel (n_directions, 3), and the solid angle that was covered."""
-    n = cube_map.n_directions
-    parts = _parts_along(shape, n, samples)
+    height, width = shape
+    n_directions = cube_map.n_directions
+    parts = _parts_along(shape, n_directions, samples)
+    # Parts of a pixel's height that have equal area: equal steps of z inside the pixel.
+    edges = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
+    step = (edges[:-1] - edges[1:]) / parts
+    inside = np.arange(parts) + 0.5
+    z = edges[:-1] - step * inside[:, None]
+    radius = np.sqrt(np.maximum(0, 1 - z * z))
+    angle = np.pi - (np.arange(width)[:, None] + inside / parts) / width * 2 * np.pi
+    tables = (z, radius, np.cos(angle), np.sin(angle))
+    z, radius, cosine, sine = (table.astype(np.float32) for table in tables)
+    matrix = matrix.astype(np.float32)
+    share = (step * (2 * np.pi / (width * parts)))[rows]
+    weights = [*(values.T * share), share]
 
     def some(first):
-        part = slice(first, first + step_pixels)
-        found = pixel_parts(rows[part], columns[part], shape, n, samples)
-        directions, share, pixel = found
-        texel = cube_map.texel_of(directions @ matrix.T)
-        sums = [np.bincount(texel, share * values[part, c][pixel], n) for c in range(3)]
-        return np.stack([*sums, np.bincount(texel, share, n)])
+        part = slice(first, first + n_pixels)
+        row, column = rows[part], columns[part]
+        cosines, sines = cosine[column], sine[column]
+        power = [np.repeat(weight[part], parts) for weight in weights]
+        sums = np.zeros((4, n_directions))
+        # One of the parts of each pixel's height after the other, all along its width at once.
+        for level, ring in zip(z, radius, strict=True):
+            up, out = level[row][:, None], ring[row][:, None]
+            x, y = out * cosines, out * sines
+            turned = ((m[0] * x + m[1] * y + m[2] * up).ravel() for m in matrix)
+            texel = cube_map.texel_along(*turned)
+            for total, weight in zip(sums, power, strict=True):
+                total += np.bincount(texel, weight, n_directions)
+        return sums
 
-    step_pixels = max(1, _BAND // parts**2)
+    n_pixels = max(1, _BAND // parts)
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        total = sum(pool.map(some, range(0, len(rows), step_pixels)))
+        total = sum(pool.map(some, range(0, len(rows), n_pixels)))
     return total[:3].T.copy(), total[3]
 
 

@@ -40,11 +40,12 @@ class TurningLight:
         return light.astype(np.float32)
 
     def _coarse(self, factor, layer):
-        """Directions of parts, and power of three channels and solid angle of each."""
+        """Directions (3, n) of parts, and power of three channels and solid angle of each."""
         fine = CubeMap(min(self.cube_map.resolution * factor, 1024))
         power, area = sums_on_texels(fine, np.eye(3), *layer, _SAMPLES)
         used = np.flatnonzero(area)
-        return fine.directions[used], np.column_stack([power, area])[used]
+        directions = np.ascontiguousarray(fine.directions[used].T, np.float32)
+        return directions, np.column_stack([power, area])[used]
 
     def _suns(self, rows, columns, shape, values):
         """Parts of the bright pixels: small ones of the brightest."""
@@ -53,15 +54,16 @@ class TurningLight:
         hot, rest = order[:_HOT], order[_HOT:]
         parts = self.cube_map.n_directions, _HOT_SAMPLES
         directions, area, pixel = pixel_parts(rows[hot], columns[hot], shape, *parts)
-        found = [(directions, area[:, None] * values[hot][pixel])]
+        found = [(directions.T.astype(np.float32), area[:, None] * values[hot][pixel])]
         if len(rest):
             directions, sums = self._coarse(
                 _BRIGHT, (rows[rest], columns[rest], shape, values[rest])
             )
             found.append((directions, sums[:, :3]))
-        return tuple(np.concatenate(part) for part in zip(*found, strict=True))
+        directions, sums = zip(*found, strict=True)
+        return np.hstack(directions), np.concatenate(sums)
 
     def _onto(self, matrix, directions, values):
-        texel = self.cube_map.texel_of(directions @ matrix.T)
+        texel = self.cube_map.texel_along(*(matrix.astype(np.float32) @ directions))
         n = self.cube_map.n_directions
         return np.column_stack([np.bincount(texel, column, n) for column in values.T])

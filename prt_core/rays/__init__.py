@@ -5,6 +5,7 @@ Blender's own BVH is in `prt_core.blender.casters`, which alone may import bpy.
 
 from prt_core.rays import brute
 from prt_core.rays.caster import Hits, RayCaster, as_rays, make_caster, register_caster
+from prt_core.rays.relay import RelayCaster
 from prt_core.rays.shared import shared
 
 try:
@@ -23,6 +24,7 @@ __all__ = [
     "BruteForceCaster",
     "Hits",
     "RayCaster",
+    "RelayCaster",
     "as_rays",
     "make_caster",
     "register_caster",

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.progress import maybe_beside
 from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
@@ -165,8 +164,6 @@ class _Work:
 
     def __init__(self, scene, cube_map, caster, tally, pace, seed, sampled=None):
         self._scene, self._cube_map, self._seed = scene, cube_map, seed
-        # A caller with a window to keep alive gets the arithmetic done in a thread.
-        self._apart = pace is not None and pace.seconds is not None
         self._tracer = Tracer(scene, cube_map, caster, tally, pace)
         self._neighbours = Neighbours(scene.points)
         self._seconds = dict(sampled.seconds) if sampled else {}
@@ -186,11 +183,9 @@ class _Work:
         self.above = np.empty((n_points, -(-self._cube_map.n_directions // 8)), np.uint8)
         for first in range(0, n_points, _BLOCK):
             part = slice(first, first + _BLOCK)
-            self.above[part] = yield from maybe_beside(
-                self._apart, "visibility", horizon_bits, scene, self._cube_map, part
-            )
+            self.above[part] = horizon_bits(scene, self._cube_map, part)
             yield self._tracer.progress()
-        self.open = yield from maybe_beside(self._apart, "visibility", open_points, scene)
+        self.open = open_points(scene)
         if self.bits is None:
             self.bits, self.traced = np.zeros_like(self.above), np.zeros_like(self.above)
         self.bits[self.open] = self.above[self.open]
@@ -206,10 +201,9 @@ class _Work:
     def ask(self, points, known, settings, halvings, key):
         """One level: what the neighbours say, rays where they disagree, checks, and repair."""
         start = time.perf_counter()
-        around = yield from maybe_beside(
-            self._apart, "visibility", self._neighbours.around, known, points,
-            settings.neighbours, settings.candidates, len(known) == len(self.bits),
-        )  # fmt: skip
+        around = self._neighbours.around(
+            known, points, settings.neighbours, settings.candidates, len(known) == len(self.bits)
+        )
         self._spent("neighbours", start)
         for index, first in enumerate(range(0, len(points), _BLOCK)):
             part = slice(first, first + _BLOCK)
@@ -220,14 +214,14 @@ class _Work:
 
     def _ask_block(self, points, around, n_checks, halvings, rng):
         above, traced = self.above[points], self.traced[points]
-        agreed, said = yield from self._aside(_on_rows, _vote, len(points), self, points, around)
+        agreed, said = self._timed(_on_rows, _vote, len(points), self, points, around)
         bits = said & ~traced | self.bits[points] & traced
         contested = above & ~agreed & ~traced
         every_other = contested & chequer(self._cube_map.resolution)
         yield from self.trace("disagree", points, every_other, bits, traced)
-        checks = yield from self._aside(self._random_entries, points, n_checks, rng)
+        checks = self._timed(self._random_entries, points, n_checks, rng)
         yield from self.trace("check", points, checks & agreed & ~traced, bits, traced)
-        between, lit = yield from self._aside(
+        between, lit = self._timed(
             _on_rows, _between, len(points), contested & ~every_other, above, bits
         )
         agreed |= between
@@ -240,9 +234,7 @@ class _Work:
         for step in range(_MOST_STEPS):
             reach = 1 if step < _NEAR_STEPS else _FAR
             some = agreed[rows], traced[rows], bits[rows]
-            mask = yield from self._aside(
-                _on_rows, _follow, len(rows), surprise, *some, coin, reach
-            )
+            mask = self._timed(_on_rows, _follow, len(rows), surprise, *some, coin, reach)
             fresh = mask.any(axis=1)
             rows, mask = rows[fresh], mask[fresh]
             if not len(rows):
@@ -282,9 +274,9 @@ class _Work:
         np.bitwise_or.at(mask, (row, texel >> 3), np.uint8(1) << (texel & 7).astype(np.uint8))
         return mask
 
-    def _aside(self, function, *arguments):
+    def _timed(self, function, *arguments):
         start = time.perf_counter()
-        result = yield from maybe_beside(self._apart, "visibility", function, *arguments)
+        result = function(*arguments)
         self._spent("agreement", start)
         return result
 

@@ -24,7 +24,7 @@ def open_points(scene):
     (n_points,) bool
     """
     points = scene.points
-    corners = np.unique(scene.vertices[np.unique(scene.triangles)], axis=0).astype(np.float64)
+    corners = scene.vertices[np.unique(scene.triangles)].astype(np.float64)
     try:
         corners = corners[ConvexHull(corners).vertices]
     except QhullError:

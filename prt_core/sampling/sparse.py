@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from prt_core.machine import one_blas_thread
-from prt_core.progress import Progress, maybe_beside
+from prt_core.progress import Progress
 from prt_core.reconstruct import gram, l1_batched, least_squares
 from prt_core.sampling.columns import best_columns, feature_weights, membership
 from prt_core.sampling.rivals import COLUMN_CHOICES
@@ -82,7 +82,8 @@ class SparsePoints:
     def __init__(self, scene, cube_map, tracer, dense, settings, clock, pace):
         self.scene, self.cube_map, self.tracer, self.dense = scene, cube_map, tracer, dense
         self.settings, self.clock = settings, clock
-        self.apart = pace is not None and pace.seconds is not None
+        # A stop need not wait for all of them.
+        self.paced = pace is not None and pace.seconds is not None
         self.vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
         self.gap, self.nonzero, self.solved = 0.0, 0, 0
         self._fixed = {}
@@ -153,11 +154,11 @@ class SparsePoints:
             with one_blas_thread(), ThreadPoolExecutor(cpu_count() or 1) as pool:
                 return list(pool.map(work, some))
 
-        step = 8 if self.apart else max(len(jobs), 1)
+        step = 8 if self.paced else max(len(jobs), 1)
         results = []
         for first in range(0, len(jobs), step):
             some = jobs[first : first + step]
-            results += yield from maybe_beside(self.apart, "sparse", together, some)
+            results += together(some)
             yield Progress("sparse", len(results), len(jobs))
         return results
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.progress import Pace, Progress, maybe_beside
+from prt_core.progress import Pace, Progress
 from prt_core.rays import shared
 
 # Rays prepared at once, at most (but for one point's).
@@ -97,9 +97,7 @@ class Tracer:
         for start in range(0, len(point), self._caster.batch):
             stop = min(start + self._caster.batch, len(point))
             for part in self._pace.parts(start, stop):
-                free[part] = yield from maybe_beside(
-                    self._pace.apart, self._stage, self._free, point[part], direction[part]
-                )
+                free[part] = self._free(point[part], direction[part])
                 self._pace.worked()
                 yield self.progress()
         self.rays += len(point)

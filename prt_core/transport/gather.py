@@ -8,7 +8,7 @@ that ended at y: unbiased, and one non-zero a ray at most.
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.progress import Pace, Progress, maybe_beside, run
+from prt_core.progress import Pace, Progress, run
 from prt_core.sobol import sobol_points
 
 ROUND = 64
@@ -68,16 +68,8 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
     for first in range(0, len(directions), caster.batch):
         stop = min(first + caster.batch, len(directions))
         for part in pace.parts(first, stop):
-            ends[part], back = yield from maybe_beside(
-                pace.apart,
-                "gather",
-                _trace,
-                scene,
-                caster,
-                origins.take(ray_point[part], axis=0),
-                directions[part],
-                pick[part],
-            )
+            begins = origins.take(ray_point[part], axis=0)
+            ends[part], back = _trace(scene, caster, begins, directions[part], pick[part])
             n_back += back
             pace.worked()
             yield Progress("gather", points.start, len(scene.points))

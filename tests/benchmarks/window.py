@@ -63,7 +63,7 @@ def table(rows):
         "main thread while a bake runs; colours are on screen when the view was drawn with them.",
         "",
         "| Blender | points | caster | button to colours s | of that the bake s "
-        "| bake headless s | ratio | longest step s "
+        "| bake headless s | ratio | longest step s (stage) "
         "| 99th percentile s | Esc obeyed s (worst) | slider to colours s: median, worst "
         "| on screen s: median, worst |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
@@ -71,16 +71,19 @@ def table(rows):
     for row in rows:
         written, drawn = np.array(row["delays"]).T
         for caster, bake in row["bake"].items():
-            turns = np.array(bake["turns"])
+            turns = np.array([seconds for seconds, _ in bake["turns"]])
+            longest = max(map(tuple, bake["turns"]))
             alone = row["headless"][caster]
             lines.append(
                 f"| {row['version']} | {row['points']:,} | {caster} | {bake['seconds']:.1f} | "
                 f"{bake['stages']:.1f} | "
-                f"{alone:.1f} | {bake['stages'] / alone:.2f} | {turns.max():.3f} | "
+                f"{alone:.1f} | {bake['stages'] / alone:.2f} | {longest[0]:.3f} ({longest[1]}) | "
                 f"{np.quantile(turns, 0.99):.3f} | {max(row['stops']):.2f} | "
                 f"{np.median(written):.2f}, {written.max():.2f} | "
                 f"{np.median(drawn):.2f}, {drawn.max():.2f} |"
             )
+    installed = max(row["install"] for row in rows)
+    lines += ["", f"To install the zip takes {installed:.1f} s at most."]
     return lines
 
 

@@ -406,7 +406,7 @@ def test_the_modal_driver_works_to_the_end(window):
     assert Counting().invoke(window, None) == {"CANCELLED"}, "two at once"
     assert drive(operator, window) == {"FINISHED"} and operator.result == "all"
     assert not work.status().running and window.window_manager.timers == 0
-    assert max(work.turns) < 0.5 and len(work.turns) > 3
+    assert max(seconds for seconds, _ in work.turns) < 0.5 and len(work.turns) > 3
 
 
 @pytest.mark.parametrize(("total", "fails_at"), [(1, None), (5, 0)])
@@ -451,9 +451,8 @@ def test_a_stopped_bake_goes_on_to_the_same_bytes(scene, tmp_path):
 
     path = plan.output_path(scene)
     steps = bake_blend_steps(None, path, plan.bake_settings(scene), pace=0.001, scene=scene)
-    for _ in range(40):
-        if next(steps).stage == "gather":
-            break
+    while next(steps).stage != "visibility":
+        pass
     steps.close()
     assert not BakeStore(path).facts.get("complete")
     bpy.ops.prt.refresh()

@@ -12,7 +12,7 @@ from prt_core.api import compress_bake, relight_points
 from prt_core.compress import Harmonics, Limits, Method, method_names, methods, register_method
 from prt_core.compressed import CompressSettings, compress_steps, standing_lights
 from prt_core.light import EnvironmentMap
-from prt_core.progress import apart
+from prt_core.progress import Errands, steps_beside
 from prt_core.relighter import Relighter, on_texels
 from prt_core.report import compressed_lines, trial_lines
 from tests.meshes import plane, sphere
@@ -190,7 +190,8 @@ def test_a_stopped_compression_leaves_what_was_there(baked):
     steps.close()
     assert {"choice", "measure"} <= set(stages)
     np.testing.assert_array_equal(relight_points(load(baked), SKY), before)
-    steps = apart(compress_steps(load(baked), CompressSettings("cpca"), standing_lights()))
+    steps = compress_steps(load(baked), CompressSettings("cpca"), standing_lights())
+    steps = steps_beside(steps, Errands(), "compress")
     next(steps)
     steps.close()
     np.testing.assert_array_equal(relight_points(load(baked), SKY), before)

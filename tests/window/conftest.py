@@ -55,7 +55,8 @@ class RealBlender:
             shutil.copy(file, self.folder)
 
     def play(self, story):
-        """Play a story in the window; its report, with `said_all`: all that Blender printed."""
+        """Play a story in the window; its report, with what Blender printed (`said_all`) and
+        its exit `code`."""
         self.bring_scripts()
         done = self.run(
             "--factory-startup", "--enable-event-simulate", "--window-geometry", "0", "0", "1280",
@@ -64,7 +65,7 @@ class RealBlender:
         report = self.folder / "report.json"
         said = done.stdout + done.stderr
         assert report.is_file(), said
-        return json.loads(report.read_text()) | {"said_all": said}
+        return json.loads(report.read_text()) | {"said_all": said, "code": done.returncode}
 
 
 def pytest_generate_tests(metafunc):

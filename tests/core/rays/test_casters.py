@@ -1,10 +1,13 @@
 """Embree against the brute-force oracle, and the table of back-ends."""
 
+import threading
+
 import numpy as np
 import pytest
 
 from prt_core.errors import PRTError
-from prt_core.rays import make_caster
+from prt_core.progress import Errands, Progress, run, steps_beside
+from prt_core.rays import RelayCaster, make_caster, relay
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +48,39 @@ def test_rays_with_nan_are_refused(soup):
     broken[3, 1] = np.nan
     with pytest.raises(PRTError, match="directions: 1 values are NaN"):
         make_caster("brute", vertices, triangles).occluded(origins, broken)
+
+
+def test_relayed_rays_are_cast_in_the_serving_thread_a_part_at_a_time(soup, monkeypatch):
+    vertices, triangles, origins, directions, distances = soup
+    caster = make_caster("brute", vertices, triangles)
+    wanted = caster.intersect(origins, directions), caster.occluded(origins, directions, distances)
+    monkeypatch.setattr(relay, "_FEWEST", 700)
+    errands, threads, sizes = Errands(), set(), []
+
+    class Watched:
+        name, batch, threads = "watched", 1 << 20, 1
+
+        def intersect(self, origins, directions):
+            threads.add(threading.get_ident())
+            sizes.append(len(origins))
+            return caster.intersect(origins, directions)
+
+        def occluded(self, origins, directions, distances=None):
+            threads.add(threading.get_ident())
+            return caster.occluded(origins, directions, distances)
+
+    def work():
+        yield Progress("rays", 0, 1)
+        relayed = RelayCaster(Watched(), errands, 1e-4)
+        return (
+            relayed.intersect(origins, directions),
+            relayed.occluded(origins, directions, distances),
+            RelayCaster(Watched(), errands, 1).intersect(origins[:0], directions[:0]),
+        )
+
+    hits, blocked, none = run(steps_beside(work(), errands, "rays"))
+    assert threads == {threading.get_ident()} and max(sizes) == 700 and sum(sizes) == len(origins)
+    for name in ("triangle", "barycentric", "distance"):
+        np.testing.assert_array_equal(getattr(hits, name), getattr(wanted[0], name))
+    np.testing.assert_array_equal(blocked, wanted[1])
+    assert len(none.triangle) == 0

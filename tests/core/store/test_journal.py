@@ -1,4 +1,6 @@
 import sys
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -72,17 +74,50 @@ def arrays(path):
     return {name: BakeStore(path).read(name) for name in ("visibility", "traced")}
 
 
-@pytest.mark.parametrize("stop", [3, 17, 40, 70])
-def test_a_sampled_bake_that_was_stopped_goes_on_to_the_same_bytes(scene, tmp_path, stop):
+class Cut(Exception):
+    """The power fails."""
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Counts the rays that the caster named `counted` casts, and fails after `limit` of them."""
+    from prt_core.rays import caster as casters
+
+    count = SimpleNamespace(rays=0, limit=np.inf)
+    make = casters._FACTORIES["brute" if "embree" not in casters._FACTORIES else "embree"]
+
+    def made(vertices, triangles):
+        caster = make(vertices, triangles)
+        cast = caster.occluded
+
+        def occluded(origins, directions, distances=None):
+            if count.rays >= count.limit:
+                raise Cut
+            count.rays += len(origins)
+            return cast(origins, directions, distances)
+
+        caster.occluded = occluded
+        return caster
+
+    monkeypatch.setitem(casters._FACTORIES, "counted", made)
+    return count
+
+
+COUNTED = replace(METHOD, caster="counted")
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.95])
+@pytest.mark.parametrize("pace", [None, 1e-4])
+def test_a_sampled_bake_that_broke_goes_on_to_the_same_bytes(scene, tmp_path, counted, share, pace):
     whole, resumed = tmp_path / "a.prt", tmp_path / "b.prt"
-    run(bake_steps(scene, whole, METHOD))
-    steps = bake_steps(scene, resumed, METHOD, pace=1e-4)
-    for _ in range(stop):
-        next(steps)
-    steps.close()
+    run(bake_steps(scene, whole, COUNTED))
+    counted.limit, counted.rays = share * counted.rays, 0
+    with pytest.raises(Cut):
+        run(bake_steps(scene, resumed, COUNTED, pace=pace))
     with pytest.raises(PRTError, match="not finished"):
         load(resumed)
-    run(bake_steps(scene, resumed, METHOD))
+    counted.limit = np.inf
+    run(bake_steps(scene, resumed, COUNTED, pace=pace))
     for name, array in arrays(whole).items():
         np.testing.assert_array_equal(array, arrays(resumed)[name], err_msg=name)
     reports = [load(path).report for path in (whole, resumed)]
@@ -91,26 +126,11 @@ def test_a_sampled_bake_that_was_stopped_goes_on_to_the_same_bytes(scene, tmp_pa
     assert "ray_journal" not in BakeStore(resumed)
 
 
-def test_a_stopped_bake_casts_no_ray_twice(scene, tmp_path, monkeypatch):
-    from prt_core.rays import caster as casters
-
-    asked_rays = []
-    make = casters._FACTORIES["brute" if "embree" not in casters._FACTORIES else "embree"]
-
-    def counted(vertices, triangles):
-        caster = make(vertices, triangles)
-        cast = caster.occluded
-        caster.occluded = lambda o, d, far=None: asked_rays.append(len(o)) or cast(o, d, far)
-        return caster
-
-    monkeypatch.setitem(casters._FACTORIES, "counted", counted)
-    settings = BakeSettings(**{**METHOD.__dict__, "caster": "counted"})
-    run(bake_steps(scene, tmp_path / "a.prt", settings))
-    whole = sum(asked_rays)
-    asked_rays.clear()
-    steps = bake_steps(scene, tmp_path / "b.prt", settings, pace=1e-4)
-    while sum(asked_rays) < whole / 2:
-        next(steps)
-    steps.close()
-    run(bake_steps(scene, tmp_path / "b.prt", settings))
-    assert whole <= sum(asked_rays) <= whole + _CHUNK
+def test_a_broken_bake_casts_no_ray_twice(scene, tmp_path, counted):
+    run(bake_steps(scene, tmp_path / "a.prt", COUNTED))
+    whole, counted.limit, counted.rays = counted.rays, counted.rays / 2, 0
+    with pytest.raises(Cut):
+        run(bake_steps(scene, tmp_path / "b.prt", COUNTED))
+    counted.limit = np.inf
+    run(bake_steps(scene, tmp_path / "b.prt", COUNTED))
+    assert whole <= counted.rays <= whole + _CHUNK

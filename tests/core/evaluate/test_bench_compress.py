@@ -48,7 +48,7 @@ def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
         assert own[0]["relit_l2_mean"] > own[1]["relit_l2_mean"]
         floor = rows[2]["relit_l2_mean"]
         assert all(0 < row["relit_l2_mean"] <= row["relit_l2_worst"] < floor for row in own)
-        assert (own[0]["seam"] is None) == (name in ("haar", "harmonics"))
+        assert (own[0]["seam"] is not None) == (name in ("cpca", "pca", "vq"))
     entries = 3 * bake.transport.n_points * bake.transport.n_directions
     assert rows[0]["bytes"] == 4 * entries and rows[0]["bits_a_coefficient"] == 32
     caster = bake.make_caster()

@@ -6,6 +6,7 @@ import bpy
 
 from prt_core import BakeStore, PRTError
 from prt_core.scene import changes
+from prt_core.store import compressed_facts
 
 from . import plan
 
@@ -35,9 +36,24 @@ def refresh(scene):
         item.visibility_error = -1.0 if found is None else found
         item.back_end = report.get("back_end", "")
         item.rate = report.get("rays_per_second", 0.0)
+        item.compressed = _compressed_line(store)
         for name, digest in (facts.get("source") or {}).items():
             source = item.source.add()
             source.name, source.digest = name, digest
+
+
+def _compressed_line(store):
+    """The compressed form of a bake in one line, empty where there is none."""
+    try:
+        facts = compressed_facts(store)
+    except PRTError:
+        return "damaged; compress again"
+    if facts is None:
+        return ""
+    return (
+        f"{facts['method']}, error {facts['error']:.2%}, {facts['bytes'] / 1e6:.1f} MB, "
+        f"{facts['milliseconds']:.1f} ms"
+    )
 
 
 def state(scene, item):

@@ -9,7 +9,7 @@ from bpy.props import (
 )
 
 from prt_core import PRTError
-from prt_core.api import bake_blend_steps
+from prt_core.api import bake_blend_steps, compress_bake_steps
 from prt_core.errors import expect
 from prt_core.progress import run
 
@@ -123,6 +123,48 @@ class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
         there, asked, radiance = result
         run(live.show_steps(self.scene_name, there, radiance, asked))
         work.say(f"{len(radiance):,} points relit")
+
+
+class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
+    """Compress the loaded bake, so that colours follow the light in milliseconds"""
+
+    bl_idname = "prt.compress"
+    bl_label = "Compress"
+    title = "Compress"
+
+    method: StringProperty(
+        name="Method", default="auto",
+        description="auto tries all on a sample of the points; none removes the compressed form",
+    )  # fmt: skip
+
+    def steps(self, context, pace):
+        scene = context.scene
+        self.scene_name, path = scene.name, preview.path_of(scene)
+        tolerance = None if self.method == "none" else scene.prt.compress_tolerance
+        live.stop()
+        there = yield from preview.load_steps(path, scene.prt.caster)
+        subject = path if self.method == "none" else there.bake
+        self.facts = yield from compress_bake_steps(subject, self.method, tolerance)
+        there.relighter.close()
+        asked = preview.request(bpy.data.scenes[self.scene_name])
+        radiance = yield from asked.steps(there, pace)
+        return there, asked, radiance
+
+    def finish(self, context, result):
+        there, asked, radiance = result
+        run(live.show_steps(self.scene_name, there, radiance, asked))
+        bakes.refresh(bpy.data.scenes[self.scene_name])
+        if self.facts is None:
+            work.say("The compressed form is gone")
+            return
+        facts = self.facts
+        text = (
+            f"Compressed by {facts['method']} to {facts['bytes'] / 1e6:.1f} MB, "
+            f"{facts['milliseconds']:.1f} ms a light, error {facts['error']:.2%}"
+        )
+        kept = facts["tolerance_met"]
+        self.report({"INFO" if kept else "WARNING"}, text + ("" if kept else ", NOT as asked"))
+        work.say(text)
 
 
 class PRT_OT_load(LongWork, Button, bpy.types.Operator):
@@ -242,6 +284,7 @@ _CLASSES = (
     PRT_OT_bake,
     PRT_OT_cancel,
     PRT_OT_relight,
+    PRT_OT_compress,
     PRT_OT_load,
     PRT_OT_clear,
     PRT_OT_remove,

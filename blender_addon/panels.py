@@ -176,6 +176,10 @@ class PRT_PT_preview(_Panel, bpy.types.Panel):
         layout.prop(settings, "attribute")
         layout.prop(settings, "domain")
         layout.prop(settings, "material")
+        layout.prop(settings, "use_compressed")
+        row = layout.row(align=True)
+        row.prop(settings, "compress_tolerance")
+        row.operator("prt.compress", icon="FILE_ARCHIVE")
         layout.operator("prt.shading", icon="SHADING_SOLID", depress=views.shown())
         layout.separator()
         column = layout.column(align=True)
@@ -211,6 +215,11 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
                     text=f"{item.entries:.1f} % traced by {item.method}, "
                     f"error at most {item.visibility_error:.2%}"
                 )
+            if item.compressed:
+                row = layout.row()
+                row.label(text=f"compressed: {item.compressed}")
+                if preview.path_of(scene) == item.path:
+                    row.operator("prt.compress", text="", icon="X").method = "none"
             error = "" if item.error < 0 else f", bounces {item.error:.2%}"
             layout.label(
                 text=f"{item.points:,} points, {item.megabytes:.1f} MB, "

@@ -50,9 +50,11 @@ class Request:
 
     options: dict
     key: tuple
+    transport: str = "auto"
 
     def steps(self, preview, pace=None):
         """Radiance of the bake's points; a generator of `Progress`."""
+        preview.relighter.transport = self.transport
         return preview.relighter.steps(pace=pace, **self.options)
 
 
@@ -108,7 +110,7 @@ def follow(scene, path):
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(where, target)
         if _HELD and _HELD[0].path == where:
-            _HELD[0].path = str(target)
+            _HELD[0].path, _HELD[0].bake.path = str(target), target
         scene.prt.loaded = f"//prt/{target.name}"
     elif home != Path(bpy.data.filepath).parent:
         scene.prt.loaded = where
@@ -161,11 +163,13 @@ def request(scene, samples=None, depsgraph=None):
     }
     stamp = light.stat().st_mtime_ns if isinstance(light, Path) and light.is_file() else 0
     needs_samples = any(not lamp.is_small for lamp in lamps) or options["sharp_sun"]
+    transport = "auto" if settings.use_compressed else "exact"
     key = (
-        name, stamp, rotation.tobytes(), strength, options["strength"], options["sharp_sun"],
+        transport, name, stamp, rotation.tobytes(), strength, options["strength"],
+        options["sharp_sun"],
         tuple(lamp_signature(lamp) for lamp in lamps), samples if needs_samples else 0,
     )  # fmt: skip
-    return Request(options, key)
+    return Request(options, key, transport)
 
 
 def write(scene, preview, radiance, asked):

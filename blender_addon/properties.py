@@ -125,6 +125,16 @@ class PRTScene(bpy.types.PropertyGroup):
         max=65536, soft_max=1024, update=_changed,
     )  # fmt: skip
 
+    compress_tolerance: FloatProperty(
+        name="Tolerance",
+        description="Relative error of the relit colours that compression may add",
+        default=0.01, min=0.001, max=0.5, precision=3,
+    )  # fmt: skip
+    use_compressed: BoolProperty(
+        name="Use Compressed",
+        description="Relight from the compressed form where the bake has one; lamps stay exact",
+        default=True, update=_changed,
+    )  # fmt: skip
     live: BoolProperty(
         name="Live", description="Colours follow the light, the lamps and the timeline",
         default=True, update=_changed,
@@ -186,6 +196,7 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     visibility_error: FloatProperty(default=-1.0)
     back_end: StringProperty()
     rate: FloatProperty()
+    compressed: StringProperty()
     source: CollectionProperty(type=PRTSource)
 
 

@@ -5,6 +5,7 @@ The calls most people need:
 >>> bake("scene.blend", "scene.prt")                        # with bpy: once
 >>> bake = load("scene.prt")                                # then, anywhere
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
+>>> compress_bake("scene.prt", tolerance=0.01)              # then a light takes milliseconds
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
 are the texels of a cube map, from the surface to the light, in Blender's world axes (z up); a
@@ -17,7 +18,7 @@ Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeS
 
 __version__ = "0.1.0"
 
-from prt_core.api import bake, environment_light, relight
+from prt_core.api import bake, compress_bake, environment_light, relight
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
 from prt_core.errors import PRTError
 from prt_core.light import CubeMap, EnvironmentMap, Lamp
@@ -44,6 +45,7 @@ __all__ = [
     "Transport",
     "bake",
     "bake_steps",
+    "compress_bake",
     "environment_light",
     "load",
     "make_caster",

@@ -6,11 +6,13 @@ import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
 from prt_core.bake_visibility import chosen_method
+from prt_core.compressed import CompressSettings, compress_steps
 from prt_core.errors import PRTError, expect
 from prt_core.light import EnvironmentMap
-from prt_core.progress import beside, run
+from prt_core.progress import Errands, beside, run, steps_beside
 from prt_core.relighter import Relighter, on_texels
 from prt_core.scene import Scene, mesh_digests
+from prt_core.store import BakeStore, remove_compressed
 
 
 def bake(
@@ -148,6 +150,91 @@ def import_bpy():
     return bpy
 
 
+def compress_bake(
+    bake,
+    *,
+    method="auto",
+    tolerance=None,
+    megabytes=None,
+    milliseconds=None,
+    seed=0,
+    lights=None,
+    report=None,
+):
+    """Compress a bake, so that relighting takes milliseconds; kept beside it in its folder.
+
+    Parameters
+    ----------
+    bake : str or Path
+        `NAME.prt`.
+    method : str
+        `auto` tries all on a sample; `none` removes the compressed form; or one of
+        `prt_core.compress.method_names()`.
+    tolerance, megabytes, milliseconds : float, optional
+        Error of relit colours, size, time of a new light that must be kept (see
+        `CompressSettings`); default: a tolerance of 0.01.
+    seed : int
+    lights : dict of str -> EnvironmentMap, or sequence of paths, optional
+        Under which it is chosen and measured; default: Blender's own where bpy is there, else
+        three plain skies.
+    report : callable(Progress), optional
+
+    Returns
+    -------
+    dict or None
+        What was made and how near it is (see `compress_steps`); None for `none`.
+
+    Raises
+    ------
+    PRTError
+        The bake cannot be read, or a setting is wrong.
+    """
+    asked = method, tolerance, megabytes, milliseconds, seed
+    return run(compress_bake_steps(bake, *asked, lights=lights), report)
+
+
+def compress_bake_steps(
+    bake,
+    method="auto",
+    tolerance=None,
+    megabytes=None,
+    milliseconds=None,
+    seed=0,
+    lights=None,
+):
+    """`compress_bake` as a generator of `Progress`; images are read at the first step."""
+    if method == "none":
+        expect(
+            tolerance is megabytes is milliseconds is None,
+            "method 'none' removes the compressed form; it takes no tolerance, size or time",
+        )
+        remove_compressed(BakeStore(bake, "a") if Path(bake).exists() else BakeStore(bake))
+        return None
+    settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed)
+    bake = bake if isinstance(bake, Bake) else (yield from beside("load", load, bake))
+    if lights is None:
+        lights = _studio_lights()
+    elif not isinstance(lights, dict):
+        lights = {Path(path).stem: read_environment(Path(path)) for path in lights}
+    steps = compress_steps(bake, settings, lights)
+    result = yield from steps_beside(steps, Errands(), "compress")
+    return result
+
+
+def _studio_lights():
+    """All environments that come with Blender; None without it."""
+    try:
+        import_bpy()
+    except PRTError:
+        return None
+    from prt_core.blender.studio import ALL, studio_paths
+
+    try:
+        return {name: EnvironmentMap.read(path) for name, path in studio_paths(ALL).items()}
+    except PRTError:
+        return None
+
+
 def relight(
     bake,
     light=None,
@@ -159,6 +246,7 @@ def relight(
     lamp_samples=256,
     caster="auto",
     bounces="baked",
+    transport="auto",
 ):
     """Colours of a baked scene under a light.
 
@@ -182,6 +270,9 @@ def relight(
         For the shadow rays.
     bounces : int, optional
         Default: as baked; 0 is direct light.
+    transport : {"auto", "exact", "compressed"}
+        Whether light from far away is relit from the compressed form; `auto`: where the bake has
+        one that is its own (see `compress_bake`). Lamps and sharp suns are exact.
 
     Returns
     -------
@@ -200,6 +291,7 @@ def relight(
         lamp_samples=lamp_samples,
         caster=caster,
         bounces=bounces,
+        transport=transport,
     )
     return bake.colours(radiance)
 
@@ -215,9 +307,10 @@ def relight_points(
     lamp_samples=256,
     caster="auto",
     bounces="baked",
+    transport="auto",
 ):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    relighter = Relighter(bake, caster)
+    relighter = Relighter(bake, caster, transport)
     try:
         return relighter.relight(
             read_environment(light),

@@ -3,6 +3,7 @@
 import os
 import platform
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -77,6 +78,8 @@ class Bake:
     settings, report : dict
     source : dict of str -> str
         Digests of the meshes the bake was made from.
+    path : Path, or None
+        Where it was loaded from.
     """
 
     scene: Scene
@@ -87,6 +90,7 @@ class Bake:
     settings: dict
     report: dict
     source: dict = field(default_factory=dict)
+    path: Path | None = None
 
     @property
     def cube_map(self):
@@ -370,4 +374,5 @@ def load(path):
         min(tolerance / 5, 1e-3),
         bounces,
     )
-    return Bake(scene, transport, lamps, world, camera, settings, report, facts.get("source") or {})
+    source = facts.get("source") or {}
+    return Bake(scene, transport, lamps, world, camera, settings, report, source, Path(path))

@@ -1,4 +1,4 @@
-"""`prt bake | relight | info | bench`: the command line, also `python -m prt_core`."""
+"""`prt bake | relight | compress | info | bench`: the command line, also `python -m prt_core`."""
 
 import argparse
 import json
@@ -11,10 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 
 import prt_core
+from prt_core.api import read_environment
 from prt_core.cli_bench import add_bench
+from prt_core.cli_compress import add_compress, transport_argument, used
+from prt_core.cli_info import add_info
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.light import EnvironmentMap, rotation_matrix
+from prt_core.relighter import Relighter
 from prt_core.report import report_lines
 
 _IN_BLENDER = "the scene that is open"
@@ -98,15 +102,13 @@ def _parser(in_blender):
     )
     relight.add_argument("--attribute", default="PRT", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), default="corner")
+    transport_argument(relight)
     _caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
 
-    info = commands.add_parser("info", help="what a bake holds")
-    info.add_argument("bake", help="NAME.prt")
-    info.add_argument("--json", action="store_true")
-    info.set_defaults(run=_info)
-
     show = SimpleNamespace(Bar=_Bar, Hushed=_Hushed)
+    add_info(commands)
+    add_compress(commands, _quiet_arguments, show)
     add_bench(commands, _scene_argument, _quiet_arguments, show, in_blender)
     return parser
 
@@ -227,13 +229,8 @@ def _bake(options):
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:
-        _print_lines(output, report)
+        print(*report_lines(output, report), sep="\n")
     return 0
-
-
-def _print_lines(path, report):
-    for line in report_lines(path, report):
-        print(line)
 
 
 def _relight(options):
@@ -256,9 +253,14 @@ def _relight(options):
     baked = prt_core.load(options.bake)
     if options.turn:
         return _relight_turn(baked, options)
+    _bpy_for(options)
     start = time.perf_counter()
-    radiance = _radiance(baked, options)
-    spent = time.perf_counter() - start
+    relighter = Relighter(baked, options.caster, options.transport)
+    try:
+        radiance = relighter.relight(read_environment(options.light), **_light_options(options))
+        spent, how = time.perf_counter() - start, used(relighter)
+    finally:
+        relighter.close()
     radiance = radiance * np.float32(2.0**options.exposure)
     colours = baked.colours(radiance)
     if options.output:
@@ -268,34 +270,24 @@ def _relight(options):
     if options.blend:
         _write_blend(baked, colours, options)
     written = ", ".join(p for p in (options.output, options.png, options.blend) if p)
-    print(f"{written}: {len(baked.scene.points):,} points relit in {spent:.2f} s")
+    print(f"{written}: {len(baked.scene.points):,} points relit {how} in {spent:.2f} s")
     return 0
 
 
 def _relight_turn(baked, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
-    from prt_core.api import read_environment
-    from prt_core.relighter import Relighter
-
     expect(
         options.light not in (None, "world") and not options.blend,
         "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE",
     )
     _bpy_where_needed()
-    light, relighter = read_environment(options.light), Relighter(baked, options.caster)
+    light = read_environment(options.light)
+    relighter = Relighter(baked, options.caster, options.transport)
     pictures = PictureWriter(baked, options.size, options.caster)
     start = time.perf_counter()
     for frame in range(options.turn):
         rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
-        radiance = relighter.relight(
-            light,
-            rotation=rotation,
-            strength=options.strength,
-            sharp_sun=options.sharp_sun,
-            lamps=options.lamps,
-            lamp_samples=options.lamp_samples,
-            bounces=options.bounces,
-        )
+        radiance = relighter.relight(light, **{**_light_options(options), "rotation": rotation})
         radiance = radiance * np.float32(2.0**options.exposure)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
@@ -304,7 +296,7 @@ def _relight_turn(baked, options):
             pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
     spent = (time.perf_counter() - start) / options.turn
     first = frame_path(options.png or options.output, 1)
-    print(f"{first} and on: {options.turn} frames, {spent:.2f} s each")
+    print(f"{first} and on: {options.turn} frames relit {used(relighter)}, {spent:.2f} s each")
     return 0
 
 
@@ -314,22 +306,22 @@ def _load_bpy():
     return import_bpy()
 
 
-def _radiance(baked, options):
-    from prt_core.api import relight_points
-
+def _bpy_for(options):
+    """Blender's rays for shadows where there are no others."""
     if (options.lamps or options.sharp_sun) and options.caster == "auto":
         _bpy_where_needed()
-    return relight_points(
-        baked,
-        options.light,
-        rotation=options.rotate,
-        strength=options.strength,
-        sharp_sun=options.sharp_sun,
-        lamps=options.lamps,
-        lamp_samples=options.lamp_samples,
-        caster=options.caster,
-        bounces=options.bounces,
-    )
+
+
+def _light_options(options):
+    """What `Relighter.relight` takes, from the command line."""
+    return {
+        "rotation": options.rotate,
+        "strength": options.strength,
+        "sharp_sun": options.sharp_sun,
+        "lamps": options.lamps,
+        "lamp_samples": options.lamp_samples,
+        "bounces": options.bounces,
+    }
 
 
 def _bpy_where_needed():
@@ -376,31 +368,6 @@ def _write_blend(baked, colours, options):
         fresh = not options.scene and not options.in_blender
         write_all(baked.scene, colours, options.attribute, options.domain.upper(), all_copies=fresh)
         save_scene(options.blend)
-
-
-def _info(options):
-    from prt_core.store import BakeStore
-
-    store = BakeStore(options.bake)
-    facts = store.facts
-    report = facts.get("report") or {}
-    if options.json:
-        keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
-        found = {key: facts.get(key) for key in keys}
-        print(json.dumps({**found, **report, "bytes": store.nbytes()}))
-        return 0
-    if not facts.get("complete"):
-        print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
-        return 0
-    _print_lines(options.bake, report)
-    settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
-    print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
-    for item in facts["objects"]:
-        role = "receives" if item["receives"] else "casts and bounces only"
-        print(f"  object  {item['name']}: {item['n_corners']:,} corners, {role}")
-    for lamp in facts["lamps"]:
-        print(f"  lamp    {lamp['name']}: {lamp['kind']}")
-    return 0
 
 
 if __name__ == "__main__":

@@ -4,7 +4,9 @@ import importlib
 import json
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
+from prt_core.cli_bench_compress import add_bench_compress
 from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, EnvironmentMap
 from prt_core.progress import run
@@ -58,6 +60,8 @@ def add_bench(commands, scene_argument, quiet_arguments, show, in_blender):
     sampling.add_argument("--seed", type=int, default=0)
     quiet_arguments(sampling)
     sampling.set_defaults(run=_bench_sampling, show=show)
+    helpers = SimpleNamespace(scene_named=_scene_named, lights=_all_lights)
+    add_bench_compress(kinds, scene_argument, quiet_arguments, show, helpers, in_blender)
 
 
 def _open_scene(path):
@@ -154,6 +158,18 @@ def _scene_named(path):
     known = ", ".join(scenes.MODELS)
     expect(path in scenes.MODELS, f"{path}: expected a .blend file or one of {known}")
     return path, scenes.measuring_scene(path)
+
+
+def _all_lights(paths, rotations, cube_map):
+    """As `_lights`, of all of Blender's environments where none is named."""
+    from prt_core.api import import_bpy
+
+    if paths is None:
+        import_bpy()
+        from prt_core.blender.studio import ALL, studio_paths
+
+        paths = studio_paths(ALL).values()
+    return _lights(paths, rotations, cube_map)
 
 
 def _lights(paths, rotations, cube_map):

@@ -1,18 +1,20 @@
 """`Relighter`: one bake under changing light, keeping what did not change."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array
-from prt_core.light import EnvironmentMap, rotation_matrix, split_sun
+from prt_core.compressed import load_compressed
+from prt_core.errors import PRTError, expect, expect_array
+from prt_core.light import EnvironmentMap, TurningLight, rotation_matrix, split_sun
 from prt_core.light.images import reads_in_threads
 from prt_core.progress import Pace, beside, maybe_beside, run
 from prt_core.transport import lamp_steps
 
-# Images that stay in memory at once.
+# Images, and lights to be turned, that stay in memory at once.
 _MOST_IMAGES = 4
+TRANSPORTS = ("auto", "exact", "compressed")
 
 
 class Relighter:
@@ -27,14 +29,30 @@ class Relighter:
     bake : Bake
     caster : str
         For the shadow rays of lamps and sharp suns; made when first needed.
+    transport : {"auto", "exact", "compressed"}
+        What light from far away is multiplied with. `auto`: the compressed form where the bake
+        has one that is its own and the bounces are those of the bake, else the bake itself.
+
+    Attributes
+    ----------
+    used : str
+        "exact" or "compressed": what the last colours were made with.
+    why : str
+        Why `auto` did not use a compressed form; empty where it did.
     """
 
-    def __init__(self, bake, caster="auto"):
-        self.bake = bake
+    def __init__(self, bake, caster="auto", transport="auto"):
+        expect(
+            transport in TRANSPORTS,
+            f"transport: expected one of {', '.join(TRANSPORTS)}, got {transport!r}",
+        )
+        self.bake, self.transport = bake, transport
+        self.used, self.why = "exact", ""
         self._caster_name, self._caster = caster, None
-        self._images = {}
+        self._images, self._turning = {}, {}
         self._environment = (None, None)
         self._lamps = {}
+        self._form = None
 
     def relight(self, light=None, **options):
         """(n_points, 3) float32 radiance; see `steps`."""
@@ -85,17 +103,61 @@ class Relighter:
                 isinstance(light, EnvironmentMap),
                 "sharp_sun: needs an environment image, not a light that is on texels already",
             )
-        work = (self._received, light, rotation, sharp_sun)
-        received, sun = (yield from beside("light", *work)) if pace else work[0](*work[1:])
+        quick = None
+        if light is not None and self.transport != "exact":
+            quick = yield from maybe_beside(pace, "compressed form", self._quick, bounces)
+        self.used = "exact" if quick is None else "compressed"
+        work = (self._distant, light, rotation, sharp_sun, quick)
+        distant, sun = (yield from beside("light", *work)) if pace else work[0](*work[1:])
         chosen += [sun] if sun is not None else []
         parts = yield from self._lamp_parts(chosen, lamp_samples, pace)
         factors = [strength] * len(parts)
         if sun is not None:
             factors[-1] *= light_strength
-        if received is not None:
-            parts, factors = [received, *parts], [strength * light_strength, *factors]
+        sent = None
+        if quick is not None:
+            sent = distant * np.float32(strength * light_strength)
+            if not parts:
+                return sent
+        elif distant is not None:
+            parts, factors = [distant, *parts], [strength * light_strength, *factors]
         work = (self._radiance, parts, factors, bounces)
-        return (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
+        radiance = (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
+        return radiance if sent is None else radiance + sent
+
+    def compressed(self):
+        """The `Compressed` form that would be used, or None: then `why` says why not."""
+        if self._form is None:
+            found, self.why = load_compressed(self.bake)
+            quick = None if found is None else found.relighter(self.bake.transport)
+            self._form = found, quick, self.bake.transport.albedo
+        found, _, albedo = self._form
+        if found is not None and albedo is not self.bake.transport.albedo:
+            # Materials may be replaced after the bake: then the form is of another one.
+            self._form = None
+            return self.compressed()
+        return found
+
+    def _quick(self, bounces):
+        """What relights fast; None where the exact way is to be taken."""
+        try:
+            found = self.compressed()
+        except PRTError as error:
+            if self.transport == "compressed":
+                raise
+            found, self.why = None, str(error)
+            self._form = None, None, self.bake.transport.albedo
+        applies = bounces in ("baked", self.bake.transport.bounces)
+        if found is not None and not applies:
+            found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        expect(
+            found is not None or self.transport != "compressed",
+            f"transport: the compressed form cannot be used: {self.why}",
+        )
+        if found is None:
+            return None
+        self.why = ""
+        return self._form[1]
 
     def _chosen_lamps(self, light, lamps):
         if lamps is not True:
@@ -119,21 +181,44 @@ class Relighter:
             self._images[path, stamp] = EnvironmentMap.read(path)
         return self._images[path, stamp]
 
-    def _received(self, light, rotation, sharp_sun):
-        """Light from far away at strength 1, received by every point; and the sun left out."""
+    def _distant(self, light, rotation, sharp_sun, quick):
+        """Of light from far away at strength 1, and the sun left out of it.
+
+        What every point receives; with a compressed form, what it sends out.
+        """
         if light is None:
             return None, None
         key, kept = self._environment
         turned = rotation_matrix(rotation).tobytes()
-        same = key is not None and key[0] is light and key[1:] == (turned, sharp_sun)
+        made_from = (turned, sharp_sun, quick)
+        same = key is not None and key[0] is light and key[1:] == made_from
         if not same or not isinstance(light, EnvironmentMap | str):
-            sun, rest = None, light
-            if sharp_sun:
-                rest, sun = split_sun(light, rotation)
-            radiance = on_texels(self.bake, rest, rotation)
-            kept = self.bake.transport.received(radiance), sun
-            self._environment = (light, turned, sharp_sun), kept
+            if quick is not None:
+                radiance, sun = self._turned(light, rotation, sharp_sun)
+                kept = quick.relight(radiance), sun
+            else:
+                sun, rest = None, light
+                if sharp_sun:
+                    rest, sun = split_sun(light, rotation)
+                radiance = on_texels(self.bake, rest, rotation)
+                kept = self.bake.transport.received(radiance), sun
+            self._environment = (light, *made_from), kept
         return kept
+
+    def _turned(self, light, rotation, sharp_sun):
+        """Light on texels, and its sun; an environment is cut into parts once."""
+        if not isinstance(light, EnvironmentMap):
+            return on_texels(self.bake, light, rotation), None
+        key = id(light), sharp_sun
+        if key not in self._turning:
+            rest, sun = split_sun(light) if sharp_sun else (light, None)
+            while len(self._turning) >= _MOST_IMAGES:
+                self._turning.pop(next(iter(self._turning)))
+            # The environment is kept with it, so that its id stays its own.
+            self._turning[key] = light, TurningLight(rest, self.bake.cube_map), sun
+        _, turning, sun = self._turning[key]
+        sun = sun and replace(sun, rotation=rotation_matrix(rotation))
+        return turning.at(rotation), sun
 
     def _lamp_parts(self, lamps, n_samples, pace):
         parts = {}
@@ -168,6 +253,7 @@ class Relighter:
             self._caster.close()
         self._caster = None
         self._images, self._lamps, self._environment = {}, {}, (None, None)
+        self._turning, self._form = {}, None
 
 
 def on_texels(bake, light, rotation=None):

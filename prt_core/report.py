@@ -68,3 +68,38 @@ def _spared(skipped):
         yield f"all bounces: they add at most {skipped['bounces_below']:.2%}"
     if skipped.get("grey"):
         yield "two of three channels of the bounces where the light is grey: all materials are"
+
+
+def trial_lines(facts):
+    """The short table of what was tried on a sample of the points, and why one was chosen."""
+    trials = facts["trials"]
+    width = max(len(trial["settings"]) for trial in trials)
+    head = f"{'settings':{width}}"
+    yield f"tried on a sample: method      {head}  error %  worst %       MB      ms"
+    for trial in trials:
+        yield (
+            f"                   {trial['method']:10}  {trial['settings']:{width}}  "
+            f"{100 * trial['error']:7.2f}  {100 * trial['worst']:7.2f}  "
+            f"{trial['megabytes']:7.1f}  {trial['milliseconds']:6.1f}"
+        )
+    yield f"chosen: {facts['method']}, {facts['why']}"
+
+
+def compressed_lines(facts):
+    """Lines on a compressed form: what it is, how near, how large, how fast."""
+    settings = ", ".join(f"{k} {v}" for k, v in facts["settings"].items() if v is not None)
+    yield f"  method  {facts['method']} ({settings}), {facts['seconds']:.1f} s"
+    verdict = {None: "", True: ", within the tolerance", False: ", NOT within the tolerance"}
+    yield (
+        f"  error   {facts['error']:.2%} of relit colours in the mean over {facts['lights']} "
+        f"lights it was not chosen under, {facts['worst']:.2%} under {facts['worst_light']}"
+        f"{verdict[facts['tolerance_met']]}"
+    )
+    yield (
+        f"  size    {facts['bytes'] / 1e6:.1f} MB, {facts['bits_a_coefficient']:.2f} bits a "
+        "coefficient"
+    )
+    yield (
+        f"  speed   {facts['milliseconds']:.1f} ms a light in the median, "
+        f"{facts['milliseconds_worst']:.1f} ms the slowest"
+    )

@@ -11,6 +11,7 @@ from prt_core.progress import beside, maybe_beside
 
 # A hard sun over a street, an even sky between walls, and the small windows of a room.
 NAMES = ("city", "courtyard", "interior")
+ALL = ("city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset")
 
 
 def studio_paths(names=NAMES):

@@ -6,6 +6,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from prt_core.compress.rows import ArrayRows, Rows
+from prt_core.compress.state import array_of, value_of
 from prt_core.errors import expect, expect_array
 from prt_core.progress import run
 
@@ -14,7 +15,8 @@ class Compressor(BaseEstimator, ABC):
     """Base of the compressors: parameters in `__init__`, results with a trailing underscore.
 
     A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes,
-    `_relight(light)` and `nbytes`; and calls `_fitted(rows)` once its attributes are set.
+    `_relight(light)` and `nbytes`; and calls `_fitted(rows)` once its attributes are set. To be
+    kept in a store it gives `_state` and `_restore` as well.
     """
 
     def fit(self, rows, y=None):
@@ -50,6 +52,43 @@ class Compressor(BaseEstimator, ABC):
         light = light[:, None] if light.ndim == 1 else light
         light = expect_array("light", light, (self.n_directions_, self.n_channels_))
         return self._relight(light)
+
+    def state(self):
+        """Everything that `from_state` needs: a dict of arrays and of values that JSON knows."""
+        self._expect_fitted()
+        state = {
+            "params": self.get_params(),
+            "n_points": self.n_points_,
+            "n_directions": self.n_directions_,
+            "n_channels": self.n_channels_,
+            "resolution": self.resolution_,
+            **self._state(),
+        }
+        return state if self.gain_ is None else {**state, "gain": self.gain_}
+
+    @classmethod
+    def from_state(cls, state):
+        """The fitted compressor of a `state`.
+
+        Raises
+        ------
+        PRTError
+            Something is missing, of another shape or type, or does not fit the rest.
+        """
+        model = value_of(state, "params", lambda params: cls(**params))
+        for name in ("n_points", "n_directions", "n_channels"):
+            setattr(model, name + "_", value_of(state, name, int))
+        model.resolution_ = value_of(state, "resolution", lambda n: None if n is None else int(n))
+        shape = model.n_points_, model.n_channels_
+        model.gain_ = array_of(state, "gain", shape, "float32") if "gain" in state else None
+        model._restore(state)
+        return model
+
+    def _state(self):
+        raise NotImplementedError(f"{type(self).__name__} cannot be stored")
+
+    def _restore(self, state):
+        raise NotImplementedError(f"{type(self).__name__} cannot be stored")
 
     @property
     @abstractmethod

@@ -5,7 +5,9 @@ import numpy as np
 from prt_core.compress.affine import Affine, fit_affine
 from prt_core.compress.base import Compressor, as_rows
 from prt_core.compress.parallel import in_parallel
+from prt_core.compress.row_code import RowCode
 from prt_core.compress.seams import guests
+from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect
 from prt_core.progress import Progress
 
@@ -166,16 +168,71 @@ class ClusterCompressor(Compressor):
             mean, basis = products[first], products[first + 1 : first + 1 + len(affine.basis)]
             first += 1 + len(affine.basis)
             values[self.starts_[c] : self.starts_[c + 1]] = mean + affine.weights @ basis
-        result = self.gather_slots(values)
+        result = blended(values, self.place_, self.guests_, self.shares_)
         return result if self.gain_ is None else result * self.gain_
 
-    def gather_slots(self, values):
-        """(n_points, n_channels) from values of slots."""
-        result = np.take(values, self.place_, axis=0)
-        if len(self.guests_):
-            points, slots = self.guests_.T
-            result[points] += self.shares_[:, None] * (values[slots] - result[points])
-        return result
+    def _state(self):
+        models = self.affine_
+        return {
+            "matrix_error": self.matrix_error_,
+            "labels": self.labels_,
+            "order": self.order_.astype(np.int32),
+            "place": self.place_.astype(np.int32),
+            "guests": self.guests_.astype(np.int32),
+            "shares": self.shares_.astype(np.float32),
+            "sizes": np.diff(self.starts_).astype(np.int64),
+            "ranks": self.ranks_.astype(np.int64),
+            "means": np.stack([a.mean for a in models]),
+            "bases": np.concatenate([a.basis for a in models]),
+            "weights": np.concatenate([a.weights.ravel() for a in models]),
+            "energies": np.concatenate([a.energies for a in models]),
+            "energy": np.array([a.energy for a in models], np.float64),
+            **self.code_.state(),
+        }
+
+    def _restore(self, state):
+        n_points = self.n_points_
+        self.matrix_error_ = value_of(state, "matrix_error", float)
+        sizes = array_of(state, "sizes", (None,), "int64")
+        ranks = array_of(state, "ranks", (len(sizes),), "int64")
+        energy = array_of(state, "energy", (len(sizes),), "float64")
+        expect_state(
+            len(sizes) and sizes.min() >= 0 and sizes.max() <= n_points and ranks.min() >= 0,
+            "its clusters do not fit its points",
+        )
+        n_slots, n_rows = int(sizes.sum()), int(ranks.sum())
+        self.starts_ = np.concatenate([[0], np.cumsum(sizes)])
+        self.labels_ = array_of(state, "labels", (n_points,), "int32", len(sizes))
+        self.order_ = array_of(state, "order", (n_slots,), "int32", n_points).astype(np.int64)
+        self.place_ = array_of(state, "place", (n_points,), "int32", n_slots).astype(np.int64)
+        found = array_of(state, "guests", (None, 2), "int32", max(n_points, n_slots))
+        self.guests_ = found.astype(np.int64)
+        expect_state(
+            (found[:, 0] < n_points).all() and (found[:, 1] < n_slots).all(),
+            "its borders do not fit its points",
+        )
+        self.shares_ = array_of(state, "shares", (len(found),), "float32")
+        self.code_ = RowCode.from_state(
+            state, self.n_directions_, self.n_channels_, self.resolution_
+        )
+        n_features = self.code_.n_features
+        means = array_of(state, "means", (len(sizes), n_features), "float32")
+        bases = array_of(state, "bases", (n_rows, n_features), "float32")
+        energies = array_of(state, "energies", (n_rows,), "float64")
+        weights = array_of(state, "weights", (int(sizes @ ranks),), "float32")
+        rows, numbers = np.cumsum(ranks), np.cumsum(sizes * ranks)
+        self.affine_ = [
+            Affine(
+                mean,
+                bases[row - k : row],
+                weights[end - n * k : end].reshape(n, k),
+                energies[row - k : row],
+                float(e),
+            )
+            for mean, n, k, row, end, e in zip(
+                means, sizes, ranks, rows, numbers, energy, strict=True
+            )
+        ]
 
     def _nearest(self, features):
         """Nearest affine space of each feature vector, and the squared distance to it."""
@@ -210,6 +267,15 @@ class ClusterCompressor(Compressor):
         error = sum(a.error for a in self.affine_)
         self.matrix_error_ = float(np.sqrt(error / energy)) if energy else 0.0
         return self._fitted(rows)
+
+
+def blended(values, place, guests, shares):
+    """(n_points, n_channels) from values of slots: each point's own, mixed with its second."""
+    result = np.take(values, place, axis=0)
+    if len(guests):
+        points, slots = guests.T
+        result[points] += shares[:, None] * (values[slots] - result[points])
+    return result
 
 
 def ranks_within(models, allowed):

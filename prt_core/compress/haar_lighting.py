@@ -6,12 +6,13 @@ import scipy.sparse as sp
 from prt_core.basis import haar_areas, haar_rows
 from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.parallel import in_parallel
+from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect
 from prt_core.progress import Progress
 
 SELECTIONS = ("unweighted", "area", "transport")
 # Luminance and two differences: what three channels have in common is stored once.
-_OPPONENTS = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
+OPPONENTS = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
 
 
 class HaarLighting(Compressor):
@@ -48,7 +49,7 @@ class HaarLighting(Compressor):
             expect_count("n_terms", self.n_terms)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
-        self._mix = _OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+        self._mix = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
         largest = 0.0
         for points in rows.blocks(max(1, rows.n_points // 16)):
             some = self._encode(rows.block(points[:: max(1, len(points) // 64)]))
@@ -125,6 +126,40 @@ class HaarLighting(Compressor):
 
     def _relight(self, light):
         return self.products(*self.terms(light))
+
+    def _state(self):
+        state = {"step": self.step_, "importance": self.importance_}
+        for i, matrix in enumerate(self.columns_):
+            state[f"data{i}"] = matrix.data
+            state[f"indices{i}"] = matrix.indices.astype(np.int32)
+            state[f"indptr{i}"] = matrix.indptr.astype(np.int32)
+        return state
+
+    def _restore(self, state):
+        n_points, n_directions = self.n_points_, self.n_directions_
+        self.step_ = value_of(state, "step", float)
+        self.importance_ = array_of(state, "importance", (n_directions,), "float64")
+        expect_state(
+            self.resolution_ and 6 * self.resolution_**2 == n_directions,
+            "its directions are no cube map",
+        )
+        self._mix = OPPONENTS if self.n_channels_ == 3 else np.eye(self.n_channels_)
+        self.columns_ = []
+        for i in range(self.n_channels_):
+            starts = array_of(state, f"indptr{i}", (n_directions + 1,), "int32")
+            n = int(starts[-1])
+            rows = array_of(state, f"indices{i}", (n,), "int32", n_points)
+            kind = getattr(state.get(f"data{i}"), "dtype", None)
+            expect_state(
+                kind in (np.int8, np.int16, np.int32)
+                and starts[0] == 0 and (np.diff(starts) >= 0).all(),
+                "its columns do not fit each other",
+            )  # fmt: skip
+            data = array_of(state, f"data{i}", (n,), kind)
+            self.columns_.append(
+                sp.csc_matrix((data, rows, starts), shape=(n_points, n_directions))
+            )
+        _, self._areas = haar_areas(self.resolution_)
 
     def _encode(self, block):
         """(n_groups, n, n_directions) wavelets of mixed channels."""

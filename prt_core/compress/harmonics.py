@@ -5,6 +5,7 @@ import numpy as np
 from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
 from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.parallel import in_parallel
+from prt_core.compress.state import array_of, expect_state
 from prt_core.errors import expect
 from prt_core.light import rotation_matrix
 from prt_core.light.cubemap import _FACES, CubeMap
@@ -75,6 +76,19 @@ class Harmonics(Compressor):
 
     def _relight(self, light):
         return self.relight_coefficients(self.project(light))
+
+    def _state(self):
+        return {"coefficients": self.coefficients_}
+
+    def _restore(self, state):
+        expect_state(
+            self.resolution_ and 6 * self.resolution_**2 == self.n_directions_,
+            "its directions are no cube map",
+        )
+        order = expect_count("order", self.order)
+        shape = self.n_points_, order**2, self.n_channels_
+        self.coefficients_ = array_of(state, "coefficients", shape, "float32")
+        self._integrals = texel_harmonics(self.resolution_, order, _FACES)
 
 
 class Irradiance(Compressor):

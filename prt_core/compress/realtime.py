@@ -7,13 +7,17 @@ few brightest texels, which no small basis can follow, are looked up in the visi
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController
 
+from prt_core.compress.clusters import blended
 from prt_core.errors import expect, expect_array
 
-_TERMS_AT_ONCE = 64
+# Slots of a cluster that are one product at most, and what their number is rounded up to.
+_CHUNK, _ROUND = 256, 16
 
 
 class ClusterRelighter:
@@ -41,7 +45,7 @@ class ClusterRelighter:
         # Products of this size are over before BLAS has woken its threads.
         self._blas = ThreadpoolController()
         self._plan_bases()
-        self._plan_points()
+        self._plan_parts()
         if self.n_exact:
             self._plan_bits(transport)
 
@@ -51,13 +55,17 @@ class ClusterRelighter:
         light = expect_array("light", light, (model.n_directions_, model.n_channels_), np.float32)
         with self._blas.limit(limits=1):
             bright, rest = self._split(light)
+            # Texels are looked up by the other threads while this one multiplies bases.
+            ahead = [self._pool.submit(self._add_bright, p, bright, light) for p in self._parts]
             products = self._products(light, rest)
-            first, *others = [(part, products, light, bright) for part in self._parts]
-            done = [self._pool.submit(self._part, *arguments) for arguments in others]
-            self._part(*first)
+            for future in ahead:
+                future.result()
+            first, *others = self._parts
+            done = [self._pool.submit(self._part, part, products, bright) for part in others]
+            self._part(first, products, bright)
             for future in done:
                 future.result()
-        return self.model.gather_slots(self._sorted)
+        return blended(self._slots, self._place, self._guests, self.model.shares_)
 
     def terms(self, light):
         """Number of terms that a light is cut to, for each group of the code."""
@@ -69,9 +77,33 @@ class ClusterRelighter:
     @property
     def nbytes(self):
         """Bytes of what is read when relighting, the visibility bits included."""
-        arrays = [*self._bases, *self._weights, self.model.place_, self._sorted]
+        arrays = [self._place, self._slots, *self._bases]
+        for part in self._parts:
+            arrays += [weights for _, _, weights, _ in part.batches]
         arrays += [self._bits] if self.n_exact else []
         return sum(array.nbytes for array in arrays)
+
+    def _plan_parts(self):
+        """What each thread does: clusters cut into chunks of points."""
+        model = self.model
+        chunks = chunks_of(model.starts_)
+        n_threads, total = os.cpu_count() or 1, len(model.order_)
+        share = np.minimum(chunks.first * n_threads // max(total, 1), n_threads - 1)
+        self._parts, slots, first = [], np.zeros(total, np.int64), 0
+        order = []
+        for thread in np.unique(share):
+            part = _Part(model, chunks.some(share == thread), first)
+            slots[part.own] = first + np.flatnonzero(part.real)
+            order.append(part.order)
+            first = part.last
+            self._parts.append(part)
+        self._order = np.concatenate(order)
+        self._place = slots[model.place_]
+        self._guests = model.guests_.copy()
+        self._guests[:, 1] = slots[model.guests_[:, 1]]
+        self._gain = None if model.gain_ is None else model.gain_[self._order]
+        self._slots = np.empty((len(self._order), model.n_channels_), np.float32)
+        self._lit = np.empty_like(self._slots)
 
     def _plan_bases(self):
         """Bases with a row for each term of the light, and how much each term matters."""
@@ -92,24 +124,10 @@ class ClusterRelighter:
             else:
                 self._inner.append(None)
                 self._importance.append(squares)
-        self._total = sum(float(values.sum()) for values in self._importance)
-
-    def _plan_points(self):
-        model = self.model
-        self._weights = [
-            np.column_stack([np.ones(len(a.weights), np.float32), a.weights]) for a in model.affine_
-        ]
-        self._rows = np.cumsum([0, *(w.shape[1] for w in self._weights)])
-        self._gain = None if model.gain_ is None else model.gain_[model.order_]
-        self._sorted = np.empty((len(model.order_), model.n_channels_), np.float32)
-        n_threads = os.cpu_count() or 1
-        targets = np.linspace(0, len(model.order_), n_threads + 1)[1:-1]
-        cuts = [0, *np.searchsorted(model.starts_, targets), len(model.affine_)]
-        self._parts = [(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a]
 
     def _plan_bits(self, transport):
         """Visibility, a row of bits for each direction, and normals in the order of clusters."""
-        order, wanted = self.model.order_, (self.model.n_points_, self.model.n_directions_)
+        order, wanted = self._order, (self.model.n_points_, self.model.n_directions_)
         expect(
             transport.shape == wanted,
             f"transport: expected {wanted} as was compressed, got {transport.shape}",
@@ -139,23 +157,19 @@ class ClusterRelighter:
 
     def _products(self, light, rest):
         """(rows of all bases, n_channels): what each basis row gives under the light."""
-        code = self.model.code_
-        coded = {False: code.light(light)}
-        coded[True] = coded[False] if rest is light else code.light(rest)
-        result = np.zeros((light.shape[1], int(self._rows[-1])), np.float32)
+        code, n_channels = self.model.code_, light.shape[1]
+        both = code.light(light if rest is light else np.hstack([light, rest]))
+        coded = {False: both[:, :n_channels], True: both[:, -n_channels:]}
+        result = np.zeros((n_channels, self._bases[0].shape[1]), np.float32)
         for i, group in enumerate(code.groups):
             used = np.flatnonzero(group.shares)
             some = coded[group.direct]
             chosen = self._chosen(i, some)
-            values = np.ascontiguousarray(some[chosen][:, used].T)
-            values *= np.asarray(group.shares, np.float32)[used, None]
+            values = some[chosen][:, used] * np.asarray(group.shares, np.float32)[used]
             if self._inner[i] is not None:
-                total = values @ self._inner[i][chosen] @ self._bases[i]
+                total = values.T @ self._inner[i][chosen] @ self._bases[i]
             else:
-                total = np.zeros((len(used), result.shape[1]), np.float32)
-                for first in range(0, len(chosen), _TERMS_AT_ONCE):
-                    terms = slice(first, first + _TERMS_AT_ONCE)
-                    total += values[:, terms] @ self._bases[i][chosen[terms]]
+                total = _sparse_times(values, chosen, self._bases[i])
             result[used] += total
         return np.ascontiguousarray(result.T)
 
@@ -171,30 +185,109 @@ class ClusterRelighter:
         kept = best[weight[best] >= values[min(spare, most - 1)]]
         return np.sort(kept) if weight.any() else kept[:0]
 
-    def _part(self, clusters, products, light, bright):
-        starts, order = self.model.starts_, slice(None)
-        first, last = clusters
-        order = slice(int(starts[first]), int(starts[last]))
-        out = self._sorted[order]
-        for c in range(first, last):
-            rows = products[self._rows[c] : self._rows[c + 1]]
-            np.matmul(self._weights[c], rows, out=self._sorted[starts[c] : starts[c + 1]])
+    def _part(self, part, products, bright):
+        for first, last, weights, rows in part.batches:
+            out = self._slots[first:last].reshape(*weights.shape[:2], -1)
+            np.matmul(weights, products[rows], out=out)
+        order = slice(part.first, part.last)
+        out = self._slots[order]
         if bright is not None:
-            self._add_bright(order, bright, light[bright], out)
+            out += self._lit[order]
         if self._gain is not None:
             out *= self._gain[order]
 
-    def _add_bright(self, points, bright, radiance, out, size=8192):
-        vectors = self._vectors[bright]
-        begin = points.start // 8 * 8
-        for first in range(begin, points.stop, size):
-            stop = min(first + size, points.stop)
+    def _add_bright(self, part, bright, light, size=8192):
+        """Direct light of the brightest texels on a part's points."""
+        if bright is None:
+            return
+        vectors, radiance = self._vectors[bright], light[bright]
+        for first in range(part.first // 8 * 8, part.last, size):
+            stop = min(first + size, part.last)
             spread = np.unpackbits(
                 self._bits[bright, first // 8 : -(-stop // 8)],
                 axis=1, count=stop - first, bitorder="little",
             )  # fmt: skip
-            inside = slice(max(first, points.start), stop)
-            skip = inside.start - first
-            light = vectors @ self._normals[:, inside]
-            light *= spread[:, skip:]
-            out[inside.start - points.start : stop - points.start] += light.T @ radiance
+            inside = slice(max(first, part.first), stop)
+            lit = vectors @ self._normals[:, inside]
+            lit *= spread[:, inside.start - first :]
+            np.matmul(lit.T, radiance, out=self._lit[inside])
+
+
+def _sparse_times(values, chosen, basis):
+    """values.T @ basis[chosen], (n_channels, n_rows), each row of the basis read once."""
+    starts = np.zeros(len(basis) + 1, np.int32)
+    starts[chosen + 1] = values.shape[1]
+    channels = np.tile(np.arange(values.shape[1], dtype=np.int32), len(chosen))
+    shape = values.shape[1], len(basis)
+    return sp.csc_matrix((values.ravel(), channels, np.cumsum(starts)), shape=shape) @ basis
+
+
+@dataclass
+class Chunks:
+    """Consecutive slots of one cluster each.
+
+    Attributes
+    ----------
+    first, size, cluster : (n,) int
+    """
+
+    first: np.ndarray
+    size: np.ndarray
+    cluster: np.ndarray
+
+    def some(self, which):
+        return Chunks(self.first[which], self.size[which], self.cluster[which])
+
+
+def chunks_of(starts, most=_CHUNK):
+    """Clusters cut into equal pieces of at most `most` slots."""
+    first, size, cluster = [], [], []
+    for c, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+        cuts = np.linspace(a, b, -(-int(b - a) // most) + 1).astype(np.int64)
+        first.append(cuts[:-1])
+        size.append(np.diff(cuts))
+        cluster.append(np.full(len(cuts) - 1, c))
+    return Chunks(*(np.concatenate(part) for part in (first, size, cluster)))
+
+
+class _Part:
+    """What one thread does: chunks of slots, padded so that those alike are one product.
+
+    A call for each cluster would cost more than its arithmetic, and threads would queue for it.
+
+    Attributes
+    ----------
+    first, last : int
+        Padded slots, counted over all parts.
+    order : (last - first,) int64
+        Point of each, any where it is padding.
+    real : (last - first,) bool
+    own : (n,) int64
+        The model's slot of each real one.
+    batches : list of (first slot, last slot, (k, n_slots, n_rows) weights, (k, n_rows) int)
+        The last say which rows of the products belong to each chunk.
+    """
+
+    def __init__(self, model, chunks, first):
+        ranks = 1 + model.ranks_
+        rows = np.cumsum([0, *ranks])
+        self.first, self.batches, order, real, own = first, [], [], [], []
+        rank = ranks[chunks.cluster]
+        # Chunks of one rank whose sizes round up to the same are done at once.
+        padded = -(-chunks.size // _ROUND) * _ROUND
+        for r, n in sorted(set(zip(rank.tolist(), padded.tolist(), strict=True))):
+            alike = chunks.some((rank == r) & (padded == n))
+            slot = alike.first[:, None] + np.minimum(np.arange(n), alike.size[:, None] - 1)
+            there = np.arange(n) < alike.size[:, None]
+            weights = np.ones((len(slot), n, r), np.float32)
+            for i, (c, here) in enumerate(zip(alike.cluster, slot, strict=True)):
+                weights[i, :, 1:] = model.affine_[c].weights[here - model.starts_[c]]
+            which = rows[alike.cluster][:, None] + np.arange(r)
+            self.batches.append((first, first + slot.size, weights, which))
+            first += slot.size
+            order.append(model.order_[slot].ravel())
+            real.append(there.ravel())
+            own.append(slot[there])
+        self.last = first
+        self.order, self.real = np.concatenate(order), np.concatenate(real)
+        self.own = np.concatenate(own)

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.basis import haar_areas, haar_rows
+from prt_core.compress.state import array_of, expect_state
 
 # Standard deviation of the wavelet coefficients of environments at level l, 0 the coarsest, is
 # about sqrt(_SMOOTH 4^-l + _WHITE): smooth skies and small bright things.
@@ -62,6 +63,43 @@ class RowCode:
         """Each channel a group of its own."""
         groups = tuple(Group(tuple(row)) for row in np.eye(n_channels))
         scale = natural_scale(resolution) if resolution and natural else None
+        return cls(n_directions, n_channels, groups, resolution, scale)
+
+    def state(self):
+        """Arrays from which `from_state` makes the same code."""
+        empty = np.zeros((0, self.n_directions), np.float32)
+        bases = [empty if g.basis is None else g.basis for g in self.groups]
+        # A group without a basis spans everything.
+        ranks = [-1 if g.basis is None else len(g.basis) for g in self.groups]
+        state = {
+            "code_shares": np.array([g.shares for g in self.groups], np.float64),
+            "code_direct": np.array([g.direct for g in self.groups], bool),
+            "code_ranks": np.array(ranks, np.int64),
+            "code_basis": np.concatenate(bases),
+        }
+        return state if self.scale is None else {**state, "code_scale": self.scale}
+
+    @classmethod
+    def from_state(cls, state, n_directions, n_channels, resolution):
+        """The code of a `state`; `PRTError` where its parts do not fit."""
+        shares = array_of(state, "code_shares", (None, n_channels), "float64")
+        direct = array_of(state, "code_direct", (len(shares),), "bool")
+        ranks = array_of(state, "code_ranks", (len(shares),), "int64")
+        ends = np.cumsum(np.maximum(ranks, 0))
+        n_rows = int(ends[-1]) if len(ends) else 0
+        basis = array_of(state, "code_basis", (n_rows, n_directions), "float32")
+        expect_state(
+            len(shares) and (ranks >= -1).all()
+            and (resolution is None or 6 * resolution**2 == n_directions),
+            "the code of its rows does not fit",
+        )  # fmt: skip
+        scale = None
+        if "code_scale" in state:
+            scale = array_of(state, "code_scale", (n_directions,), "float32")
+        groups = tuple(
+            Group(tuple(map(float, share)), None if k < 0 else basis[end - k : end], bool(d))
+            for share, d, k, end in zip(shares, direct, ranks, ends, strict=True)
+        )
         return cls(n_directions, n_channels, groups, resolution, scale)
 
     @cached_property

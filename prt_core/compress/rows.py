@@ -10,9 +10,10 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.compress.indirect import indirect_factors
+from prt_core.compress.parallel import in_parallel
 from prt_core.compress.row_code import Group, RowCode, natural_scale
 from prt_core.errors import expect, expect_array
-from prt_core.progress import run
+from prt_core.progress import Progress, run
 from prt_core.transport.visibility import unpack
 
 _BLOCK = 512
@@ -157,6 +158,50 @@ class TransportRows(Rows):
 
     def block(self, points):
         return self.code.decode(self.features(points))
+
+
+class SomeRows(Rows):
+    """Some rows of others, in the same code: what a choice is tried on.
+
+    Parameters
+    ----------
+    rows : Rows
+    points : (n,) int
+    """
+
+    def __init__(self, rows, points):
+        points = np.asarray(points)
+        if isinstance(rows, SomeRows):
+            rows, points = rows.rows, rows.points[points]
+        self.rows, self.points, self._features = rows, points, None
+        self.n_points, self.n_directions = len(self.points), rows.n_directions
+        self.n_channels, self.resolution = rows.n_channels, rows.resolution
+        self.gain = None if rows.gain is None else rows.gain[self.points]
+
+    @property
+    def code(self):
+        return self.rows.code
+
+    def features(self, points):
+        # Several models are fitted to a sample: made once, before threads ask for them.
+        if self._features is None:
+            return self.rows.features(self.points[points])
+        return self._features[points]
+
+    def prepare_steps(self):
+        """Hold the features of all rows from now on."""
+        if self._features is None:
+            yield from getattr(self.rows, "prepare_steps", lambda: ())()
+            done, parts = 0, []
+            for part in in_parallel(lambda p: self.rows.features(self.points[p]), self.blocks()):
+                parts.append(part)
+                done += len(part)
+                yield Progress("sample", done, self.n_points)
+            self._features = np.concatenate(parts)
+        return self
+
+    def block(self, points):
+        return self.rows.block(self.points[points])
 
 
 def opponent_groups(left, right, error=_OPPONENT_ERROR):

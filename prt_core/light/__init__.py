@@ -7,12 +7,14 @@ from prt_core.light.images import read_image, write_image
 from prt_core.light.local import Lamp
 from prt_core.light.rotation import rotation_about_z, rotation_matrix
 from prt_core.light.sun import sun_light
+from prt_core.light.turning import TurningLight
 
 __all__ = [
     "BrightPixels",
     "CubeMap",
     "EnvironmentMap",
     "Lamp",
+    "TurningLight",
     "read_image",
     "rotation_about_z",
     "rotation_matrix",

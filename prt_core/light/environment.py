@@ -69,9 +69,9 @@ class EnvironmentMap:
             width == 2 * height or (height == 1 and width == 1),
             f"{path}: an equirectangular image is twice as wide as high, got {width} x {height}",
         )
-        lowest = float(pixels.min()) if pixels.size else 0.0
         # Negative radiance comes from resampling filters; a trace of it is cut, more is an error.
-        if lowest < 0 and -lowest < 1e-2 * max(float(pixels.mean()), 1e-30):
+        negative = -float(np.minimum(pixels, 0).sum(dtype=np.float64))
+        if 0 < negative < 1e-4 * float(np.maximum(pixels, 0).sum(dtype=np.float64)):
             pixels = np.maximum(pixels, 0)
         return cls(pixels, str(path))
 
@@ -99,17 +99,17 @@ class EnvironmentMap:
             f"strength: expected a finite number >= 0, got {strength}",
         )
         matrix = rotation_matrix(rotation)
-        even, bright = self._layers
-        light, covered = _onto_texels(cube_map, matrix, *even, _EVEN_SAMPLES)
+        even, bright = self.layers
+        light, covered = sums_on_texels(cube_map, matrix, *even, _EVEN_SAMPLES)
         light /= np.maximum(covered, 1e-30)[:, None]
         if bright is not None:
-            sums, _ = _onto_texels(cube_map, matrix, *bright, _BRIGHT_SAMPLES)
+            sums, _ = sums_on_texels(cube_map, matrix, *bright, _BRIGHT_SAMPLES)
             light += sums / cube_map.solid_angles[:, None]
         return (light * strength).astype(np.float32)
 
     @cached_property
-    def _layers(self):
-        """What is even and what is bright, each as rows, columns, shape and values of pixels."""
+    def layers(self):
+        """What is even and what is bright (or None): rows, columns, shape, values of pixels."""
         height, width = self.pixels.shape[:2]
         mean = self.pixels.mean(axis=(0, 1), dtype=np.float64)
         small = self.pixels > _BRIGHT * mean
@@ -138,11 +138,11 @@ class EnvironmentMap:
         return self.pixels[row, column]
 
 
-def _onto_texels(cube_map, matrix, rows, columns, shape, values, samples):
+def sums_on_texels(cube_map, matrix, rows, columns, shape, values, samples):
     """Power of pixels on each texel (n_directions, 3), and the solid angle that was covered."""
     height, width = shape
     n_directions = cube_map.n_directions
-    parts = int(np.clip(np.ceil(np.sqrt(n_directions * samples / (height * width))), 1, 4096))
+    parts = _parts_along(shape, n_directions, samples)
     # Parts of a pixel's height that have equal area: equal steps of z inside the pixel.
     edges = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
     step = (edges[:-1] - edges[1:]) / parts
@@ -176,3 +176,35 @@ def _onto_texels(cube_map, matrix, rows, columns, shape, values, samples):
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         total = sum(pool.map(some, range(0, len(rows), n_pixels)))
     return total[:3].T.copy(), total[3]
+
+
+def pixel_parts(rows, columns, shape, n_directions, samples):
+    """Parts of pixels, about `samples` for each of `n_directions` texels, of equal area in a pixel.
+
+    Returns
+    -------
+    directions : (m, 3) float64
+    areas : (m,) float64
+    pixels : (m,) int
+        Index of each part's pixel.
+    """
+    height, width = shape
+    parts = _parts_along(shape, n_directions, samples)
+    # Equal steps of z inside a pixel are equal areas.
+    edges = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
+    step = (edges[:-1] - edges[1:]) / parts
+    inside = np.arange(parts) + 0.5
+    level = (edges[rows, None] - step[rows, None] * inside)[:, :, None]
+    angle = np.pi - (columns[:, None] + inside / parts) / width * 2 * np.pi
+    radius = np.sqrt(np.maximum(0, 1 - level * level))
+    x, y = radius * np.cos(angle)[:, None], radius * np.sin(angle)[:, None]
+    directions = np.stack([x, y, np.broadcast_to(level, x.shape)], axis=-1).reshape(-1, 3)
+    areas = step * (2 * np.pi / (width * parts))
+    pixels = np.repeat(np.arange(len(rows)), parts * parts)
+    return directions, areas[rows][pixels], pixels
+
+
+def _parts_along(shape, n_directions, samples):
+    """Parts along each edge of a pixel."""
+    wanted = n_directions * samples / (shape[0] * shape[1])
+    return int(np.clip(np.ceil(np.sqrt(wanted)), 1, 4096))

@@ -40,8 +40,10 @@ with _as_zarr_wants_it():
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
 FORMAT, VERSION = "prt bake", 1
+# The fact that names the compressed form, and how its folders begin.
+COMPRESSED = "compressed"
 _CODECS = {"bytes", "zstd", "crc32c"}
-_TYPES = {"bool", "uint8", "uint16", "int32", "int64", "float32", "float64"}
+_TYPES = {"bool", "int8", "uint8", "int16", "uint16", "int32", "int64", "float32", "float64"}
 _MOST_BYTES = 1 << 38
 
 
@@ -89,7 +91,13 @@ class BakeStore:
 
     def update(self, **facts):
         """Replace attributes, in one atomic write."""
-        self._group.attrs.update(json.loads(json.dumps(facts, default=_plain)))
+        file = self.path / "zarr.json"
+        meta = _json(file, self.path)
+        meta["attributes"] = {**meta.get("attributes", {}), **facts}
+        part = file.with_name("zarr.json.part")
+        part.write_text(json.dumps(meta, default=_plain))
+        part.replace(file)
+        self._group = zarr.open_group(str(self.path), mode="r+")
 
     def __contains__(self, name):
         return name in self._group
@@ -121,6 +129,10 @@ class BakeStore:
         """Remove an array, where it is there."""
         if name in self._group:
             del self._group[name]
+
+    def remove_folder(self, name):
+        """Remove a folder of arrays, whole or not."""
+        shutil.rmtree(self.path / name)
 
     def has_chunk(self, name, *index):
         """Whether a chunk was written (chunks appear whole or not at all)."""
@@ -198,14 +210,20 @@ def _check_folder(path, whole=True):
         isinstance(version, int) and 1 <= version <= VERSION,
         f"{path}: has store version {version}, this library reads up to {VERSION}; update it",
     )
+    named = facts.get(COMPRESSED)
+    kept = named.get("folder") if isinstance(named, dict) else None
     for folder, folders, names in os.walk(path):
+        if Path(folder) == path:
+            # What a kill left of a compressed form is nobody's: it is not read, only not a link.
+            left = {f for f in folders if f.startswith(COMPRESSED) and f != kept}
         for name in folders + names:
             entry = Path(folder) / name
             expect(
                 not entry.is_symlink(),
                 f"{path}: holds a symbolic link ({name}); it was tampered with",
             )
-        if whole and "zarr.json" in names and Path(folder) != path:
+        inside = Path(folder).relative_to(path).parts
+        if whole and "zarr.json" in names and inside and inside[0] not in left:
             _check_array(_json(Path(folder) / "zarr.json", path), path, Path(folder).name)
 
 

@@ -1,5 +1,6 @@
 """`Transport`: T factored into visibility bits, the gather operator K and the materials."""
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,6 +57,18 @@ class Transport:
     def shape(self):
         """(n_points, n_directions); each entry has three channels."""
         return self.n_points, self.n_directions
+
+    def fingerprint(self):
+        """A digest of all that the colours depend on: the same for the same transport only."""
+        digest = hashlib.blake2b(digest_size=16)
+        arrays = [self.bits, self.normals, self.albedo]
+        if self.gather is not None:
+            arrays += [self.gather.data, self.gather.indices, self.gather.indptr]
+        for array in arrays:
+            digest.update(f"{array.shape} {array.dtype};".encode())
+            digest.update(np.ascontiguousarray(array))
+        digest.update(f"{self.cube_map.resolution} {self.tolerance} {self.bounces}".encode())
+        return digest.hexdigest()
 
     def received(self, light):
         """Direct irradiance / pi, (n_points, 3) float32, under `light` (n_directions, 3)."""

@@ -1,6 +1,6 @@
 """`make bench`: measure and write RESULTS.md with its pictures.
 
-python tests/benchmarks/results.py [--truth FOLDER] [--only rays bake truth large]
+python tests/benchmarks/results.py [--truth FOLDER] [--only rays bake large truth compression]
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -29,6 +29,7 @@ from prt_core.evaluate import colour_error, contact_sheet, to_srgb, write_png  #
 from prt_core.evaluate.view import CameraRays  # noqa: E402
 
 WORK = ROOT / "build" / "bench"
+PARTS = ["rays", "bake", "large", "truth", "compression"]
 LIGHTS = ("courtyard", "city", "sunset")
 TRUTH, NOISY = 2048, 256
 # Resolution of the cube map, and whether the image's sun gets shadow rays (--sharp-sun).
@@ -136,6 +137,17 @@ def large_table():
     ]
 
 
+def compression_tables():
+    """Every method at every budget, and what compression is worth beyond that."""
+    from tests.benchmarks import compress_tables
+
+    path = WORK / "embree.prt"
+    if not path.exists():
+        prt("bake", ROOT / "blend_scenes" / "01_model_on_ground.blend", "-o", path,
+            "--caster", "embree")  # fmt: skip
+    return compress_tables.section(path, ROOT / "blend_scenes" / "01_model_on_ground.blend", WORK)
+
+
 def hdri(name):
     return Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world" / f"{name}.exr"
 
@@ -240,12 +252,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--truth", type=Path, default=ROOT / "build" / "truth")
     parser.add_argument("--skip-missing", action="store_true", help="do not run Cycles for truth")
-    parser.add_argument("--only", nargs="+", default=["rays", "bake", "large", "truth"])
+    parser.add_argument("--only", nargs="+", default=PARTS)
     options = parser.parse_args()
     SKIP = options.skip_missing
     WORK.mkdir(parents=True, exist_ok=True)
-    parts = {"rays": rays_table, "bake": bake_table, "large": large_table,
-             "truth": lambda: truth_table(options.truth)}  # fmt: skip
+    made = (rays_table, bake_table, large_table, lambda: truth_table(options.truth),
+            compression_tables)  # fmt: skip
+    parts = dict(zip(PARTS, made, strict=True))
     kept = WORK / "parts.json"
     done = json.loads(kept.read_text()) if kept.exists() else {}
     for name in options.only:

@@ -591,3 +591,49 @@ def test_a_sampled_bake_shows_what_it_is_worth(scene, tmp_path):
     prt_core.bake(SCENE, tmp_path / "api.prt", **OPTIONS, method="agreement")
     one, two = BakeStore(item.path), BakeStore(tmp_path / "api.prt")
     np.testing.assert_array_equal(one.read("visibility"), two.read("visibility"))
+
+
+def test_compress_is_the_api(baked, hdri, tmp_path):
+    """The button, the colours it leads to, the way back to exact ones, and its removal."""
+    path = shutil.copytree(preview.path_of(baked), tmp_path / "api.prt")
+    degrees = use_image(baked, hdri("city"), 30)
+    baked.prt.use_lamps, baked.prt.compress_tolerance = False, 0.05
+    assert bpy.ops.prt.compress(method="cpca") == {"FINISHED"}
+    facts = prt_core.compress_bake(path, method="cpca", tolerance=baked.prt.compress_tolerance)
+    assert "Compressed by cpca" in said() and facts["tolerance_met"]
+    one, two = BakeStore(preview.path_of(baked)), BakeStore(path)
+    for name in ("labels", "bases", "weights"):
+        name = f"compressed1/{name}"
+        np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
+    check_colours(prt_core.relight(path, hdri("city"), rotation=degrees, transport="compressed"))
+    item = work.status().bakes[0]
+    assert item.compressed.startswith(f"cpca, error {facts['error']:.2%}")
+    baked.prt.use_compressed = False
+    bpy.ops.prt.relight()
+    exact = prt_core.relight(path, hdri("city"), rotation=degrees, transport="exact")
+    check_colours(exact)
+    baked.prt.use_compressed = True
+    assert bpy.ops.prt.compress(method="none") == {"FINISHED"}
+    check_colours(exact)
+    assert work.status().bakes[0].compressed == ""
+    assert "expected auto, cpca" in _error(bpy.ops.prt.compress, method="best")
+
+
+def test_a_compressed_bake_moves_with_its_file(tmp_path, hdri):
+    bpy.ops.mesh.primitive_cube_add()
+    chosen = bpy.context.scene.prt
+    chosen.resolution, chosen.caster, chosen.tolerance = "8", "blender", 0.05
+    bpy.ops.prt.bake()
+    assert bpy.ops.prt.compress(method="harmonics") == {"FINISHED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "new.blend"))
+    held = preview.held(bpy.context.scene)
+    held.relighter.close()
+    use_image(bpy.context.scene, hdri("sunset"))
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+    assert held.relighter.used == "compressed"
+
+
+def _error(operator, **options):
+    with pytest.raises(RuntimeError) as caught:
+        operator(**options)
+    return str(caught.value)

@@ -63,6 +63,36 @@ def test_command_line_and_api_give_the_same(blend, baked, hdri, tmp_path):
     assert json.loads(prt("info", tmp_path / "c.prt", "--json").stdout)["complete"] is True
 
 
+def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
+    import shutil
+
+    one, two = (shutil.copytree(baked, tmp_path / f"{name}.prt") for name in "ab")
+    options = ("--method", "cpca", "--tolerance", 0.05, "--light", hdri("city"), hdri("sunset"))
+    done = prt("compress", one, *options)
+    assert "chosen: cpca" in done.stdout and "within the tolerance" in done.stdout
+    facts = prt_core.compress_bake(
+        two, method="cpca", tolerance=0.05, lights=[hdri("city"), hdri("sunset")]
+    )
+    info = json.loads(prt("info", one, "--json").stdout)["compressed"]
+    assert info["error"] == facts["error"] and info["bytes"] == facts["bytes"]
+    assert "compressed:" in prt("info", one).stdout
+    for transport, says in (("auto", "compressed (cpca"), ("exact", "exactly")):
+        done = prt("relight", one, "--light", hdri("night"), "--rotate", 30, "--output",
+                   tmp_path / "c.npz", "--transport", transport)  # fmt: skip
+        assert f"points relit {says}" in done.stdout
+        found = np.load(tmp_path / "c.npz")
+        colours = prt_core.relight(two, hdri("night"), rotation=30, transport=transport)
+        for name in colours:
+            np.testing.assert_array_equal(found[name], colours[name])
+    exact = prt_core.relight(baked, hdri("night"), rotation=30)
+    np.testing.assert_array_equal(exact["floor"], colours["floor"])
+    turned = prt("relight", one, "--light", hdri("night"), "--turn", 2, "--output",
+                 tmp_path / "t_#.npz")  # fmt: skip
+    assert "2 frames relit compressed" in turned.stdout
+    assert "no compressed form" in prt("compress", one, "--method", "none").stdout
+    assert json.loads(prt("info", one, "--json").stdout)["compressed"] is None
+
+
 def test_colours_reach_the_meshes_exactly(blend, baked, hdri, tmp_path):
     prt(
         "relight", baked, "--light", hdri("city"), "--blend", tmp_path / "o.blend",
@@ -120,6 +150,22 @@ def test_errors_are_one_line_and_an_exit_code(baked, hdri, tmp_path):
         (("relight", baked, "--light", hdri("city")), "nothing to write"),
         (("relight", baked, "--lamps", "--output", tmp_path / "x.npz"), "had no lamps"),
         (("relight", baked, "--light", hdri("city"), "--output", tmp_path / "x.csv"), "in .npz"),
+        (("compress", tmp_path / "none.prt"), "there is no such bake"),
+        (("compress", baked, "--method", "best"), "method: expected auto, cpca"),
+        (("compress", baked, "--tolerance", "2"), "tolerance: expected a number above 0 and"),
+        (
+            (
+                "relight",
+                baked,
+                "--light",
+                hdri("city"),
+                "--output",
+                tmp_path / "x.npz",
+                "--transport",
+                "compressed",
+            ),
+            "there is no compressed form; make one with 'prt compress'",
+        ),
     ]
     for arguments, message in cases:
         done = prt(*arguments, code=2)

@@ -6,6 +6,7 @@ from prt_core import PRTError
 from prt_core.light import (
     CubeMap,
     EnvironmentMap,
+    TurningLight,
     rotation_about_z,
     rotation_matrix,
     split_sun,
@@ -99,6 +100,32 @@ def test_bad_pixels_are_refused():
         EnvironmentMap(np.full((2, 4, 3), np.nan, np.float32))
     with pytest.raises(PRTError, match="radiance expected >= 0"):
         EnvironmentMap(np.full((2, 4, 3), -1, np.float32))
+
+
+def test_a_trace_of_negative_radiance_is_cut_and_more_is_refused(monkeypatch):
+    pixels = np.full((4, 8, 3), 0.01, np.float32)
+    pixels[1, 1], pixels[2, 2] = 100, -0.01
+    monkeypatch.setattr("prt_core.light.environment.read_image", lambda _: pixels)
+    assert EnvironmentMap.read("night.exr").pixels.min() == 0
+    pixels[2, 2] = -1
+    with pytest.raises(PRTError, match="smallest value is -1"):
+        EnvironmentMap.read("night.exr")
+
+
+@pytest.mark.parametrize("turn", [None, 37.0, (20.0, -50.0, 130.0)])
+def test_a_turning_light_is_the_light_on_the_texels(turn):
+    """Suns keep their texels, a sky its evenness, and all its power."""
+    rng = np.random.default_rng(4)
+    pixels = rng.random((128, 256, 3)).astype(np.float32)
+    pixels[30:34, 60:63] = rng.random((4, 3, 3)) * 1e4
+    cube_map, environment = CubeMap(16), EnvironmentMap(pixels)
+    found = TurningLight(environment, cube_map).at(turn)
+    wanted = environment.to_cube_map(cube_map, turn)
+    assert np.linalg.norm(found - wanted) < 5e-3 * np.linalg.norm(wanted)
+    power = [cube_map.solid_angles @ light for light in (found, wanted)]
+    np.testing.assert_allclose(*power, rtol=2e-3)
+    even = EnvironmentMap(np.full((64, 128, 3), 0.5, np.float32))
+    np.testing.assert_allclose(TurningLight(even, cube_map).at(turn), 0.5, rtol=1e-6)
 
 
 @pytest.mark.parametrize("turn", [None, 70])

@@ -1,0 +1,108 @@
+"""`prt bench compress`: compressors side by side on one bake."""
+
+import json
+import tempfile
+import time
+from pathlib import Path
+
+from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.compress import method_names
+from prt_core.errors import expect
+from prt_core.progress import run
+
+
+def add_bench_compress(kinds, scene_argument, quiet_arguments, show, helpers, in_blender):
+    """Add `compress` to the kinds of `prt bench`.
+
+    Parameters
+    ----------
+    kinds : argparse subparsers
+    scene_argument, quiet_arguments, show, in_blender
+        See `add_bench`.
+    helpers : namespace
+        `scene_named(text)` -> (name, Scene), `lights(paths, rotations, cube_map)`.
+    """
+    compress = kinds.add_parser(
+        "compress", help="ways to compress a bake, at several budgets: table, plots, report"
+    )
+    scene_argument(compress, in_blender)
+    compress.add_argument(
+        "--methods", nargs="+", default=method_names(), metavar="NAME",
+        help=f"of {', '.join(method_names())} (all)",
+    )  # fmt: skip
+    compress.add_argument(
+        "--rungs", nargs="+", type=int, metavar="N",
+        help="budgets: which of each method's settings, 0 the smallest (all)",
+    )  # fmt: skip
+    compress.add_argument("-o", "--output", required=True, metavar="FOLDER", help="of the report")
+    compress.add_argument("--resolution", type=int, default=32, help="of a scene that is baked")
+    compress.add_argument(
+        "--light", nargs="+", metavar="IMAGE", help="environments; default: Blender's own eight"
+    )
+    compress.add_argument(
+        "--rotate", nargs="+", type=float, default=[45.0 * turn for turn in range(8)],
+        help="degrees of each (eight, evenly)",
+    )  # fmt: skip
+    compress.add_argument("--seed", type=int, default=0)
+    quiet_arguments(compress)
+    compress.set_defaults(run=_bench_compress, show=show, helpers=helpers)
+
+
+def _bench_compress(options):
+    from prt_core.evaluate.bench_compress import bench_compress_steps
+    from prt_core.evaluate.compress_report import compress_report
+    from prt_core.evaluate.report import expect_folder, write_report
+
+    expect_folder(options.output)
+    expect(
+        options.rungs is None or min(options.rungs) >= 0,
+        f"rungs: expected whole numbers >= 0, got {options.rungs}",
+    )
+    bar = options.show.Bar(options.quiet or options.json)
+    with options.show.Hushed(), tempfile.TemporaryDirectory() as folder:
+        try:
+            name, bake = _baked(options, Path(folder), bar)
+            lights = options.helpers.lights(options.light, options.rotate, bake.cube_map)
+            made = {}
+            steps = bench_compress_steps(
+                bake, name, options.methods, lights, options.rungs, options.seed, made
+            )
+            rows = run(steps, bar)
+            caster = bake.make_caster()
+            first = next(iter(lights.items()))
+            report = compress_report(bake, caster, rows, made, *first, len(lights))
+            caster.close()
+        finally:
+            bar.close()
+        page = write_report(options.output, report)
+    if options.json:
+        print(json.dumps(rows))
+        return 0
+    _print_rows(rows)
+    print(f"{page}: written {time.strftime('%H:%M')}")
+    return 0
+
+
+def _baked(options, folder, bar):
+    """(name, Bake): a bake that is there, or one of a scene, made for the occasion."""
+    if options.scene and options.scene.endswith(".prt"):
+        return Path(options.scene).stem, load(options.scene)
+    name, scene = options.helpers.scene_named(options.scene)
+    settings = BakeSettings(resolution=options.resolution, seed=options.seed)
+    run(bake_steps(scene, folder / "bench.prt", settings), bar)
+    return name, load(folder / "bench.prt")
+
+
+def _print_rows(rows):
+    width = max(len(row["label"]) for row in rows)
+    print(f"{'method':{width}}       MB    bits  seconds  ms median   worst   matrix  relit  worst"
+          "    seam")  # fmt: skip
+    for row in rows:
+        seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
+        matrix = "" if row["matrix_l2"] is None else f"{row['matrix_l2']:.2%}"
+        seam = "" if row["seam"] is None else f"{row['seam']:.1%}"
+        print(
+            f"{row['label']:{width}}  {row['bytes'] / 1e6:7.1f}  {row['bits_a_coefficient']:6.3f}  "
+            f"{seconds:>7}  {row['ms_median']:9.2f}  {row['ms_worst']:6.1f}  {matrix:>7}  "
+            f"{row['relit_l2_mean']:.2%}  {row['relit_l2_worst']:.2%}  {seam:>6}"
+        )

@@ -1,0 +1,81 @@
+"""`prt compress`: a bake in fewer bytes, relit in milliseconds."""
+
+import json
+
+from prt_core.compress import method_names
+from prt_core.report import compressed_lines, trial_lines
+
+
+def add_compress(commands, quiet_arguments, show):
+    """Add `compress` to the commands.
+
+    Parameters
+    ----------
+    commands : argparse subparsers
+    quiet_arguments : callable
+        Adds what every command has.
+    show : namespace
+        `Bar(silent)` shows progress, `Hushed()` keeps Blender's lines off stdout.
+    """
+    compress = commands.add_parser("compress", help="compress a bake, to relight in milliseconds")
+    compress.add_argument("bake", help="NAME.prt")
+    compress.add_argument(
+        "--method", default="auto",
+        help=f"auto tries on a sample: {', '.join(method_names())}; none removes what is there",
+    )  # fmt: skip
+    compress.add_argument(
+        "--tolerance", type=float, help="relative error of relit colours (0.01, if nothing else)"
+    )
+    compress.add_argument("--megabytes", type=float, help="at most so large")
+    compress.add_argument("--milliseconds", type=float, help="at most so long for a new light")
+    compress.add_argument(
+        "--light", nargs="+", metavar="IMAGE",
+        help="environments it is chosen and measured under; default: Blender's own",
+    )  # fmt: skip
+    compress.add_argument("--seed", type=int, default=0)
+    quiet_arguments(compress)
+    compress.set_defaults(run=_compress, show=show)
+
+
+def transport_argument(parser):
+    parser.add_argument(
+        "--transport", default="auto", choices=("auto", "exact", "compressed"),
+        help="what distant light is relit from; auto: the compressed form where it is fresh",
+    )  # fmt: skip
+
+
+def used(relighter):
+    """How colours were made, for the line that reports them."""
+    if relighter.used == "exact":
+        return "exactly"
+    facts = relighter.compressed().facts
+    return f"compressed ({facts['method']}, error {facts['error']:.2%})"
+
+
+def _compress(options):
+    from prt_core.api import compress_bake
+
+    bar = options.show.Bar(options.quiet or options.json)
+    with options.show.Hushed():
+        try:
+            facts = compress_bake(
+                options.bake,
+                method=options.method,
+                tolerance=options.tolerance,
+                megabytes=options.megabytes,
+                milliseconds=options.milliseconds,
+                seed=options.seed,
+                lights=options.light,
+                report=bar,
+            )
+        finally:
+            bar.close()
+    if options.json:
+        print(json.dumps({"bake": options.bake, **(facts or {"method": "none"})}))
+        return 0
+    if facts is None:
+        print(f"{options.bake}: holds no compressed form any more")
+        return 0
+    for line in (*trial_lines(facts), f"{options.bake}:", *compressed_lines(facts)):
+        print(line)
+    return 0

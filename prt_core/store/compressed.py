@@ -1,0 +1,89 @@
+"""The compressed form of a bake, in a folder of the bake's own group.
+
+Its arrays are written into a new folder; then one atomic write of the bake's facts names it, and
+only then the folder before goes. A kill leaves the old form or the new one, and at most a folder
+that nobody names and the next one removes.
+"""
+
+import numpy as np
+
+from prt_core.errors import PRTError, expect
+from prt_core.store.store import COMPRESSED
+
+
+def write_compressed(store, state, facts):
+    """Store a compressor's state in place of the one that is there; a generator of array names.
+
+    Parameters
+    ----------
+    store : BakeStore
+        Opened to be written.
+    state : dict of str -> array, or a value that JSON knows
+        See `Compressor.state`.
+    facts : dict
+        Method, settings, what it is of, size, error and time.
+    """
+    before = compressed_facts(store)
+    number = int(before["folder"].removeprefix(COMPRESSED)) + 1 if before else 1
+    folder = f"{COMPRESSED}{number}"
+    _remove_others(store, before and before["folder"])
+    values, arrays = {}, []
+    for name, value in state.items():
+        if isinstance(value, np.ndarray):
+            yield name
+            store.write(f"{folder}/{name}", value)
+            arrays.append(name)
+        else:
+            values[name] = value
+    store.update(**{COMPRESSED: {**facts, "folder": folder, "values": values, "arrays": arrays}})
+    _remove_others(store, folder)
+
+
+def compressed_facts(store):
+    """Facts of the compressed form, None where there is none.
+
+    Raises
+    ------
+    PRTError
+        They are damaged.
+    """
+    facts = store.facts.get(COMPRESSED)
+    if facts is None:
+        return None
+    try:
+        folder = facts["folder"]
+        good = folder == f"{COMPRESSED}{int(folder.removeprefix(COMPRESSED))}"
+        good &= isinstance(facts["values"], dict)
+        # Names lead nowhere but into the folder.
+        good &= all(isinstance(n, str) and n.isidentifier() for n in facts["arrays"])
+    except (KeyError, TypeError, ValueError, AttributeError):
+        good = False
+    expect(good, f"{store.path}: what is said of its compressed form is damaged; compress again")
+    return facts
+
+
+def read_compressed(store, facts):
+    """The state that `write_compressed` was given."""
+    state = dict(facts["values"])
+    for name in facts["arrays"]:
+        try:
+            state[name] = store.read(f"{facts['folder']}/{name}")
+        except PRTError as error:
+            raise PRTError(
+                f"{store.path}: '{name}' of its compressed form cannot be read; compress again"
+            ) from error
+    return state
+
+
+def remove_compressed(store):
+    """Remove the compressed form; whether there was one."""
+    there = store.facts.get(COMPRESSED) is not None
+    store.update(**{COMPRESSED: None})
+    _remove_others(store, None)
+    return there
+
+
+def _remove_others(store, kept):
+    for folder in store.path.glob(f"{COMPRESSED}*"):
+        if folder.name != kept:
+            store.remove_folder(folder.name)

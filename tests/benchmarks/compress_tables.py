@@ -1,0 +1,245 @@
+"""What compression is worth beyond `prt bench compress`: three tables, as Markdown.
+
+    python tests/benchmarks/compress_tables.py haar BAKE.prt      # lights cut to few wavelets
+    python tests/benchmarks/compress_tables.py sparse NAME [N ...]  # clusters of a sparse bake
+    python tests/benchmarks/compress_tables.py frames SCENE.blend BAKE.prt    # colours in Blender
+
+NAME is one of `sampling_scenes.MODELS`; the bake of `frames` is compressed and of that scene.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT)]
+
+import prt_core  # noqa: E402
+from prt_core import run  # noqa: E402
+from prt_core.compress import (  # noqa: E402
+    ClusteredPCA,
+    HaarLighting,
+    SparseClusteredPCA,
+    TransportRows,
+)
+from prt_core.compress.choose import relative_l2  # noqa: E402
+from prt_core.compress.haar_lighting import SELECTIONS  # noqa: E402
+from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
+from tests.benchmarks.sampling_scenes import (  # noqa: E402
+    data_folder,
+    exhaustive_bits,
+    measuring_scene,
+)
+
+TERMS = (6, 15, 30, 61, 123, 307, 614)
+TURNS = (0.0, 120.0, 240.0)
+CLUSTERS = (50, 120)
+
+
+def images():
+    from prt_core.api import import_bpy
+
+    import_bpy()
+    from prt_core.blender.studio import ALL, studio_paths
+
+    return {name: EnvironmentMap.read(path) for name, path in studio_paths(ALL).items()}
+
+
+def haar_rows(path):
+    """Error of relit colours against all wavelets, for each selection and number of terms."""
+    bake = prt_core.load(path)
+    model = HaarLighting(None, step=1e-3).fit(TransportRows(bake.transport))
+    rows = []
+    for name, image in images().items():
+        for turn in TURNS:
+            light = image.to_cube_map(bake.cube_map, turn)
+            coefficients = model.transform_light(light)
+            every = model.products(model.choose(coefficients, None), coefficients)
+            for selection in SELECTIONS:
+                for n_terms in TERMS:
+                    chosen = model.choose(coefficients, n_terms, selection)
+                    error = relative_l2(model.products(chosen, coefficients), every)
+                    rows.append((name, selection, n_terms, error))
+    return rows, bake.transport.n_directions
+
+
+def haar_table(path):
+    rows, n = haar_rows(path)
+    lines = [
+        f"Light cut to its best few of {n:,} wavelets: relative L2 of relit colours against all "
+        f"of them, mean (worst) over {len(set(r[0] for r in rows))} HDRIs at {len(TURNS)} "
+        "rotations.",
+        "",
+        "| selection | " + " | ".join(f"{t} ({t / n:.1%})" for t in TERMS) + " |",
+        "|---" * (1 + len(TERMS)) + "|",
+    ]
+    for selection in SELECTIONS:
+        cells = []
+        for terms in TERMS:
+            found = [r[3] for r in rows if r[1:3] == (selection, terms)]
+            cells.append(f"{np.mean(found):.2%} ({max(found):.1%})")
+        lines.append(f"| {selection} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def sparse_task(name):
+    """Transport of a measuring scene, with bounces, and the dense points of a sparse bake."""
+    from scipy.spatial import cKDTree
+
+    from prt_core.rays import make_caster
+    from prt_core.sampling import sampler_named
+    from prt_core.transport import Transport, gather_hits, gather_operator
+
+    scene, cube_map = measuring_scene(name), CubeMap(32)
+    bits = exhaustive_bits(name, scene, cube_map)
+    caster = make_caster("embree", scene.vertices, scene.triangles)
+    every = slice(0, len(scene.points))
+    hits = [gather_hits(scene, caster, every, 0, r)[0] for r in range(2)]
+    gather = gather_operator(np.concatenate(hits, axis=1), len(scene.points))
+    sampler, settings = sampler_named("huang")
+    dense = run(sampler(scene, cube_map, caster, settings())).dense.points
+    caster.close()
+    points = scene.points
+    transport = Transport(cube_map, bits, gather, points.normals, points.albedo)
+    near = np.full((len(points), 12), -1)
+    for index in range(len(scene.objects)):
+        mine = np.flatnonzero(points.object_index == index)
+        known = dense[points.object_index[dense] == index]
+        _, found = cKDTree(points.positions[known]).query(points.positions[mine], 12)
+        near[mine] = known[found]
+    return transport, np.sort(dense), near
+
+
+def sparse_table(name, *clusters):
+    """Clusters from a sparse bake against iterative and static ones on the full matrix."""
+    transport, dense, near = sparse_task(name)
+    rows = run(TransportRows(transport).prepare_steps())
+    lines = [
+        f"{name} on the ground, {rows.n_points:,} points, {len(dense):,} of them dense, 24 "
+        "components, all bounces; seconds of clustering and components, relative L2 of the "
+        "encoded matrix.",
+        "",
+        "| clusters | iterative s | error | static s | error | from sparse s | error | iterative / "
+        "sparse | error ratio |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for n_clusters in [int(text) for text in clusters] or CLUSTERS:
+        found = []
+        for model in (
+            ClusteredPCA(n_clusters, 24, method="iterative"),
+            ClusteredPCA(n_clusters, 24),
+            SparseClusteredPCA(dense, near, n_clusters, 24),
+        ):
+            start = time.perf_counter()
+            model.fit(rows)
+            found.append((time.perf_counter() - start, model.matrix_error_))
+            print(n_clusters, type(model).__name__, *found[-1], file=sys.stderr, flush=True)
+        (slow, error), _, (quick, sparse) = found
+        cells = [f"{seconds:.1f} | {part:.3%}" for seconds, part in found]
+        lines.append(
+            f"| {n_clusters} | {' | '.join(cells)} | {slow / quick:.1f} | {sparse / error:.3f} |"
+        )
+    return lines
+
+
+def frames_table(blend, path, n_frames=48):
+    """The whole way of a frame in Blender: turn, relight, corners, the colour attribute."""
+    from prt_core.api import open_blend
+    from prt_core.blender.colours import write_all
+    from prt_core.relighter import Relighter
+
+    open_blend(blend)
+    import bpy
+
+    bake, image = prt_core.load(path), images()["city"]
+    quick = Relighter(bake, transport="compressed")
+    stages = {"turn and relight": [], "corners": [], "attribute": [], "evaluate": []}
+    for frame in range(n_frames + 2):
+        marks = [time.perf_counter()]
+        radiance = quick.relight(image, rotation=7.5 * frame)
+        marks.append(time.perf_counter())
+        colours = bake.colours(radiance)
+        marks.append(time.perf_counter())
+        write_all(bake.scene, colours)
+        marks.append(time.perf_counter())
+        for layer in bpy.context.scene.view_layers:
+            layer.update()
+        marks.append(time.perf_counter())
+        if frame >= 2:
+            for values, spent in zip(stages.values(), np.diff(marks), strict=True):
+                values.append(1e3 * spent)
+    total = np.sum(list(stages.values()), axis=0)
+    facts = quick.compressed().facts
+    corners = sum(len(part) for part in colours.values())
+    parts = ", ".join(f"{name} {np.median(v):.1f}" for name, v in stages.items())
+    return [
+        f"A frame in Blender without a window, {len(radiance):,} points, {corners:,} corners, "
+        f"{facts['method']} of {facts['bytes'] / 1e6:.0f} MB: {np.median(total):.1f} ms in the "
+        f"median, {np.percentile(total, 95):.1f} ms at 95 % ({parts} ms): "
+        f"{1e3 / np.median(total):.0f} frames a second.",
+    ]
+
+
+def section(path, blend, work):
+    """The section "Compression" of RESULTS.md; the report's plot goes to docs/."""
+    rows = _run("-m", "prt_core", "bench", "compress", path, "-o", work / "compress", "--json")
+    shutil.copy(work / "compress" / "error.png", ROOT / "docs" / "compression.png")
+    lines = ["## Compression", *method_table(json.loads(rows)), ""]
+    lines += [_run(__file__, "haar", path), ""]
+    _run("-m", "prt_core", "compress", path, "--method", "cpca", "--tolerance", "0.005")
+    lines += [_run(__file__, "frames", blend, path)]
+    if data_folder():
+        lines += ["", _run(__file__, "sparse", "bunny")]
+    return lines
+
+
+def _run(*arguments):
+    """Standard output of a Python of its own: memory and threads of one do not tell on another."""
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    return done.stdout.strip()
+
+
+def method_table(rows):
+    """The rows of `prt bench compress` as Markdown."""
+    dense, exact = rows[0]["ms_median"], rows[1]["ms_median"]
+    lines = [
+        f"`prt bench compress`: {rows[0]['points']:,} points, {rows[0]['directions']:,} "
+        "directions, RGB, all bounces, eight HDRIs at eight rotations. Relit errors are relative "
+        "L2 against the exact bake; the matrix' error is estimated by white lights; seam: the "
+        "largest jump of the error across a cluster's border, relative to the mean colour.",
+        "",
+        "![Error against size, time of a light and time to compress](docs/compression.png)",
+        "",
+        "| method | MB | bits / coefficient | s | ms median (worst) | dense / | bits / | matrix | "
+        "relit mean | relit worst | PSNR dB | seam |",
+        "|---" * 12 + "|",
+    ]
+    for row in rows:
+        seconds, matrix, seam, psnr = (
+            "" if row.get(key) is None else format(row[key], style)
+            for key, style in (
+                ("seconds", ".1f"),
+                ("matrix_l2", ".2%"),
+                ("seam", ".1%"),
+                ("relit_psnr", ".1f"),
+            )
+        )
+        lines.append(
+            f"| {row['label']} | {row['bytes'] / 1e6:.1f} | {row['bits_a_coefficient']:.3f} | "
+            f"{seconds} | {row['ms_median']:.1f} ({row['ms_worst']:.1f}) | "
+            f"{dense / row['ms_median']:.0f} | {exact / row['ms_median']:.0f} | {matrix} | "
+            f"{row['relit_l2_mean']:.2%} | {row['relit_l2_worst']:.2%} | {psnr} | {seam} |"
+        )
+    return lines
+
+
+if __name__ == "__main__":
+    kinds = {"haar": haar_table, "sparse": sparse_table, "frames": frames_table}
+    print("\n".join(kinds[sys.argv[1]](*sys.argv[2:])))

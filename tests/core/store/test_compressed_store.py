@@ -1,0 +1,166 @@
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, BakeStore, PRTError, Scene, bake_steps, load, run
+from prt_core.compress import (
+    PCA,
+    ClusteredPCA,
+    HaarLighting,
+    Harmonics,
+    TransportRows,
+    VectorQuantisation,
+    neighbour_pairs,
+)
+from prt_core.store import compressed_facts, read_compressed, remove_compressed, write_compressed
+from tests.meshes import plane, sphere
+
+LIGHT = np.random.default_rng(2).random((96, 3)).astype(np.float32)
+KINDS = [PCA(3), VectorQuantisation(9), ClusteredPCA(4, 3), HaarLighting(40), Harmonics(3)]
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bakes") / "a.prt"
+    ball = sphere(6, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
+    scene = Scene.from_meshes([ball, plane(9, albedo=0.7)])
+    run(bake_steps(scene, path, BakeSettings(resolution=4, tolerance=0.05)))
+    return path
+
+
+@pytest.fixture
+def baked(original, tmp_path):
+    return shutil.copytree(original, tmp_path / "a.prt")
+
+
+@pytest.fixture(scope="module")
+def rows(original):
+    return run(TransportRows(load(original).transport, 20).prepare_steps())
+
+
+def keep(path, model, **facts):
+    for _ in write_compressed(BakeStore(path, "a"), model.state(), facts):
+        pass
+
+
+def kept(path, kind):
+    store = BakeStore(path)
+    return kind.from_state(read_compressed(store, compressed_facts(store)))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda k: type(k).__name__)
+def test_what_is_read_relights_bit_by_bit(baked, rows, kind):
+    before = BakeStore(baked).nbytes()
+    model = kind.fit(rows)
+    keep(baked, model, method="some")
+    found = kept(baked, type(kind))
+    np.testing.assert_array_equal(found.relight(LIGHT), model.relight(LIGHT))
+    assert found.nbytes == model.nbytes and found.get_params() == model.get_params()
+    assert compressed_facts(BakeStore(baked))["method"] == "some"
+    load(baked)
+    assert remove_compressed(BakeStore(baked, "a"))
+    assert not remove_compressed(BakeStore(baked, "a"))
+    assert abs(BakeStore(baked).nbytes() - before) < 100
+
+
+def test_blended_borders_are_kept(baked, rows):
+    points = load(baked).scene.points
+    pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
+    model = ClusteredPCA(4, 2).fit(rows).blend_borders(rows, pairs)
+    assert len(model.guests_)
+    keep(baked, model)
+    found = kept(baked, ClusteredPCA)
+    np.testing.assert_array_equal(found.relight(LIGHT), model.relight(LIGHT))
+
+
+def test_a_kill_leaves_the_old_form_or_the_new(baked, rows, monkeypatch):
+    old, new = ClusteredPCA(3, 2).fit(rows), Harmonics(2).fit(rows)
+    keep(baked, old)
+    for killed_after in (1, 2):
+        steps = write_compressed(BakeStore(baked, "a"), new.state(), {})
+        for _ in range(killed_after):
+            next(steps)
+        steps.close()
+        # Cut short in the middle of a file as well.
+        (baked / "compressed2" / "half").mkdir(parents=True, exist_ok=True)
+        (baked / "compressed2" / "half" / "zarr.json").write_text('{"zarr_')
+        np.testing.assert_array_equal(kept(baked, ClusteredPCA).relight(LIGHT), old.relight(LIGHT))
+        load(baked)
+    keep(baked, new)
+    np.testing.assert_array_equal(kept(baked, Harmonics).relight(LIGHT), new.relight(LIGHT))
+    assert [p.name for p in baked.glob("compressed*")] == ["compressed2"]
+    # Killed after the switch, before the old folder went.
+    monkeypatch.setattr(BakeStore, "remove_folder", lambda *_: None)
+    keep(baked, old)
+    assert len(list(baked.glob("compressed*"))) == 2
+    np.testing.assert_array_equal(kept(baked, ClusteredPCA).relight(LIGHT), old.relight(LIGHT))
+
+
+def _replace(name, change):
+    def damage(path):
+        store = BakeStore(path, "a")
+        name_there = f"compressed1/{name}"
+        store.write(name_there, change(store.read(name_there)))
+
+    return damage
+
+
+def _facts(**changes):
+    def damage(path):
+        file = path / "zarr.json"
+        meta = json.loads(file.read_text())
+        meta["attributes"]["compressed"].update(changes)
+        file.write_text(json.dumps(meta))
+
+    return damage
+
+
+def _flip(path):
+    chunk = path / "compressed1" / "weights" / "c" / "0"
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 1
+    chunk.write_bytes(bytes(data))
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (_flip, "'weights' of its compressed form cannot be read"),
+        (_replace("bases", lambda a: a[:-1]), "'bases' is "),
+        (_replace("means", lambda a: a.astype(np.float64)), "'means' is "),
+        (_replace("order", lambda a: a + 10**6), "'order' holds what it cannot"),
+        (_replace("labels", lambda a: a - 1), "'labels' holds what it cannot"),
+        (_replace("weights", lambda a: a * np.nan), "'weights' holds what it cannot"),
+        (_replace("ranks", lambda a: a * 0 - 5), "clusters do not fit"),
+        (_replace("code_ranks", lambda a: a - 7), "code"),
+        (lambda p: shutil.rmtree(p / "compressed1" / "means"), "'means' of its compressed"),
+        (_facts(folder="../x"), "is said of its compressed form is damaged"),
+        (_facts(arrays=["../labels"]), "is said of its compressed form is damaged"),
+        (_facts(values={}), "'params' is wrong"),
+        (_facts(arrays=["means"]), "is missing"),
+    ],
+)
+def test_damage_gives_one_clear_line(baked, rows, damage, message):
+    keep(baked, ClusteredPCA(3, 2).fit(rows))
+    damage(baked)
+    with pytest.raises(PRTError, match=message) as caught:
+        kept(baked, ClusteredPCA)
+    assert "\n" not in str(caught.value)
+
+
+def test_damaged_columns_are_refused(rows):
+    model = HaarLighting(20).fit(rows)
+    state = model.state()
+    for name, change in (("indptr0", lambda a: a[::-1].copy()), ("indices0", lambda a: a - 1)):
+        with pytest.raises(PRTError, match="compressed form"):
+            HaarLighting.from_state({**state, name: change(state[name])})
+
+
+def test_links_are_refused(baked, rows, tmp_path):
+    keep(baked, ClusteredPCA(3, 2).fit(rows))
+    shutil.move(baked / "compressed1", tmp_path / "outside")
+    (baked / "compressed1").symlink_to(tmp_path / "outside")
+    with pytest.raises(PRTError, match="symbolic link"):
+        load(baked)

@@ -11,6 +11,7 @@ from prt_core.compress.rows import ArrayRows, Rows, TransportRows
 from prt_core.compress.seams import border_pairs, neighbour_pairs, seam
 from prt_core.compress.sparse_clusters import SparseClusteredPCA
 from prt_core.compress.vq import VectorQuantisation
+from prt_core.compress.wavelet4d import Wavelet4D
 
 __all__ = [
     "PCA",
@@ -28,6 +29,7 @@ __all__ = [
     "SparseClusteredPCA",
     "TransportRows",
     "VectorQuantisation",
+    "Wavelet4D",
     "border_pairs",
     "neighbour_pairs",
     "seam",

@@ -11,7 +11,7 @@ from prt_core.progress import Progress
 
 SELECTIONS = ("unweighted", "area", "transport")
 # Luminance and two differences: what three channels have in common is stored once.
-_OPPONENTS = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
+OPPONENTS = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
 
 
 class HaarLighting(Compressor):
@@ -48,7 +48,7 @@ class HaarLighting(Compressor):
             expect_count("n_terms", self.n_terms)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
-        self._mix = _OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+        self._mix = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
         largest = 0.0
         for points in rows.blocks(max(1, rows.n_points // 16)):
             some = self._encode(rows.block(points[:: max(1, len(points) // 64)]))

@@ -1,4 +1,4 @@
-# make demo | make test | make lint | make bench; everything lives in .venv
+# make demo | make test | make lint | make bench | make extension; everything lives in .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || echo python3)
 VENV ?= .venv
 RUN = $(VENV)/bin/python
@@ -23,9 +23,17 @@ lint: $(VENV)/.ready
 bench: $(VENV)/.ready
 	$(RUN) tests/benchmarks/results.py
 
-# The bridge inside a real Blender: make test-window BLENDER=/path/to/blender
+# The extension's zips for every platform into build/; PLATFORMS=linux-x64 PYTHONS=3.11 for one.
+extension: $(VENV)/.ready
+	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS))
+
+# The extension in real windows: make test-window BLENDER="command" (several, separated by ':').
 test-window: $(VENV)/.ready
-	BLENDER=$(BLENDER) $(RUN) -m pytest tests/window
+	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
+
+# How the add-on feels in a window, into RESULTS.md; BLENDER as for test-window.
+bench-window: $(VENV)/.ready
+	BLENDER="$(BLENDER)" $(RUN) tests/benchmarks/window.py
 
 # The tests on every supported Blender: bpy 4.2, 4.5, 5.0 (Python 3.11) and 5.2 (Python 3.13).
 matrix:
@@ -34,4 +42,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint bench test-window matrix clean
+.PHONY: setup demo test lint bench extension test-window bench-window matrix clean

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake_visibility import chosen_method
 from prt_core.errors import PRTError, expect
 from prt_core.light import EnvironmentMap
-from prt_core.progress import Progress, beside, run
+from prt_core.progress import beside, run
 from prt_core.relighter import Relighter, on_texels
 from prt_core.scene import Scene, mesh_digests
 
@@ -34,11 +35,11 @@ def bake(
         Those that receive colours; all others cast and bounce. Default: all.
     two_sided : sequence of str
         Objects whose back sides receive and bounce as well.
-    restart : bool
-        Begin anew whatever `output` holds.
+    restart : bool or "changed"
+        Begin anew whatever `output` holds; or only where that is of another scene or settings.
     report : callable(Progress), optional
     **settings
-        See `BakeSettings`: resolution, bounces, tolerance, caster, seed.
+        See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method.
 
     Returns
     -------
@@ -79,28 +80,31 @@ def bake_blend_steps(
     """
     if blend is not None:
         open_blend(blend)
-    from prt_core.blender.depsgraph import read_camera, read_meshes, say_copies
+    from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
     from prt_core.blender.lamps import read_lamps
-    from prt_core.blender.world import read_world
+    from prt_core.blender.world import read_world_steps
     from prt_core.light import CubeMap
 
     messages = []
-    yield Progress("scene", 0, 0)
-    meshes = read_meshes(scene, objects, two_sided, messages, strict)
-    say_copies(meshes, messages)
-    yield Progress("scene", 0, 0)
+    name = (scene or import_bpy().context.scene).name
     lamps, camera = read_lamps(scene, messages), read_camera(scene)
-    yield Progress("scene", 0, 0)
     try:
-        world = read_world(CubeMap(settings.resolution), scene)
+        world = yield from read_world_steps(CubeMap(settings.resolution), scene)
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
+    meshes = yield from read_meshes_steps(name, objects, two_sided, messages, strict, pace)
+    say_copies(meshes, messages)
     built = yield from beside("scene", Scene.from_meshes, meshes)
     built.messages[:0] = messages
     source = yield from beside("scene", mesh_digests, meshes)
+    cube_map, probes = CubeMap(settings.resolution), None
+    if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
+        from prt_core.blender.studio import studio_light_steps
+
+        probes = yield from studio_light_steps(cube_map)
     result = yield from bake_steps(
-        built, output, settings, lamps, world, camera, source, restart, pace
+        built, output, settings, lamps, world, camera, source, restart, pace, probes
     )
     return result
 

@@ -2,32 +2,22 @@
 
 import os
 import platform
-import time
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-import scipy.sparse as sp
 
 import prt_core
+from prt_core.bake_bounces import MOST_ROUNDS, bounce_steps, read_gather
+from prt_core.bake_visibility import expect_method, visibility_steps
 from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, Lamp
 from prt_core.machine import peak_bytes
-from prt_core.progress import Pace, Progress, beside
+from prt_core.progress import beside
 from prt_core.rays import make_caster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
-from prt_core.transport import (
-    Transport,
-    all_bounces,
-    gather_operator,
-    gather_steps,
-    visibility_bits,
-)
+from prt_core.transport import Transport
 from prt_core.transport.gather import ROUND
-from prt_core.transport.visibility import received_light
-
-BLOCK = 2048
-_MOST_ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -41,10 +31,14 @@ class BakeSettings:
     bounces : int or None
         None: all that matter; 0: direct light only.
     tolerance : float
-        Relative error of the relit colours that the bounces may have.
+        Relative error of the relit colours that the bounces may have, and that the visibility may
+        have where it is sampled.
     caster : str
         `auto`, `blender`, `bvhtree`, `embree` or `brute`.
     seed : int
+    method : str
+        Which entries are traced: `exhaustive` (all), `agreement`, another registered sampler, or
+        `auto`: the cheapest that meets the tolerance.
     """
 
     resolution: int = 32
@@ -52,9 +46,11 @@ class BakeSettings:
     tolerance: float = 1e-2
     caster: str = "auto"
     seed: int = 0
+    method: str = "auto"
 
     def __post_init__(self):
         CubeMap(self.resolution)
+        expect_method(self.method)
         expect(
             self.bounces is None or (isinstance(self.bounces, int) and self.bounces >= 0),
             f"bounces: expected 'auto' or a whole number >= 0, got {self.bounces!r}",
@@ -132,6 +128,7 @@ def bake_steps(
     source=None,
     restart=False,
     pace=None,
+    lights=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `progress.run`).
 
@@ -148,17 +145,21 @@ def bake_steps(
         Kept with the bake for relighting and pictures.
     source : dict of str -> str
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
-    restart : bool
-        Begin anew whatever is there.
+    restart : bool or "changed"
+        Begin anew whatever is there; or only where that is of another scene or other settings.
     pace : float, optional
         Seconds a step may take, for a user interface; default: whole blocks. The result is the
         same.
+    lights : dict of str -> (n_directions, 3) float32, optional
+        Under which the sampled visibility must be within the tolerance; default: an even sky and
+        two soft suns.
 
     Returns
     -------
     dict
         The report: points, directions, back_end, rays, seconds by stage, bytes, peak_bytes,
-        error, messages.
+        error (of the bounces), method, entries_percent, certificate, visibility_error,
+        tolerance_met, skipped, messages.
 
     Raises
     ------
@@ -167,12 +168,15 @@ def bake_steps(
     """
     settings = settings or BakeSettings()
     cube_map = CubeMap(settings.resolution)
-    store = BakeStore(path, "w" if restart else "a")
+    store = BakeStore(path, "w" if restart is True else "a")
     identity = {
         "scene": (yield from beside("scene", scene.fingerprint)),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
     }
     facts = store.facts
+    if restart == "changed" and facts.get("identity", identity) != identity:
+        store = BakeStore(path, "w")
+        facts = store.facts
     if "identity" in facts:
         _same_bake(path, facts["identity"], identity)
     if facts.get("complete"):
@@ -185,15 +189,19 @@ def bake_steps(
             yield from beside("scene", write_scene, store, scene)
             store.update(settings=asdict(settings), identity=identity)
         seconds = dict(facts.get("seconds", {}))
-        rays = yield from _bake_visibility(store, scene, cube_map, caster, seconds, pace)
-        gathered, error, rounds = 0, None, 0
+        seen = yield from visibility_steps(
+            store, scene, cube_map, caster, settings, lights, seconds, pace
+        )
+        gathered, error, rounds, skipped = 0, None, 0, {}
         if settings.bounces != 0:
-            gathered, error, rounds = yield from _bake_gather(
+            gathered, error, rounds, skipped = yield from bounce_steps(
                 store, scene, cube_map, caster, settings, seconds, pace
             )
     finally:
         caster.close()
-    report = _report(scene, cube_map, caster, rays, gathered, rounds, error, seconds, store)
+    report = _report(
+        scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store
+    )
     store.update(report=report, complete=True)
     report["bytes"] = store.nbytes()
     store.update(report=report)
@@ -208,6 +216,8 @@ def _write_lights(store, lamps, world, camera, source):
 
 
 def _same_bake(path, found, wanted):
+    # Before there were others, every entry was traced.
+    found = {"method": "exhaustive", **found}
     different = sorted(key for key in wanted if found.get(key) != wanted[key])
     if different:
         raise PRTError(
@@ -216,122 +226,20 @@ def _same_bake(path, found, wanted):
         )
 
 
-def _blocks(n_points):
-    return [slice(f, min(f + BLOCK, n_points)) for f in range(0, n_points, BLOCK)]
+def _spared(scene, cube_map, seen):
+    """What was not done because the scene does not need it."""
+    found = {}
+    facts = seen["sampling"]
+    if facts:
+        found["visibility_rays"] = facts["hemisphere_entries"] - seen["rays"]
+        found["open_points"] = facts.get("open_points", 0)
+    albedo = scene.points.albedo
+    if (albedo == albedo[:, :1]).all():
+        found["grey"] = True
+    return found
 
 
-def _bake_visibility(store, scene, cube_map, caster, seconds, pace):
-    n_points = len(scene.points)
-    n_bytes = -(-cube_map.n_directions // 8)
-    blocks = _blocks(n_points)
-    # No real row has every bit set, so no chunk is left out for being equal to the fill.
-    bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
-    counts = store.create("visibility_rays", (len(blocks),), "int64", (1,), -1)
-    yield Progress("visibility", 0, n_points)
-    pace = Pace(pace)
-    for index, block in enumerate(blocks):
-        if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
-            start, tally = time.perf_counter(), []
-            traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
-            for part in pace.parts(block.start, block.stop):
-                inside = slice(part.start - block.start, part.stop - block.start)
-                traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
-                pace.worked()
-                yield Progress("visibility", part.stop, n_points)
-            counts[index] = sum(tally)
-            bits[block] = traced
-            _add(store, seconds, "visibility", time.perf_counter() - start)
-        yield Progress("visibility", block.stop, n_points)
-    return int(counts[...].sum())
-
-
-def _add(store, seconds, stage, spent):
-    seconds[stage] = seconds.get(stage, 0.0) + spent
-    store.update(seconds=seconds)
-
-
-def _bake_gather(store, scene, cube_map, caster, settings, seconds, pace):
-    n_points = len(scene.points)
-    blocks = _blocks(n_points)
-    shape, chunks = (n_points, _MOST_ROUNDS * ROUND), (BLOCK, ROUND)
-    # Point -2 is never hit, so that no chunk is left out for being equal to the fill.
-    hits = store.create("gather", shape, "int32", chunks, -2)
-    table = (_MOST_ROUNDS, len(blocks), 1 + len(scene.objects))
-    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]), -1)
-    start = time.perf_counter()
-    probes = yield from _probe_light(store, scene, cube_map, blocks)
-    _add(store, seconds, "error", time.perf_counter() - start)
-    rounds, error, pace = 0, np.inf, Pace(pace, 4096)
-    while rounds < _MOST_ROUNDS and error > settings.tolerance:
-        rounds += 2
-        yield Progress("gather", 0, n_points)
-        for index, block in enumerate(blocks):
-            for turn in (rounds - 2, rounds - 1):
-                done = store.has_chunk("gather", index, turn)
-                if not (done and store.has_chunk("gather_rays", turn, index, 0)):
-                    start, tally = time.perf_counter(), []
-                    found, back = yield from gather_steps(
-                        scene, caster, block, settings.seed, turn, tally.append, pace
-                    )
-                    counts[turn, index] = np.concatenate([[sum(tally)], back])
-                    hits[block, turn * ROUND : (turn + 1) * ROUND] = found
-                    _add(store, seconds, "gather", time.perf_counter() - start)
-            yield Progress("gather", block.stop, n_points)
-        start = time.perf_counter()
-        error = yield from beside("bounces", _bounce_error, hits, scene, rounds, probes, settings)
-        _add(store, seconds, "error", time.perf_counter() - start)
-    store.update(rounds=rounds)
-    return int(counts[:rounds, :, 0].sum()), float(error), rounds
-
-
-def _probe_light(store, scene, cube_map, blocks):
-    """(n_points, 3) received light of an even sky, a low and a high lamp-like sky."""
-    directions = cube_map.directions
-    towards = np.array([[0.8, 0.3, 0.52], [-0.5, -0.7, 0.51]])
-    light = np.ones((cube_map.n_directions, 3), np.float32)
-    light[:, 1:] = np.exp(12 * (directions @ towards.T - 1))
-    bits = store.array("visibility")
-    received = []
-    for block in blocks:
-        normals = scene.points.normals[block]
-        received.append(received_light(bits[block], normals, cube_map, light))
-        yield Progress("bounces", block.stop, len(scene.points))
-    return np.concatenate(received)
-
-
-def _bounce_error(hits, scene, rounds, probes, settings):
-    """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
-    halves = []
-    albedo = scene.points.albedo.mean(axis=1, keepdims=True)
-    for half in (0, 1):
-        operator = read_gather(hits, range(half, rounds, 2), len(scene.points))
-        halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces)[0])
-        del operator
-    seen = scene.points.visible
-    if not seen.any():
-        seen = ~seen
-    first, second = (half[seen].astype(np.float64) for half in halves)
-    spread = np.sqrt(((first - second) ** 2).sum(axis=0)) / 2
-    size = np.sqrt((((first + second) / 2) ** 2).sum(axis=0))
-    return float((spread / np.maximum(size, 1e-30)).max()) if size.any() else 0.0
-
-
-def read_gather(hits, rounds, n_points):
-    """K (CSR float32) from the stored hits of some rounds, block by block."""
-    rounds = list(rounds)
-    parts = []
-    for block in _blocks(n_points):
-        chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
-        chunk = chunk[:, rounds].reshape(len(chunk), -1)
-        expect(
-            chunk.min() >= -1 and chunk.max() < n_points,
-            "gather: a hit names a point that does not exist; the bake is damaged",
-        )
-        parts.append(gather_operator(chunk, n_points))
-    return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]
-
-
-def _report(scene, cube_map, caster, rays, gathered, rounds, error, seconds, store):
+def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store):
     messages = list(scene.messages)
     if rounds:
         back = store.array("gather_rays")[:rounds, :, 1:].sum(axis=(0, 1))
@@ -341,7 +249,13 @@ def _report(scene, cube_map, caster, rays, gathered, rounds, error, seconds, sto
                     f"{item.name}: {count / gathered:.1%} of the bounce rays met its back, which "
                     f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
                 )
-    traced = sum(seconds.get(stage, 0) for stage in ("visibility", "gather"))
+    traced = sum(seconds.get(stage, 0) for stage in ("visibility", "certificate", "gather"))
+    rays = seen["rays"]
+    if not seen["tolerance_met"]:
+        messages.append(
+            f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
+            "than the tolerance; bake with --method exhaustive"
+        )
     return {
         "points": len(scene.points),
         "hidden_points": int((~scene.points.visible).sum()),
@@ -354,6 +268,8 @@ def _report(scene, cube_map, caster, rays, gathered, rounds, error, seconds, sto
         "rays_per_second": (rays + gathered) / max(traced, 1e-9),
         "rays_a_point": rounds * ROUND,
         "error": error,
+        **{key: value for key, value in seen.items() if key != "rays"},
+        "skipped": {**_spared(scene, cube_map, seen), **skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "bytes": 0,
         "peak_bytes": peak_bytes(),
@@ -405,7 +321,7 @@ def load(path):
     if rounds:
         hits = store.array("gather")
         expect(
-            hits.shape == (n_points, _MOST_ROUNDS * ROUND) and 0 < rounds <= _MOST_ROUNDS,
+            hits.shape == (n_points, MOST_ROUNDS * ROUND) and 0 < rounds <= MOST_ROUNDS,
             f"{path}: 'gather' does not fit its points; the bake is damaged",
         )
         try:

@@ -6,11 +6,16 @@ import os
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 import prt_core
+from prt_core.cli_bench import add_bench
 from prt_core.errors import PRTError, expect
+from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.light import EnvironmentMap, rotation_matrix
+from prt_core.report import report_lines
 
 _IN_BLENDER = "the scene that is open"
 
@@ -54,8 +59,13 @@ def _parser(in_blender):
     )
     bake.add_argument("--bounces", type=_bounces, default=None, help="auto or a number (auto)")
     bake.add_argument(
-        "--tolerance", type=float, default=1e-2, help="relative error of the bounces (0.01)"
+        "--tolerance", type=float, default=1e-2, help="relative error of relit colours (0.01)"
     )
+    bake.add_argument(
+        "--method", default="auto",
+        help="which entries are traced: exhaustive, agreement, huang, or auto, the cheapest that "
+        "meets the tolerance",
+    )  # fmt: skip
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -78,6 +88,9 @@ def _parser(in_blender):
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
+    relight.add_argument(
+        "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
+    )
     relight.add_argument("--size", type=_size, default=(960, 540), help="of the picture (960x540)")
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
@@ -93,14 +106,8 @@ def _parser(in_blender):
     info.add_argument("--json", action="store_true")
     info.set_defaults(run=_info)
 
-    bench = commands.add_parser("bench", help="measure on this machine")
-    kinds = bench.add_subparsers(required=True, metavar="WHAT")
-    rays = kinds.add_parser("rays", help="rays a second of every back-end on a scene")
-    _scene_argument(rays, in_blender)
-    rays.add_argument("--resolution", type=int, default=32)
-    rays.add_argument("--points", type=int, default=2048, help="points traced (2048)")
-    _quiet_arguments(rays)
-    rays.set_defaults(run=_bench_rays, in_blender=in_blender)
+    show = SimpleNamespace(Bar=_Bar, Hushed=_Hushed)
+    add_bench(commands, _scene_argument, _quiet_arguments, show, in_blender)
     return parser
 
 
@@ -142,6 +149,12 @@ def _size(text):
     if not (width.isdigit() and height.isdigit() and 0 < int(width) * int(height) < 1 << 28):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
     return int(width), int(height)
+
+
+def _frames(text):
+    if not (text.isdigit() and 0 < int(text) < 100000):
+        raise argparse.ArgumentTypeError(f"expected a number of frames, got '{text}'")
+    return int(text)
 
 
 class _Bar:
@@ -207,35 +220,20 @@ def _bake(options):
                 tolerance=options.tolerance,
                 caster=options.caster,
                 seed=options.seed,
+                method=options.method,
             )
         finally:
             bar.close()
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:
-        _print_report(output, report)
+        _print_lines(output, report)
     return 0
 
 
-def _print_report(path, report):
-    seconds = report["seconds"]
-    stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
-    print(f"{path}: {report['points']:,} points, {report['directions']:,} directions")
-    print(
-        f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}, "
-        f"{report['rays_per_second'] / 1e6:.1f} M a second"
-    )
-    print(f"  time    {sum(seconds.values()):.1f} s ({stages})")
-    print(
-        f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
-    )
-    if report["error"] is not None:
-        print(
-            f"  error   {report['error']:.2%} of the relit colours, from the bounces "
-            f"({report['rays_a_point']} rays a point); the direct light is exact"
-        )
-    for message in report["messages"]:
-        print(f"  note    {message}")
+def _print_lines(path, report):
+    for line in report_lines(path, report):
+        print(line)
 
 
 def _relight(options):
@@ -256,19 +254,57 @@ def _relight(options):
             f"{path}: expected a name that ends in {suffix}",
         )
     baked = prt_core.load(options.bake)
+    if options.turn:
+        return _relight_turn(baked, options)
     start = time.perf_counter()
     radiance = _radiance(baked, options)
     spent = time.perf_counter() - start
     radiance = radiance * np.float32(2.0**options.exposure)
     colours = baked.colours(radiance)
     if options.output:
-        _write_npz(options.output, colours)
+        write_npz(options.output, colours)
     if options.png:
         _write_png(baked, radiance, options)
     if options.blend:
         _write_blend(baked, colours, options)
     written = ", ".join(p for p in (options.output, options.png, options.blend) if p)
     print(f"{written}: {len(baked.scene.points):,} points relit in {spent:.2f} s")
+    return 0
+
+
+def _relight_turn(baked, options):
+    """A turntable: the light turns once, what the camera sees is traced once."""
+    from prt_core.api import read_environment
+    from prt_core.relighter import Relighter
+
+    expect(
+        options.light not in (None, "world") and not options.blend,
+        "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE",
+    )
+    _bpy_where_needed()
+    light, relighter = read_environment(options.light), Relighter(baked, options.caster)
+    pictures = PictureWriter(baked, options.size, options.caster)
+    start = time.perf_counter()
+    for frame in range(options.turn):
+        rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
+        radiance = relighter.relight(
+            light,
+            rotation=rotation,
+            strength=options.strength,
+            sharp_sun=options.sharp_sun,
+            lamps=options.lamps,
+            lamp_samples=options.lamp_samples,
+            bounces=options.bounces,
+        )
+        radiance = radiance * np.float32(2.0**options.exposure)
+        if options.output:
+            write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
+        if options.png:
+            sky = _sky(light, rotation, options)
+            pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
+    spent = (time.perf_counter() - start) / options.turn
+    first = frame_path(options.png or options.output, 1)
+    print(f"{first} and on: {options.turn} frames, {spent:.2f} s each")
     return 0
 
 
@@ -304,15 +340,6 @@ def _bpy_where_needed():
         _load_bpy()
 
 
-def _write_npz(path, colours):
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **colours)
-    temporary.replace(path)
-
-
 def _write_png(baked, radiance, options):
     from prt_core.evaluate import render_view, to_srgb, write_png
 
@@ -321,19 +348,16 @@ def _write_png(baked, radiance, options):
     try:
         sky = None
         if options.light and options.light != "world":
-            sky = _sky(options)
+            sky = _sky(EnvironmentMap.read(options.light), options.rotate, options)
         picture = render_view(baked, radiance, caster, *options.size, background=sky)
     finally:
         caster.close()
     write_png(options.png, to_srgb(picture))
 
 
-def _sky(options):
+def _sky(environment, rotation, options):
     """The environment behind the scene, at the exposure of the picture."""
-    from prt_core.light import EnvironmentMap, rotation_matrix
-
-    environment = EnvironmentMap.read(options.light)
-    back = rotation_matrix(options.rotate)
+    back = rotation_matrix(rotation)
     factor = np.float32(options.strength * 2.0**options.exposure)
     return lambda directions: environment.sample(directions @ back) * factor
 
@@ -368,7 +392,7 @@ def _info(options):
     if not facts.get("complete"):
         print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
         return 0
-    _print_report(options.bake, report)
+    _print_lines(options.bake, report)
     settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
     print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
     for item in facts["objects"]:
@@ -376,32 +400,6 @@ def _info(options):
         print(f"  object  {item['name']}: {item['n_corners']:,} corners, {role}")
     for lamp in facts["lamps"]:
         print(f"  lamp    {lamp['name']}: {lamp['kind']}")
-    return 0
-
-
-def _bench_rays(options):
-    from prt_core.api import open_blend
-    from prt_core.evaluate.bench_rays import bench_rays
-
-    with _Hushed():
-        if options.scene:
-            open_blend(options.scene)
-        else:
-            _load_bpy()
-        from prt_core.blender.depsgraph import read_scene
-
-        rows = bench_rays(read_scene(), options.resolution, options.points)
-    if options.json:
-        print(json.dumps(rows))
-        return 0
-    print(f"{rows['points']:,} points, {rows['directions']:,} directions, {rows['rays']:,} rays")
-    print("back-end   stage M/s   bare M/s   stage/bare   incoherent M/s   disagree")
-    for row in rows["back_ends"]:
-        print(
-            f"{row['back_end']:9}  {row['stage_rays_per_second'] / 1e6:9.2f}  "
-            f"{row['bare_rays_per_second'] / 1e6:9.2f}  {row['overhead']:11.2f}  "
-            f"{row['incoherent_rays_per_second'] / 1e6:15.2f}  {row['disagree']:9d}"
-        )
     return 0
 
 

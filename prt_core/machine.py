@@ -1,6 +1,9 @@
 """What the machine tells about this process."""
 
 import sys
+from functools import cache
+
+from threadpoolctl import ThreadpoolController
 
 
 def peak_bytes():
@@ -12,6 +15,16 @@ def peak_bytes():
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Linux counts in KiB, macOS in bytes.
     return peak if sys.platform == "darwin" else peak * 1024
+
+
+def reset_peak():
+    """Let `peak_bytes` count from now on. False where the system cannot: only Linux does."""
+    try:
+        with open("/proc/self/clear_refs", "w") as file:
+            file.write("5")
+    except OSError:
+        return False
+    return True
 
 
 def _windows_peak():
@@ -41,3 +54,16 @@ def _windows_peak():
     if not query(kernel.GetCurrentProcess(), ctypes.byref(counters), counters.cb):
         raise ctypes.WinError(ctypes.get_last_error())
     return int(counters.PeakWorkingSetSize)
+
+
+@cache
+def _controller():
+    return ThreadpoolController()
+
+
+def one_blas_thread():
+    """A context in which matrix products use one thread: for callers that make threads themselves.
+
+    Threads that each ask a threaded BLAS wait for one another: six times slower with some.
+    """
+    return _controller().limit(limits=1, user_api="blas")

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 # How long `beside` lets its caller wait at most.
 _POLL = 0.02
+# Seconds that a stop may have to wait for threads.
+STOP = 0.1
 
 
 @dataclass(frozen=True)
@@ -50,11 +52,17 @@ class Pace:
     seconds : float, optional
         Of a step; None: no cuts.
     first : int
-        Units of the first step, until the speed is known.
+        Units of the first step, until the speed is known, and the fewest of any but the last: a
+        call that costs more than it does for a single unit must not be cut ever smaller.
+    apart : bool
+        Whether the parts may be worked on beside the caller (see `maybe_beside`); then nobody
+        but a stop waits for a part, and where `seconds` are given a part lasts `STOP`.
     """
 
-    def __init__(self, seconds=None, first=16):
-        self.seconds, self._units = seconds, float(first)
+    def __init__(self, seconds=None, first=16, apart=False):
+        self.apart = apart and seconds is not None
+        seconds = STOP if self.apart else seconds
+        self.seconds, self._units, self._fewest = seconds, float(first), float(first)
 
     def parts(self, start, stop):
         """Slices from `start` to `stop`."""
@@ -70,7 +78,7 @@ class Pace:
         if self.seconds is not None:
             spent = max(time.perf_counter() - self._began, 1e-6)
             wanted = self._count * self.seconds / spent
-            self._units = min(max(wanted, self._units / 4), self._units * 2)
+            self._units = max(min(max(wanted, self._units / 4), self._units * 2), self._fewest)
 
 
 def beside(stage, function, *arguments):
@@ -83,3 +91,10 @@ def beside(stage, function, *arguments):
         while not wait([future], _POLL).done:
             yield Progress(stage, 0, 0)
         return future.result()
+
+
+def maybe_beside(allowed, stage, function, *arguments):
+    """`beside` where that is allowed, else at once; returns the result."""
+    if allowed:
+        return (yield from beside(stage, function, *arguments))
+    return function(*arguments)

@@ -7,7 +7,8 @@ import numpy as np
 
 from prt_core.errors import expect, expect_array
 from prt_core.light import EnvironmentMap, rotation_matrix, split_sun
-from prt_core.progress import Pace, beside, run
+from prt_core.light.images import reads_in_threads
+from prt_core.progress import Pace, beside, maybe_beside, run
 from prt_core.transport import lamp_steps
 
 # Images that stay in memory at once.
@@ -77,7 +78,8 @@ class Relighter:
                 f"strength: expected a finite number >= 0, got {factor}",
             )
         chosen = self._chosen_lamps(light, lamps)
-        light = self._read(light)
+        apart = pace and isinstance(light, str | Path) and reads_in_threads(light)
+        light = yield from maybe_beside(apart, "image", self._read, light)
         if sharp_sun:
             expect(
                 isinstance(light, EnvironmentMap),
@@ -136,7 +138,7 @@ class Relighter:
     def _lamp_parts(self, lamps, n_samples, pace):
         parts = {}
         for index, lamp in enumerate(lamps):
-            key = index, n_samples, _signature(lamp)
+            key = index, n_samples, lamp_signature(lamp)
             if key not in parts and key in self._lamps:
                 parts[key] = self._lamps[key]
             if key not in parts:
@@ -160,15 +162,11 @@ class Relighter:
             total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.bounce(total, bounces)
 
-    def release(self):
-        """Let go of the ray caster; it is made again when needed."""
+    def close(self):
+        """Let go of everything."""
         if self._caster is not None:
             self._caster.close()
         self._caster = None
-
-    def close(self):
-        """Let go of everything."""
-        self.release()
         self._images, self._lamps, self._environment = {}, {}, (None, None)
 
 
@@ -187,7 +185,7 @@ def on_texels(bake, light, rotation=None):
     return expect_array("light", light, (bake.cube_map.n_directions, 3), np.float32)
 
 
-def _signature(lamp):
+def lamp_signature(lamp):
     """What a lamp's light depends on, as something that can be compared."""
     values = (getattr(lamp, field.name) for field in fields(lamp) if field.name != "name")
     return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)

@@ -15,9 +15,10 @@ sys.path.insert(0, str(ROOT / "blend_scenes"))
 import build  # noqa: E402  (lies in blend_scenes)
 import prt_core  # noqa: E402
 from prt_core.api import import_bpy  # noqa: E402
-from prt_core.cli import _Bar, _Hushed, _print_report  # noqa: E402
+from prt_core.cli import _Bar, _Hushed  # noqa: E402
 from prt_core.evaluate import contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
+from prt_core.report import report_lines  # noqa: E402
 
 LIGHTS = ("courtyard", "city", "sunset", "forest")
 TURNS = (0, 90, 180)
@@ -43,7 +44,7 @@ def main():
     with _Hushed():
         report = prt_core.bake(blend, output / f"{name}.prt", report=bar, restart=True)
     bar.close()
-    _print_report(output / f"{name}.prt", report)
+    print("\n".join(report_lines(output / f"{name}.prt", report)))
 
     bake = prt_core.load(output / f"{name}.prt")
     import_bpy()

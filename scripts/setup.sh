@@ -34,5 +34,5 @@ fi
 
 $python -m venv "$venv"
 echo "setup: installing $bpy and the packages of the project into $venv (about 1.5 GB)"
-"$venv/bin/pip" install -q "$bpy"
-"$venv/bin/pip" install -q -e ".[embree,report,test,dev]"
+# In one call, so that nothing raises numpy above what this Blender was built with.
+"$venv/bin/pip" install -q "$bpy" -e ".[embree,report,test,dev]"

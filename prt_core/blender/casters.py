@@ -158,6 +158,11 @@ class BVHTreeCaster:
         self._tree = None
 
 
+def is_temporary(block):
+    """Whether a data-block is a caster's, not the user's."""
+    return bool(block.get(_TEMPORARY))
+
+
 def release_all():
     """Take every caster's data-blocks out of the file, before it is saved or undone."""
     for caster in list(_OPEN):
@@ -167,7 +172,7 @@ def release_all():
 def remove_left_over():
     """Remove casters' data-blocks that an undo step or a crash's file has brought back."""
     for kind in (bpy.data.scenes, bpy.data.objects, bpy.data.meshes, bpy.data.node_groups):
-        for block in [b for b in kind if b.get(_TEMPORARY)]:
+        for block in [b for b in kind if is_temporary(b)]:
             kind.remove(block)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from prt_core.blender.compat import view_layer_of
 from prt_core.errors import PRTError, expect, expect_array
 
 COLLECTION = "PRT"
@@ -64,6 +65,7 @@ def write_colours(
         corner_vertex = np.empty(len(mesh.loops), np.int32)
         mesh.loops.foreach_get("vertex_index", corner_vertex)
         colours = corners_to_vertices(colours, corner_vertex, len(mesh.vertices))
+    before = mesh.color_attributes.active_color_name
     attribute = _colour_attribute(target, name, domain, "BYTE_COLOR" if byte else "FLOAT_COLOR")
     values = np.ones((len(colours), 4), np.float32)
     if set(channels) != set(CHANNELS):
@@ -71,15 +73,19 @@ def write_colours(
     for channel in channels:
         values[:, CHANNELS.index(channel)] = colours[:, CHANNELS.index(channel)]
     attribute.data.foreach_set("color", values.ravel())
-    if active:
-        before = mesh.color_attributes.active_color_name
-        if before != name and ACTIVE_BEFORE not in mesh:
-            mesh[ACTIVE_BEFORE] = before
-        index = list(mesh.color_attributes.keys()).index(name)
-        if mesh.color_attributes.active_color_index != index:
-            mesh.color_attributes.active_color_index = index
-            mesh.color_attributes.render_color_index = index
+    if active and before != name and ACTIVE_BEFORE not in mesh:
+        mesh[ACTIVE_BEFORE] = before
+    _activate(mesh, name if active else before)
     mesh.update()
+
+
+def _activate(mesh, name):
+    """Make a colour attribute the active and the render colour, where it is there."""
+    names = list(mesh.color_attributes.keys())
+    index = names.index(name) if name in names else -1
+    if index >= 0 and mesh.color_attributes.active_color_index != index:
+        mesh.color_attributes.active_color_index = index
+        mesh.color_attributes.render_color_index = index
 
 
 def _colour_attribute(target, name, domain, kind):
@@ -183,7 +189,14 @@ def _emission_material(attribute):
 
 
 def write_all(
-    scene, colours, attribute="PRT", domain="CORNER", all_copies=False, renamed=None, target=None
+    scene,
+    colours,
+    attribute="PRT",
+    domain="CORNER",
+    all_copies=False,
+    renamed=None,
+    target=None,
+    **options,
 ):
     """Colours of a bake onto the open Blender scene.
 
@@ -202,6 +215,8 @@ def write_all(
         Objects that have another name now.
     target : bpy.types.Scene, optional
         Where copies go; default: the current one.
+    **options
+        Of `write_colours`: byte, channels, active.
 
     Returns
     -------
@@ -218,9 +233,9 @@ def write_all(
         made = build_objects(scene, copies, attribute=attribute, target=target)
     for item in own:
         there = bpy.data.objects[renamed.get(item.name, item.name)]
-        write_colours(there, colours[item.name], attribute, domain)
+        write_colours(there, colours[item.name], attribute, domain, **options)
     for name in copies:
-        write_colours(made[name], colours[name], attribute, domain)
+        write_colours(made[name], colours[name], attribute, domain, **options)
     return copies
 
 
@@ -266,6 +281,11 @@ def renders(item):
     return not item.hide_render or bool(item.get(_HIDDEN))
 
 
+def hides_originals(scene):
+    """Whether a preview hides objects behind their copies."""
+    return any(item.get(_HIDDEN) for item in scene.objects)
+
+
 @contextmanager
 def originals_shown(scene, view_layer):
     """The originals of realised copies as they are without the preview, for as long as it lasts."""
@@ -300,9 +320,7 @@ def show_colours(scene, attribute="PRT", material=True, renamed=None, target=Non
         What could not be shown, for people.
     """
     target = target or bpy.context.scene
-    view_layer = target.view_layers[0]
-    if target == bpy.context.scene and bpy.context.view_layer is not None:
-        view_layer = bpy.context.view_layer
+    view_layer = view_layer_of(target)
     own = [item for item in scene.objects if item.own_mesh and item.receives]
     messages = []
     group = _shading_group(attribute) if material else None
@@ -380,9 +398,7 @@ def _restore_mesh(mesh, attributes):
         colours.remove(colours[name])
     if before is not None:
         del mesh[ACTIVE_BEFORE]
-        if before in colours:
-            colours.active_color_index = list(colours.keys()).index(before)
-            colours.render_color_index = colours.active_color_index
+        _activate(mesh, before)
     return before is not None
 
 

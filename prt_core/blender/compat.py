@@ -1,4 +1,4 @@
-"""What differs between Blender versions, in one place."""
+"""What differs between Blender versions and between windows and none, in one place."""
 
 import bpy
 
@@ -8,3 +8,28 @@ def has_nodes(data):
     if data.node_tree is None:
         return False
     return bpy.app.version >= (5, 0, 0) or data.use_nodes
+
+
+def view_layer_of(scene):
+    """The view layer that is looked at, or the scene's first."""
+    if scene == bpy.context.scene and bpy.context.view_layer is not None:
+        return bpy.context.view_layer
+    return scene.view_layers[0]
+
+
+def fcurve_of(block, path):
+    """The animation curve of a data-block's property; None where it has none."""
+    data = block.animation_data
+    if data is None or data.action is None:
+        return None
+    action = data.action
+    if hasattr(action, "fcurves"):
+        return action.fcurves.find(path)
+    # Since 5.0 an action's curves are kept in layers, for each slot apart.
+    for layer in action.layers:
+        for strip in layer.strips:
+            bag = strip.channelbag(data.action_slot)
+            found = bag.fcurves.find(path) if bag else None
+            if found is not None:
+                return found
+    return None

@@ -1,11 +1,16 @@
 """What Blender evaluates, as `Mesh`es: modifiers, curves, instances, normals and materials."""
 
+import time
+from itertools import islice
+
 import bpy
 import numpy as np
 
-from prt_core.blender.colours import is_copy, is_shaded, originals_shown, renders
+from prt_core.blender.colours import hides_originals, is_copy, is_shaded, originals_shown, renders
+from prt_core.blender.compat import view_layer_of
 from prt_core.blender.materials import corner_albedo
 from prt_core.errors import PRTError
+from prt_core.progress import Progress, run
 from prt_core.scene.scene import Mesh, Scene
 
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
@@ -36,29 +41,36 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
     PRTError
         A name belongs to no object that renders, or nothing renders.
     """
-    scene = scene or bpy.context.scene
+    name = (scene or bpy.context.scene).name
+    return run(read_meshes_steps(name, receivers, two_sided, messages, strict))
+
+
+def read_meshes_steps(name, receivers=None, two_sided=(), messages=None, strict=True, pace=None):
+    """`read_meshes` as a generator of `Progress`.
+
+    Parameters
+    ----------
+    name : str
+        Of the scene: references to Blender's data do not last from one step to the next.
+    pace : float, optional
+        Seconds a step may take; an object is never cut. What is changed between two steps may be
+        read half old and half new: compare digests (`mesh_digests`) where that matters.
+    """
     messages = [] if messages is None else messages
-    view_layer = scene.view_layers[0]
-    if scene == bpy.context.scene and bpy.context.view_layer is not None:
-        view_layer = bpy.context.view_layer
-    with (
-        bpy.context.temp_override(scene=scene, view_layer=view_layer),
-        originals_shown(scene, view_layer),
-    ):
-        depsgraph = bpy.context.evaluated_depsgraph_get()
-        rendered = _rendered_objects(scene)
-        meshes, asked = [], set()
-        # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
-        as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
-        for instance in depsgraph.object_instances:
-            if instance.object.type != "MESH" and _key(instance) in as_mesh:
-                continue
-            mesh, owners = _read_instance(
-                instance, rendered, receivers, set(two_sided), messages, meshes
-            )
-            asked |= owners
-            if mesh is not None:
-                meshes.append(mesh)
+    meshes, asked, read = [], set(), 0
+    while True:
+        scene = bpy.data.scenes.get(name)
+        if scene is None:
+            raise PRTError(f"scene '{name}': was removed or renamed while it was read")
+        if hides_originals(scene):
+            # They are shown while they are read; nobody shall see that.
+            pace = None
+        read, ended = _read_some(
+            scene, receivers, set(two_sided), messages, meshes, asked, read, pace
+        )
+        if ended:
+            break
+        yield Progress("scene", 0, 0)
     for wanted in (receivers, two_sided):
         missing = sorted(set(wanted or ()) - asked)
         if missing and strict:
@@ -71,10 +83,45 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
             f"scene '{scene.name}': nothing that renders has faces; add a mesh, "
             "or show its collection in renders"
         )
+    rendered = _rendered_objects(scene)
     for item in scene.objects:
-        if item.type in _GEOMETRY and item.name in rendered and not item.visible_get():
+        if item.type in _GEOMETRY and item.name in rendered and not _visible(item, scene):
             messages.append(f"{item.name}: hidden in the viewport, so it was not baked")
     return meshes
+
+
+def _visible(item, scene):
+    return item.visible_get(view_layer=view_layer_of(scene))
+
+
+def _read_some(scene, receivers, two_sided, messages, meshes, asked, read, pace):
+    """Read instances from number `read` on until `pace` is spent; how far, and whether to the end.
+
+    The evaluated scene is asked for anew each time: nothing of it may be kept between steps.
+    """
+    start = time.perf_counter()
+    view_layer = view_layer_of(scene)
+    with (
+        bpy.context.temp_override(scene=scene, view_layer=view_layer),
+        originals_shown(scene, view_layer),
+    ):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        rendered = _rendered_objects(scene)
+        # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
+        as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
+        for instance in islice(depsgraph.object_instances, read, None):
+            if read and pace is not None and time.perf_counter() - start > pace:
+                return read, False
+            read += 1
+            if instance.object.type != "MESH" and _key(instance) in as_mesh:
+                continue
+            mesh, owners = _read_instance(
+                instance, rendered, receivers, two_sided, messages, meshes
+            )
+            asked |= owners
+            if mesh is not None:
+                meshes.append(mesh)
+    return read, True
 
 
 def _key(instance):

@@ -1,5 +1,7 @@
 """Blender images as linear float arrays."""
 
+from importlib.util import find_spec
+
 import bpy
 import numpy as np
 
@@ -49,7 +51,7 @@ def linear_of_srgb(values):
     return np.where(values <= 0.04045, low, high)
 
 
-def _read_hdr(path):
+def _read(path):
     image = bpy.data.images.load(str(path), check_existing=False)
     try:
         image.colorspace_settings.name = "Linear Rec.709"
@@ -59,4 +61,11 @@ def _read_hdr(path):
 
 
 def register():
-    register_reader(".hdr", _read_hdr)
+    """Lend Blender's readers: for .hdr, and inside the program Blender for .exr as well.
+
+    The program may hold another OpenEXR library than the Python module brings, and two of them
+    in one process can crash (Debian's Blender does).
+    """
+    register_reader(".hdr", _read)
+    if bpy.app.binary_path or find_spec("OpenEXR") is None:
+        register_reader(".exr", _read)

@@ -3,36 +3,37 @@
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import has_nodes
+from prt_core.blender.compat import has_nodes, view_layer_of
 from prt_core.light.local import Lamp
 
 _KINDS = {"POINT": "point", "SPOT": "spot", "AREA": "area", "SUN": "sun"}
 
 
-def read_lamps(scene=None, messages=None):
+def read_lamps(scene=None, messages=None, depsgraph=None):
     """Every lamp that renders, in world space; what is not understood goes to `messages`.
 
     Parameters
     ----------
     scene : bpy.types.Scene, optional
     messages : list of str, optional
+    depsgraph : bpy.types.Depsgraph, optional
+        Where the scene is evaluated already, as for a render.
 
     Returns
     -------
     list of Lamp
     """
-    scene = scene or bpy.context.scene
     messages = [] if messages is None else messages
-    view_layer = scene.view_layers[0]
-    if scene == bpy.context.scene and bpy.context.view_layer is not None:
-        view_layer = bpy.context.view_layer
+    if depsgraph is None:
+        scene = scene or bpy.context.scene
+        with bpy.context.temp_override(scene=scene, view_layer=view_layer_of(scene)):
+            return read_lamps(scene, messages, bpy.context.evaluated_depsgraph_get())
     lamps = []
-    with bpy.context.temp_override(scene=scene, view_layer=view_layer):
-        for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-            source = instance.object
-            owner = instance.parent or source
-            if source.type == "LIGHT" and not (owner.original.hide_render or source.hide_render):
-                lamps.append(_lamp(source, np.array(instance.matrix_world), messages))
+    for instance in depsgraph.object_instances:
+        source = instance.object
+        owner = instance.parent or source
+        if source.type == "LIGHT" and not (owner.original.hide_render or source.hide_render):
+            lamps.append(_lamp(source, np.array(instance.matrix_world), messages))
     return lamps
 
 

@@ -14,6 +14,7 @@ from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.rotation import rotation_matrix
 from prt_core.light.sun import sun_light
+from prt_core.progress import beside, run
 
 _MOST_MAPS = 4
 _MAPS = {}
@@ -41,15 +42,23 @@ def read_world(cube_map, scene=None, suns=True):
     PRTError
         The world has a node that is not understood; nothing is guessed.
     """
+    return run(read_world_steps(cube_map, scene, suns))
+
+
+def read_world_steps(cube_map, scene=None, suns=True):
+    """`read_world` as a generator of `Progress`: Blender is read in the first step only."""
     scene = scene or bpy.context.scene
-    light = np.zeros((cube_map.n_directions, 3), np.float32)
     found = read_environment(scene)
+    lamps = [lamp for lamp in read_lamps(scene) if suns and lamp.kind == "sun"]
+    return (yield from beside("light", _on_texels, cube_map, found, lamps))
+
+
+def _on_texels(cube_map, found, suns):
+    light = np.zeros((cube_map.n_directions, 3), np.float32)
     if found is not None:
         light += found.map.to_cube_map(cube_map, found.rotation, found.strength)
-    if suns:
-        for lamp in read_lamps(scene):
-            if lamp.kind == "sun":
-                light += sun_light(cube_map, lamp.towards, lamp.power, lamp.angle)
+    for lamp in suns:
+        light += sun_light(cube_map, lamp.towards, lamp.power, lamp.angle)
     return light
 
 

@@ -1,5 +1,7 @@
 """What every compressor offers: scikit-learn's conventions, relighting, and its size."""
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from sklearn.base import BaseEstimator
 
@@ -8,7 +10,7 @@ from prt_core.errors import expect, expect_array
 from prt_core.progress import run
 
 
-class Compressor(BaseEstimator):
+class Compressor(BaseEstimator, ABC):
     """Base of the compressors: parameters in `__init__`, results with a trailing underscore.
 
     A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes,
@@ -28,9 +30,9 @@ class Compressor(BaseEstimator):
         """
         return run(self.fit_steps(as_rows(rows)))
 
+    @abstractmethod
     def fit_steps(self, rows):
         """`fit` as a generator of `Progress`; closing it cancels."""
-        raise NotImplementedError
 
     def relight(self, light):
         """Colours under a light.
@@ -50,9 +52,9 @@ class Compressor(BaseEstimator):
         return self._relight(light)
 
     @property
+    @abstractmethod
     def nbytes(self):
         """Bytes of everything that relighting reads."""
-        raise NotImplementedError
 
     def _fitted(self, rows):
         self.n_points_, self.n_directions_ = rows.n_points, rows.n_directions

@@ -4,6 +4,7 @@ A row is a small matrix, (n_directions, n_channels); whether its directions are 
 map or anything else matters only where `resolution` says so. Colours are `gain * (row . light)`.
 """
 
+from abc import ABC, abstractmethod
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,7 @@ _BLOCK = 512
 _OPPONENT_ERROR = 1e-2
 
 
-class Rows:
+class Rows(ABC):
     """Rows of a matrix, read in blocks. Subclasses give `block`; the rest follows.
 
     Attributes
@@ -34,9 +35,9 @@ class Rows:
     resolution = None
     gain = None
 
+    @abstractmethod
     def block(self, points):
         """(n, n_directions, n_channels) float32 for (n,) int points."""
-        raise NotImplementedError
 
     @cached_property
     def code(self):

@@ -48,6 +48,9 @@ class CubeMap:
         cosine-weighted solid angle of a texel above the horizon.
     """
 
+    # (6, 3, 3): see `_FACES`; a point (1, u, v) of a face is `point @ face_axes[face]`.
+    face_axes = _FACES
+
     def __init__(self, resolution):
         expect(
             int(resolution) == resolution and 1 <= resolution <= 1024,
@@ -91,6 +94,17 @@ class CubeMap:
             local /= np.linalg.norm(local, axis=1, keepdims=True)
             faces.append(local @ face)
         return np.concatenate(faces)
+
+    def on_faces(self, u, v):
+        """Vectors (6 x m, 3) float64 through the places (u, v) of every face, of any length.
+
+        Parameters
+        ----------
+        u, v : (m,) float
+            -1 to 1 on a face, along its columns and rows; further out they lie on others.
+        """
+        local = np.stack([np.ones_like(u), u, v], axis=-1)
+        return np.concatenate([local @ face for face in _FACES])
 
     @cached_property
     def solid_angles(self):

@@ -1,4 +1,4 @@
-"""Images of light: OpenEXR here, Radiance .hdr through a reader that `prt_core.blender` lends."""
+"""Images of light: OpenEXR here, other formats through readers that `prt_core.blender` lends."""
 
 from pathlib import Path
 
@@ -38,13 +38,19 @@ def read_image(path):
     path = Path(path)
     expect(path.is_file(), f"{path}: there is no such image file")
     suffix = path.suffix.lower()
-    if suffix == ".exr":
-        return _read_exr(path)
     if suffix in _READERS:
         return expect_array(str(path), _READERS[suffix](path), (None, None, 3), np.float32)
+    if suffix == ".exr":
+        return _read_exr(path)
     if suffix == ".hdr":
         raise PRTError(f"{path}: .hdr is read through Blender; pip install bpy, or convert to .exr")
     raise PRTError(f"{path}: expected an .exr or .hdr image, got '{suffix or 'no suffix'}'")
+
+
+def reads_in_threads(path):
+    """Whether `read_image` may be called beside the main thread: not where Blender reads."""
+    suffix = Path(path).suffix.lower()
+    return suffix == ".exr" and suffix not in _READERS
 
 
 def write_image(path, pixels):

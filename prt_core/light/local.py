@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from prt_core.errors import expect, expect_array
+from prt_core.sobol import sobol_points
 
 KINDS = ("point", "spot", "area", "sun")
 
@@ -51,6 +51,7 @@ class Lamp:
         expect(self.kind in KINDS, f"{self.name}: kind expected one of {KINDS}, got '{self.kind}'")
         self.power = expect_array(f"{self.name}: power", self.power, (3,), np.float64)
         self.position = expect_array(f"{self.name}: position", self.position, (3,), np.float64)
+        self.size = tuple(float(side) for side in self.size)
         axes = np.eye(3) if self.axes is None else self.axes
         self.axes = expect_array(f"{self.name}: axes", axes, (3, 3), np.float64)
 
@@ -130,7 +131,7 @@ class Lamp:
 def lamp_samples(n_samples, shift):
     """(n, n_samples, 2) float64 well spread samples, shifted by `shift` (n, 2) for each point."""
     power = max(0, int(np.ceil(np.log2(n_samples))))
-    base = qmc.Sobol(2, scramble=False).random_base2(power)[:n_samples] + 0.5 / n_samples
+    base = sobol_points(power)[:n_samples] + 0.5 / n_samples
     return (base[None] + shift[:, None]) % 1.0
 
 

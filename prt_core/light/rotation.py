@@ -1,14 +1,13 @@
 """Rotations of the light, as 3 x 3 matrices that turn world directions."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from prt_core.errors import expect, expect_array
 
 
 def rotation_about_z(degrees):
     """(3, 3) float64: turns the sky counter-clockwise seen from above, by `degrees`."""
-    return Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+    return _about(2, degrees)
 
 
 def rotation_matrix(rotation):
@@ -31,10 +30,21 @@ def rotation_matrix(rotation):
     if array.ndim == 0:
         return rotation_about_z(float(array))
     if array.shape == (3,):
-        return Rotation.from_euler("xyz", array, degrees=True).as_matrix()
+        x, y, z = array
+        return _about(2, z) @ _about(1, y) @ _about(0, x)
     matrix = expect_array("rotation", array, (3, 3), np.float64)
     expect(
         np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) and np.linalg.det(matrix) > 0,
         "rotation: expected a matrix that turns without scaling or mirroring",
     )
+    return matrix
+
+
+def _about(axis, degrees):
+    """(3, 3) float64: turns by `degrees` about one axis of the world."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = cosine
+    matrix[first, second], matrix[second, first] = -sine, sine
     return matrix

@@ -3,16 +3,28 @@
 Blender's own BVH is in `prt_core.blender.casters`, which alone may import bpy.
 """
 
-from importlib.util import find_spec
-
 from prt_core.rays import brute
 from prt_core.rays.caster import Hits, RayCaster, as_rays, make_caster, register_caster
+from prt_core.rays.shared import shared
 
-if find_spec("embreex"):
+try:
+    import embreex.rtcore_scene  # noqa: F401
+except ImportError:
+    # Not installed, or made for a newer system (macOS before 13): `make_caster` says so if asked.
+    pass
+else:
     from prt_core.rays import embree
 
     EmbreeCaster = embree.EmbreeCaster
 
 BruteForceCaster = brute.BruteForceCaster
 
-__all__ = ["BruteForceCaster", "Hits", "RayCaster", "as_rays", "make_caster", "register_caster"]
+__all__ = [
+    "BruteForceCaster",
+    "Hits",
+    "RayCaster",
+    "as_rays",
+    "make_caster",
+    "register_caster",
+    "shared",
+]

@@ -7,13 +7,37 @@ carries a checksum. Nothing is pickled, and nothing outside the folder is read o
 import json
 import os
 import shutil
+import warnings
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
-import zarr
-from zarr.codecs import Crc32cCodec, ZstdCodec
 
 from prt_core.errors import PRTError, expect
+
+
+@contextmanager
+def _as_zarr_wants_it():
+    """Blender 4.2 and 4.3 bring numpy 1.24; all that zarr 3.0 misses there is one name.
+
+    And newer numcodecs warn of the crc32c that zarr 3.0 asks for, which is not the user's affair.
+    """
+    missing = not hasattr(np, "dtypes")
+    if missing:
+        np.dtypes = SimpleNamespace(ObjectDType=lambda: np.dtype(object))
+    try:
+        # Kept rather than filtered: numcodecs puts its own filter before any other.
+        with warnings.catch_warnings(record=True):
+            yield
+    finally:
+        if missing:
+            del np.dtypes
+
+
+with _as_zarr_wants_it():
+    import zarr
+    from zarr.codecs import Crc32cCodec, ZstdCodec
 
 FORMAT, VERSION = "prt bake", 1
 _CODECS = {"bytes", "zstd", "crc32c"}
@@ -92,6 +116,11 @@ class BakeStore:
             fill_value=fill,
             compressors=[ZstdCodec(level=3), Crc32cCodec()],
         )
+
+    def remove(self, name):
+        """Remove an array, where it is there."""
+        if name in self._group:
+            del self._group[name]
 
     def has_chunk(self, name, *index):
         """Whether a chunk was written (chunks appear whole or not at all)."""

@@ -7,9 +7,9 @@ that ended at y: unbiased, and one non-zero a ray at most.
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.stats import qmc
 
-from prt_core.progress import Pace, Progress, run
+from prt_core.progress import Pace, Progress, maybe_beside, run
+from prt_core.sobol import sobol_points
 
 ROUND = 64
 MISS = -1
@@ -24,7 +24,7 @@ def gather_hits(scene, caster, points, seed, round_index, tally=None):
     return run(gather_steps(scene, caster, points, seed, round_index, tally))
 
 
-def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None):
+def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None, spared=None):
     """The bake points that one round of rays from some points ends at; yields `Progress`.
 
     Parameters
@@ -38,6 +38,8 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
         Told the number of rays.
     pace : Pace, optional
         In rays.
+    spared : (n_points,) bool, optional
+        Points from which no ray can meet anything (see `open_points`): none is cast.
 
     Returns
     -------
@@ -54,6 +56,8 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
     geometric = scene.points.geometric_normals[points]
     pick = rng.random(n * ROUND, np.float32)
     outside = np.matmul(directions, geometric[:, :, None])[:, :, 0] > 0
+    if spared is not None:
+        outside &= ~spared[points, None]
     ray_point, _ = np.nonzero(outside)
     directions = directions[outside]
     if tally is not None:
@@ -64,8 +68,16 @@ def gather_steps(scene, caster, points, seed, round_index, tally=None, pace=None
     for first in range(0, len(directions), caster.batch):
         stop = min(first + caster.batch, len(directions))
         for part in pace.parts(first, stop):
-            found = caster.intersect(origins.take(ray_point[part], axis=0), directions[part])
-            ends[part], back = _ends(scene, found, directions[part], pick[part])
+            ends[part], back = yield from maybe_beside(
+                pace.apart,
+                "gather",
+                _trace,
+                scene,
+                caster,
+                origins.take(ray_point[part], axis=0),
+                directions[part],
+                pick[part],
+            )
             n_back += back
             pace.worked()
             yield Progress("gather", points.start, len(scene.points))
@@ -87,7 +99,7 @@ def cosine_directions(normals, shift):
     -------
     (n, ROUND, 3) float32
     """
-    base = qmc.Sobol(2, scramble=False).random_base2(int(np.log2(ROUND))) + 0.5 / ROUND
+    base = sobol_points(int(np.log2(ROUND))) + 0.5 / ROUND
     uv = (base.astype(np.float32)[None] + shift[:, None]) % np.float32(1)
     radius = np.sqrt(uv[..., 0])
     angle = np.float32(2 * np.pi) * uv[..., 1]
@@ -105,6 +117,10 @@ def _frames(normals):
     u = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
     v = np.stack([b, sign + y * y * a, -y], axis=1)
     return np.stack([u, v, np.stack([x, y, z], axis=1)], axis=1).astype(np.float32)
+
+
+def _trace(scene, caster, origins, directions, pick):
+    return _ends(scene, caster.intersect(origins, directions), directions, pick)
 
 
 def _ends(scene, found, directions, pick):

@@ -89,6 +89,11 @@ class Transport:
     def bounce(self, received, bounces="baked"):
         """Outgoing radiance for any received light (irradiance / pi)."""
         bounces = self.bounces if bounces == "baked" else bounces
+        if self._same_channel(1) == self._same_channel(2) == 0 and _is_grey(received):
+            # Grey surfaces under grey light: one channel says it all.
+            one = self.albedo[:, :1], np.ascontiguousarray(received[:, :1])
+            radiance = all_bounces(self.gather, *one, self.tolerance, bounces)[0]
+            return np.repeat(radiance, received.shape[1], axis=1)
         return all_bounces(self.gather, self.albedo, received, self.tolerance, bounces)[0]
 
     def direct(self, points):
@@ -115,6 +120,10 @@ class Transport:
         transposed = self.gather.T.tocsr()
         result = np.empty((len(points), self.n_directions, 3), np.float32)
         for channel in range(3):
+            same = self._same_channel(channel)
+            if same is not None:
+                result[:, :, channel] = result[:, :, same]
+                continue
             albedo = self.albedo[:, [channel]]
             start = np.zeros((self.n_points, len(points)), np.float32)
             start[points, np.arange(len(points))] = 1
@@ -172,16 +181,21 @@ class Transport:
         result = np.empty((*received.shape, 3), np.float32)
         gather = self.gather if indirect else None
         for channel in range(3):
-            same = [
-                c for c in range(channel) if (self.albedo[:, c] == self.albedo[:, channel]).all()
-            ]
-            if same:
-                result[:, :, channel] = result[:, :, same[0]]
+            same = self._same_channel(channel)
+            if same is not None:
+                result[:, :, channel] = result[:, :, same]
             else:
                 result[:, :, channel] = all_bounces(
                     gather, self.albedo[:, [channel]], received, self.tolerance, self.bounces
                 )[0]
         return result
+
+    def _same_channel(self, channel):
+        """An earlier channel in which every albedo is the same, or None."""
+        for other in range(channel):
+            if (self.albedo[:, other] == self.albedo[:, channel]).all():
+                return other
+        return None
 
     def coarse_indirect(self, factor):
         """The indirect part of T on a grid of directions `factor` times coarser; kept.
@@ -243,3 +257,7 @@ class Transport:
         share = solid_angles / np.bincount(fine_to_coarse, solid_angles)[fine_to_coarse]
         coarse = self.coarse_indirect(int(indirect))[points]
         return direct + coarse[:, fine_to_coarse] * share[None, :, None].astype(np.float32)
+
+
+def _is_grey(received):
+    return bool((received == received[:, :1]).all())

@@ -5,6 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from prt_core.machine import one_blas_thread
+
 # Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
 _UNPACK = 256
 
@@ -31,17 +33,13 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
         Little bit order: direction d is bit d % 8 of byte d // 8.
     """
     origins = scene.ray_origins[points]
-    shading = scene.points.normals[points]
-    geometric = scene.points.geometric_normals[points]
+    shading, geometric = scene.points.normals[points], scene.points.geometric_normals[points]
+    above_horizon = _Horizon(shading, geometric, cube_map)
     directions = cube_map.samples.astype(np.float32)
-    vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
     bits = np.empty((len(origins), -(-cube_map.n_directions // 8)), np.uint8)
 
-    transposed = np.ascontiguousarray(directions.T)
-
     def one(part):
-        above = shading[part] @ vectors > 0
-        above &= geometric[part] @ transposed > 0
+        above = above_horizon(part)
         counts = np.count_nonzero(above, axis=1)
         ends = np.cumsum(counts)
         ways = np.empty((int(ends[-1]), 3), np.float32)
@@ -65,6 +63,50 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
         for part in parts:
             one(part)
     return bits
+
+
+class _Horizon:
+    """(n, n_directions) bool of a part of some points: above both horizons."""
+
+    def __init__(self, shading, geometric, cube_map):
+        self._shading, self._geometric = shading, geometric
+        self._vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
+        self._samples = np.ascontiguousarray(cube_map.samples.T, np.float32)
+
+    def __call__(self, part):
+        above = self._shading[part] @ self._vectors > 0
+        above &= self._geometric[part] @ self._samples > 0
+        return above
+
+
+def horizon_bits(scene, cube_map, points):
+    """The entries of some points that need a ray: all others are known to be 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    points : slice or (n,) int
+
+    Returns
+    -------
+    (n, ceil(n_directions / 8)) uint8
+        As `visibility_bits` with nothing in the way of any ray.
+    """
+    normals = np.hstack([scene.points.normals[points], scene.points.geometric_normals[points]])
+    # Many points of flat parts share theirs.
+    kinds, kind = np.unique(normals.view("V24")[:, 0], return_inverse=True)
+    kinds = kinds.view(np.float32).reshape(-1, 6)
+    above_horizon = _Horizon(kinds[:, :3], kinds[:, 3:], cube_map)
+    bits = np.empty((len(kinds), -(-cube_map.n_directions // 8)), np.uint8)
+
+    def one(first):
+        part = slice(first, first + _UNPACK)
+        bits[part] = np.packbits(above_horizon(part), axis=1, bitorder="little")
+
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        list(pool.map(one, range(0, len(kinds), _UNPACK)))
+    return bits[kind]
 
 
 def unpack(bits, n_directions, dtype=np.float32):
@@ -95,15 +137,23 @@ def received_light(bits, normals, cube_map, light):
     # Three vectors for each channel: the cosine is taken after the sum over directions.
     factors = cube_map.vectors[:, :, None] * light[:, None] / np.pi
     factors = factors.reshape(len(light), -1).astype(np.float32)
+    # By byte: directions that no point of a part sees, as those below a floor, are left out.
+    n_bytes = bits.shape[1]
+    by_byte = np.zeros((n_bytes * 8, 3 * n_channels), np.float32)
+    by_byte[: len(light)] = factors
+    by_byte = by_byte.reshape(n_bytes, 8, -1)
     result = np.empty((len(bits), n_channels), np.float32)
 
     def one(first):
         part = slice(first, first + _UNPACK)
-        vectors = unpack(bits[part], cube_map.n_directions) @ factors
+        seen = np.flatnonzero(bits[part].any(axis=0))
+        vectors = unpack(bits[part].take(seen, axis=1), 8 * len(seen)) @ by_byte[seen].reshape(
+            8 * len(seen), -1
+        )
         vectors = vectors.reshape(-1, 3, n_channels)
         result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         list(pool.map(one, range(0, len(bits), _UNPACK)))
     # Rounding may leave a trace below zero where nothing is seen.
     return np.maximum(result, 0, out=result)

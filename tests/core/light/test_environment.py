@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from prt_core import PRTError
 from prt_core.light import (
@@ -79,6 +80,8 @@ def test_rotation_turns_the_light_about_z(degrees):
 def test_rotations_of_every_form():
     np.testing.assert_allclose(rotation_matrix([0, 0, 33]), rotation_about_z(33), atol=1e-12)
     np.testing.assert_allclose(rotation_matrix(rotation_about_z(33)), rotation_about_z(33))
+    euler = Rotation.from_euler("xyz", [20, -50, 133], degrees=True).as_matrix()
+    np.testing.assert_allclose(rotation_matrix([20, -50, 133]), euler, atol=1e-15)
     with pytest.raises(PRTError, match="turns without scaling"):
         rotation_matrix(np.diag([1, 1, -1.0]))
 

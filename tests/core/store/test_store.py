@@ -16,7 +16,7 @@ SETTINGS = BakeSettings(resolution=4, tolerance=0.05, caster="auto")
 def small_blocks(monkeypatch):
     import sys
 
-    monkeypatch.setattr(sys.modules["prt_core.bake"], "BLOCK", 64)
+    monkeypatch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
 
 
 @pytest.fixture

@@ -1,0 +1,43 @@
+"""The extension: bake light transport, and relight it live as vertex colours.
+
+It holds no mathematics: everything is done by `prt_core`. Where to look:
+properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
+plan (what a bake would be), bakes (those on disk), preview (the one in memory and its colours),
+live (when these are made again), work (long work without a stuck window), views and studio
+(Blender's shading and lights).
+"""
+
+import bpy
+
+import prt_core.blender  # noqa: F401  (makes Blender's ray casters known)
+
+from . import keeping, live, operators, panels, plan, preview, properties, remedies, work
+
+_PARTS = (properties, operators, keeping, remedies, panels, live)
+_COMMANDS = []
+
+
+def register():
+    for part in _PARTS:
+        part.register()
+    _COMMANDS.append(bpy.utils.register_cli_command("prt", _command))
+
+
+def unregister():
+    work.stop_all()
+    while _COMMANDS:
+        bpy.utils.unregister_cli_command(_COMMANDS.pop())
+    for part in reversed(_PARTS):
+        part.unregister()
+    preview.forget()
+    plan.forget()
+
+
+def _command(arguments):
+    """`blender -b scene.blend --command prt …`: the whole command line."""
+    from prt_core.cli import main
+
+    try:
+        return main(arguments, in_blender=True)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)

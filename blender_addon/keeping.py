@@ -1,0 +1,165 @@
+"""What is done with the colours next: kept attributes, sequences on disk, a turn of the light."""
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
+
+from prt_core.blender import colours
+from prt_core.blender.compat import fcurve_of
+from prt_core.blender.depsgraph import read_camera
+from prt_core.errors import expect
+from prt_core.progress import Progress
+
+from . import preview, work
+from .buttons import BakeButton, Button
+from .work import LongWork
+
+
+class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
+    """Keep the colours as an attribute of the meshes that stays when the preview goes"""
+
+    bl_idname = "prt.keep"
+    bl_label = "Keep Colours"
+    title = "Keep Colours"
+
+    attribute: StringProperty(name="Attribute", default="Relit")
+    domain: EnumProperty(
+        name="Domain", items=[("CORNER", "Face Corner", ""), ("POINT", "Vertex", "")]
+    )
+    kind: EnumProperty(
+        name="Type",
+        items=[
+            ("FLOAT_COLOR", "Color", "32 bits a channel, linear; nothing is lost"),
+            ("BYTE_COLOR", "Byte Color", "8 bits a channel, sRGB, cut to 0 to 1"),
+        ],
+    )
+    channels: EnumProperty(
+        name="Channels",
+        items=[(name, name, f"Write {name} only, leave the others") for name in "RGB"],
+        options={"ENUM_FLAG"},
+        default={"R", "G", "B"},
+    )
+
+    def steps(self, context, pace):
+        scene = context.scene
+        self.scene_name = scene.name
+        there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+        radiance = yield from preview.request(bpy.data.scenes[self.scene_name]).steps(there, pace)
+        yield from preview.check_steps(bpy.data.scenes[self.scene_name], there, pace)
+        return there, radiance
+
+    def finish(self, context, result):
+        there, radiance = result
+        scene = bpy.data.scenes[self.scene_name]
+        expect(
+            self.attribute != scene.prt.attribute,
+            f"attribute: '{self.attribute}' is the preview's and goes with it; use another name",
+        )
+        found = there.bake.colours(radiance)
+        copies = colours.write_all(
+            there.bake.scene,
+            found,
+            self.attribute,
+            self.domain,
+            renamed=there.renamed,
+            target=scene,
+            byte=self.kind == "BYTE_COLOR",
+            channels="".join(sorted(self.channels, key="RGB".index)),
+            active=False,
+        )
+        text = f"'{self.attribute}' kept on {len(found)} objects"
+        if copies:
+            text += f", {len(copies)} of them copies in the collection '{colours.COLLECTION}'"
+        self.report({"INFO"}, text)
+        work.say(text)
+
+
+class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
+    """Write the colours of a range of frames, one .npz (and picture, where wanted) a frame"""
+
+    bl_idname = "prt.export"
+    bl_label = "Export Sequence"
+    bl_options = {"REGISTER"}
+    title = "Export"
+    object_mode = False
+
+    filepath: StringProperty(
+        name="File", description="#### is the number of the frame", default="//prt/relit_####.npz",
+        subtype="FILE_PATH",
+    )  # fmt: skip
+    use_scene_range: BoolProperty(name="Scene Range", default=True)
+    first: IntProperty(name="First", default=1)
+    last: IntProperty(name="Last", default=1)
+    pictures: BoolProperty(
+        name="Pictures", description="A .png from the scene's camera beside each file"
+    )
+    size: IntVectorProperty(name="Size", size=2, default=(960, 540), min=16, max=8192)
+
+    def invoke(self, context, event):
+        if bpy.app.background:
+            return self.execute(context)
+        return context.window_manager.invoke_props_dialog(self)
+
+    def steps(self, context, pace):
+        from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+
+        scene = context.scene
+        frames = range(self.first, self.last + 1)
+        if self.use_scene_range:
+            frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+        expect(len(frames), f"frames: {self.first} to {self.last} holds none")
+        expect(
+            bpy.data.filepath or not self.filepath.startswith("//"),
+            "file: save the scene first, or give a full path",
+        )
+        pattern = bpy.path.abspath(self.filepath)
+        there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+        self.scene_name, before = scene.name, scene.frame_current
+        pictures = PictureWriter(there.bake, tuple(self.size), scene.prt.caster)
+        try:
+            for count, frame in enumerate(frames):
+                scene = bpy.data.scenes[self.scene_name]
+                scene.frame_set(frame)
+                asked = preview.request(scene)
+                radiance = yield from asked.steps(there, pace)
+                path = frame_path(pattern, frame)
+                write_npz(path, there.bake.colours(radiance))
+                if self.pictures:
+                    camera = read_camera(bpy.data.scenes[self.scene_name])
+                    pictures.write(path.with_suffix(".png"), radiance, camera)
+                yield Progress("frames", count + 1, len(frames))
+        finally:
+            bpy.data.scenes[self.scene_name].frame_set(before)
+        return frame_path(pattern, frames[0]), len(frames)
+
+    def finish(self, context, result):
+        text = f"{result[1]} frames written, the first is {result[0]}"
+        self.report({"INFO"}, text)
+        work.say(text)
+
+
+class PRT_OT_turntable(Button, bpy.types.Operator):
+    """Keyframe one turn of the light over the scene's frames"""
+
+    bl_idname = "prt.turntable"
+    bl_label = "Keyframe a Turn"
+    object_mode = False
+
+    def execute(self, context):
+        scene = context.scene
+        start = scene.prt.rotation
+        # The frame after the last is the first again: a loop without a stop.
+        ends = ((scene.frame_start, start), (scene.frame_end + 1, start + 2 * np.pi))
+        for frame, angle in ends:
+            scene.prt.rotation = angle
+            scene.prt.keyframe_insert("rotation", frame=frame)
+        for key in fcurve_of(scene, "prt.rotation").keyframe_points:
+            key.interpolation = "LINEAR"
+        scene.prt.rotation = start
+        work.say(f"One turn from frame {scene.frame_start} to {scene.frame_end}")
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (PRT_OT_keep, PRT_OT_export, PRT_OT_turntable)
+)

@@ -1,0 +1,312 @@
+"""The live preview: colours that follow the light, in the moments between the user's events.
+
+Changes only leave a mark here; one timer does the work in short steps. While it works further
+marks change nothing but what comes next, so that dragging a slider never queues. Lamps are drawn
+with few rays first and with all of them when nothing changes any more.
+"""
+
+import time
+
+import bpy
+from bpy.app.handlers import persistent
+
+from prt_core import run
+from prt_core.blender import casters
+
+from . import bakes, plan, preview, work
+
+# Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
+# and plans are made; of work in one call of the timer.
+_IDLE, _QUIET, _BUDGET = 0.05, 0.35, 0.02
+# Shadow rays a lamp while it moves.
+_DRAFT = 4
+
+
+class _State:
+    """What is to be done and what is under way; nothing of it outlives the file."""
+
+    def __init__(self):
+        self.scene = None  # name of the scene to relight
+        self.show = False  # whether the look has changed, not only the light
+        self.touched = 0.0  # when something changed last
+        self.job = None  # generator under way
+        self.kind = None  # "draft", "full" or "plan"
+        self.rendering = False
+        self.writing = False
+        self.begun = False  # whether the timer has looked at the file
+
+
+_NOW = _State()
+# Seconds from a change to its colours, of the last hundred (for measuring).
+delays = []
+
+
+def touch(scene, show=False):
+    """The light of a scene, or the look of its preview, has changed."""
+    if bpy.app.background or _NOW.writing:
+        return
+    _NOW.scene = scene.name
+    _NOW.show |= show
+    _NOW.touched = time.perf_counter()
+
+
+def geometry_changed(scene):
+    """Objects, or how they are baked, have changed."""
+    plan.outdate(scene)
+
+
+def idle():
+    """Whether the colours are those of the light as it is now, with all rays."""
+    return _NOW.scene is None and _NOW.job is None
+
+
+def stop():
+    """Drop what is under way."""
+    if _NOW.job is not None:
+        _NOW.job.close()
+    _NOW.job = _NOW.kind = None
+
+
+def _tick():
+    """The one timer; returns the seconds until it wants to be called again."""
+    try:
+        return _work()
+    except Exception:
+        stop()
+        _NOW.scene = None
+        work.say("The live preview failed; the system console has the details", True)
+        raise
+
+
+def _work():
+    if work.status().running or _NOW.rendering:
+        stop()
+        return _IDLE
+    if not _NOW.begun:
+        # The add-on was enabled, or a file loaded: colours may be of an older light.
+        _NOW.begun = True
+        touch(bpy.context.scene, show=True)
+    if _NOW.job is None or (_NOW.kind == "full" and _changed_lately()):
+        stop()
+        _begin()
+    if _NOW.job is None:
+        return _IDLE
+    end = time.perf_counter() + _BUDGET
+    try:
+        while time.perf_counter() < end:
+            next(_NOW.job)
+    except StopIteration:
+        _NOW.job = _NOW.kind = None
+        return _IDLE / 5
+    except work.FAILURES as error:
+        _NOW.job = _NOW.kind = None
+        _NOW.scene = None
+        work.say(str(error), True)
+    return 0.0
+
+
+def _changed_lately():
+    return time.perf_counter() - _NOW.touched < _QUIET
+
+
+def _begin():
+    """Start what is most urgent: colours of the new light, then their full rays, then a plan."""
+    scene = bpy.data.scenes.get(_NOW.scene) if _NOW.scene else None
+    if scene is not None and scene.prt.loaded and scene.prt.live:
+        draft = _changed_lately()
+        _NOW.job, _NOW.kind = _relight_steps(scene.name, draft), "draft" if draft else "full"
+        return
+    _NOW.scene = None
+    scene = plan.wanted()
+    if scene is not None and not _changed_lately():
+        _NOW.job, _NOW.kind = _plan_steps(scene), "plan"
+
+
+def _plan_steps(scene):
+    bakes.refresh(scene)
+    try:
+        yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
+    except work.FAILURES:
+        pass  # the plan keeps what is wrong, and the panel draws it
+    work.redraw()
+
+
+def _relight_steps(name, draft):
+    since, scene = _NOW.touched, bpy.data.scenes[name]
+    there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+    scene = bpy.data.scenes.get(name)
+    if scene is None:
+        return
+    full = preview.request(scene)
+    asked = preview.request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
+    last = asked.key == full.key
+    shown = there.shown
+    if shown is not None and shown.key == full.key and not _NOW.show:
+        _done(since)
+        return
+    if shown is not None and shown.key == asked.key and not _NOW.show:
+        return  # the draft is there; the full rays come when all is quiet
+    radiance = yield from asked.steps(there, work.PACE)
+    yield from show_steps(name, there, radiance, asked, work.PACE)
+    delays.append(time.perf_counter() - since)
+    del delays[:-100]
+    if last:
+        _done(since)
+
+
+def _done(since):
+    if _NOW.touched == since:
+        _NOW.scene, _NOW.show = None, False
+
+
+def show_steps(name, there, radiance, asked, pace=None):
+    """Write colours on a scene's meshes; objects that were renamed are found by what they are."""
+    scene = bpy.data.scenes[name]
+    if preview.missing(there):
+        yield from preview.check_steps(scene, there, pace)
+        scene = bpy.data.scenes[name]
+    _NOW.writing = True
+    try:
+        preview.write(scene, there, radiance, asked)
+        # Evaluated now, so that the handlers know whose change it is.
+        for layer in scene.view_layers:
+            layer.update()
+    finally:
+        _NOW.writing = False
+    work.redraw()
+
+
+@persistent
+def _updated(scene, depsgraph):
+    """Blender evaluated a change: was it the light, or what is baked?"""
+    if _NOW.writing or bpy.app.background or casters.is_temporary(scene):
+        return
+    light = geometry = False
+    for update in depsgraph.updates:
+        changed = update.id
+        if isinstance(changed, bpy.types.World | bpy.types.Light | bpy.types.Image):
+            light = True
+        elif isinstance(changed, bpy.types.Object):
+            if changed.type == "LIGHT":
+                light = True
+            elif changed.type in plan.GEOMETRY:
+                geometry |= update.is_updated_transform or update.is_updated_geometry
+        elif isinstance(changed, bpy.types.Material | bpy.types.Collection):
+            geometry = True
+        elif isinstance(changed, bpy.types.NodeTree):
+            light = True
+    if geometry:
+        geometry_changed(scene)
+    if light or geometry:
+        touch(scene)
+
+
+@persistent
+def _frame_changed(scene, depsgraph=None):
+    """A new frame: at once where it is rendered or there is no window, else by the timer."""
+    if not scene.prt.loaded or not scene.prt.live:
+        return
+    if not (_NOW.rendering or bpy.app.background):
+        touch(scene)
+        return
+    try:
+        run(_frame_steps(scene, depsgraph))
+    except work.FAILURES as error:
+        work.say(f"frame {scene.frame_current}: {error}", True)
+        print(f"PRT: frame {scene.frame_current}: {error}")
+
+
+def _frame_steps(scene, depsgraph):
+    there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+    asked = preview.request(scene, depsgraph=depsgraph)
+    if there.shown is not None and there.shown.key == asked.key:
+        return
+    radiance = yield from asked.steps(there)
+    if preview.missing(there):
+        yield from preview.check_steps(scene, there)
+    preview.write(scene, there, radiance, asked)
+
+
+@persistent
+def _render_begins(scene, *_):
+    stop()
+    _NOW.rendering = True
+    if scene.prt.loaded and scene.prt.live and not bpy.app.background:
+        _frame_changed(scene)
+
+
+@persistent
+def _render_ends(*_):
+    _NOW.rendering = False
+
+
+@persistent
+def _before_file(*_):
+    """Another file comes: everything that points into this one goes."""
+    work.stop_all()
+    stop()
+    preview.forget()
+    plan.forget()
+
+
+@persistent
+def _after_file(*_):
+    _NOW.__init__()
+    casters.remove_left_over()
+
+
+@persistent
+def _before_undo(*_):
+    """Undo must not keep the casters' data-blocks; they make them again."""
+    casters.release_all()
+
+
+@persistent
+def _before_save(path="", *_):
+    """Files must not keep the casters' data-blocks; bakes are found from a new folder as well."""
+    casters.release_all()
+    for scene in bpy.data.scenes if path else ():
+        preview.follow(scene, path)
+
+
+@persistent
+def _after_undo(*_):
+    casters.remove_left_over()
+    for scene in bpy.data.scenes:
+        plan.outdate(scene)
+        there = preview.held(scene)
+        if there is not None:
+            there.shown, there.renamed = None, {}
+    touch(bpy.context.scene, show=True)
+
+
+_HANDLERS = (
+    ("depsgraph_update_post", _updated),
+    ("frame_change_post", _frame_changed),
+    ("render_init", _render_begins),
+    ("render_complete", _render_ends),
+    ("render_cancel", _render_ends),
+    ("load_pre", _before_file),
+    ("load_post", _after_file),
+    ("save_pre", _before_save),
+    ("undo_pre", _before_undo),
+    ("redo_pre", _before_undo),
+    ("undo_post", _after_undo),
+    ("redo_post", _after_undo),
+)
+
+
+def register():
+    for name, handler in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+    if not bpy.app.background:
+        bpy.app.timers.register(_tick, first_interval=_IDLE, persistent=True)
+
+
+def unregister():
+    stop()
+    _NOW.__init__()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    for name, handler in _HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)

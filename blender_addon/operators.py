@@ -1,0 +1,251 @@
+"""What the buttons do; a script that calls the same operators gets the same."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    StringProperty,
+)
+
+from prt_core import PRTError
+from prt_core.api import bake_blend_steps
+from prt_core.errors import expect
+from prt_core.progress import run
+
+from . import bakes, live, plan, preview, views, work
+from .buttons import BakeButton, Button
+from .work import LongWork, status
+
+
+class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
+    """Trace how light travels in the scene, once; a bake that was stopped goes on where it was"""
+
+    bl_idname = "prt.bake"
+    bl_label = "Bake"
+    title = "Bake"
+
+    restart: BoolProperty(
+        name="Restart", description="Begin anew even where the bake is there already",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+
+    def steps(self, context, pace):
+        scene = context.scene
+        self.scene_name, path = scene.name, plan.output_path(scene)
+        caster = scene.prt.caster
+        live.stop()
+        self.report_line = yield from bake_blend_steps(
+            None,
+            path,
+            plan.bake_settings(scene),
+            plan.receivers(scene),
+            plan.two_sided(scene),
+            self.restart or "changed",
+            pace,
+            scene,
+            strict=False,
+        )
+        preview.forget()
+        there = yield from preview.load_steps(path, caster)
+        found = yield from preview.check_steps(self._scene(), there, pace)
+        expect(
+            not (found.missing or found.changed),
+            f"bake: the scene was changed meanwhile ({found}); the bake is kept, bake again",
+        )
+        asked, radiance = None, None
+        try:
+            asked = preview.request(self._scene())
+            radiance = yield from asked.steps(there, pace)
+        except PRTError as error:
+            self.report({"WARNING"}, f"{error}; the bake is there, choose another light")
+        return there, asked, radiance
+
+    def stopped(self, context):
+        bakes.refresh(context.scene)
+
+    def _scene(self):
+        scene = bpy.data.scenes.get(self.scene_name)
+        expect(scene is not None, f"scene '{self.scene_name}' was removed or renamed meanwhile")
+        return scene
+
+    def finish(self, context, result):
+        there, asked, radiance = result
+        scene = self._scene()
+        scene.prt.loaded = preview.relative(there.path)
+        if radiance is not None:
+            run(live.show_steps(scene.name, there, radiance, asked))
+            views.show()
+        bakes.refresh(scene)
+        line = self.report_line
+        seconds = sum(line["seconds"].values())
+        text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
+        if line["error"] is not None:
+            text += f", error {line['error']:.2%}"
+        self.report({"INFO"}, text)
+        work.say(text)
+
+
+class PRT_OT_cancel(bpy.types.Operator):
+    """Stop; what is done is kept, and the same button goes on from there"""
+
+    bl_idname = "prt.cancel"
+    bl_label = "Cancel"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, _context):
+        cls.poll_message_set("Nothing is under way")
+        return status().running
+
+    def execute(self, _context):
+        status().cancel = True
+        return {"FINISHED"}
+
+
+class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
+    """Colours of the loaded bake under the light of the panel, with all shadow rays"""
+
+    bl_idname = "prt.relight"
+    bl_label = "Relight"
+    title = "Relight"
+
+    def steps(self, context, pace):
+        scene = context.scene
+        self.scene_name = scene.name
+        live.stop()
+        there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+        asked = preview.request(bpy.data.scenes[self.scene_name])
+        radiance = yield from asked.steps(there, pace)
+        return there, asked, radiance
+
+    def finish(self, context, result):
+        there, asked, radiance = result
+        run(live.show_steps(self.scene_name, there, radiance, asked))
+        work.say(f"{len(radiance):,} points relit")
+
+
+class PRT_OT_load(LongWork, Button, bpy.types.Operator):
+    """Load a bake and show its colours"""
+
+    bl_idname = "prt.load"
+    bl_label = "Load"
+    title = "Load"
+
+    filepath: StringProperty(name="Bake", description="NAME.prt", subtype="DIR_PATH")
+
+    def steps(self, context, pace):
+        scene = context.scene
+        self.scene_name = scene.name
+        path = Path(bpy.path.abspath(self.filepath)) if self.filepath else plan.output_path(scene)
+        live.stop()
+        there = yield from preview.load_steps(path, scene.prt.caster)
+        scene = bpy.data.scenes[self.scene_name]
+        found = yield from preview.check_steps(scene, there, pace)
+        if not found.fresh:
+            text = f"{path.name}: the scene is not the one that was baked ({found})"
+            self.report({"WARNING"}, text)
+        asked = preview.request(bpy.data.scenes[self.scene_name])
+        radiance = yield from asked.steps(there, pace)
+        return there, asked, radiance
+
+    def finish(self, context, result):
+        there, asked, radiance = result
+        scene = bpy.data.scenes[self.scene_name]
+        run(live.show_steps(self.scene_name, there, radiance, asked))
+        scene.prt.loaded = preview.relative(there.path)
+        views.show()
+        work.say(f"{Path(there.path).name} loaded")
+
+
+class PRT_OT_clear(Button, bpy.types.Operator):
+    """Take the preview off: materials, active colours and views come back; bakes stay on disk"""
+
+    bl_idname = "prt.clear"
+    bl_label = "Restore"
+
+    def execute(self, context):
+        live.stop()
+        changed = preview.clear(context.scene)
+        context.scene.prt.loaded = ""
+        preview.forget()
+        views.restore()
+        work.say(f"{changed} objects are as they were")
+        return {"FINISHED"}
+
+
+class PRT_OT_remove(Button, bpy.types.Operator):
+    """Delete a bake from the disk"""
+
+    bl_idname = "prt.remove"
+    bl_label = "Delete Bake"
+    bl_options = {"REGISTER", "INTERNAL"}
+    object_mode = False
+
+    filepath: StringProperty(name="Bake", subtype="DIR_PATH")
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+    def execute(self, context):
+        try:
+            bakes.remove(bpy.path.abspath(self.filepath))
+        except work.FAILURES as error:
+            return self.fail(error)
+        bakes.refresh(context.scene)
+        work.say(f"{Path(self.filepath).name} deleted")
+        return {"FINISHED"}
+
+
+class PRT_OT_refresh(Button, bpy.types.Operator):
+    """Look at the scene and the folder again: points, seconds, memory, warnings, bakes"""
+
+    bl_idname = "prt.refresh"
+    bl_label = "Check"
+    bl_options = {"REGISTER"}
+    object_mode = False
+
+    def execute(self, context):
+        scene = context.scene
+        bakes.refresh(scene)
+        rate = bakes.rate(plan.back_end(scene))
+        try:
+            made = run(plan.steps(scene, rays_per_second=rate))
+        except work.FAILURES as error:
+            return self.fail(error)
+        cost = made.cost
+        self.report(
+            {"INFO"},
+            f"{cost.points:,} points, {cost.rays / 1e6:.1f} M rays, about {cost.seconds:.0f} s "
+            f"with {made.back_end}, {cost.memory_bytes / 1e6:.0f} MB",
+        )
+        return {"FINISHED"}
+
+
+class PRT_OT_shading(Button, bpy.types.Operator):
+    """Show the colours in Solid mode, as they are; again: as it was before"""
+
+    bl_idname = "prt.shading"
+    bl_label = "Colours in Solid"
+    bl_options = {"REGISTER"}
+    object_mode = False
+
+    def execute(self, _context):
+        if views.shown():
+            views.restore()
+        else:
+            views.show()
+        return {"FINISHED"}
+
+
+_CLASSES = (
+    PRT_OT_bake,
+    PRT_OT_cancel,
+    PRT_OT_relight,
+    PRT_OT_load,
+    PRT_OT_clear,
+    PRT_OT_remove,
+    PRT_OT_refresh,
+    PRT_OT_shading,
+)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

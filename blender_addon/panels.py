@@ -1,0 +1,265 @@
+"""The panel in the 3D view's sidebar. Drawing only reads."""
+
+from pathlib import Path
+
+import bpy
+
+from . import bakes, plan, preview, views
+from .work import status
+
+_MOST_WARNINGS = 8
+
+
+class _Panel:
+    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "PRT"
+
+    def _split(self):
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        return self.layout
+
+
+class PRT_PT_main(_Panel, bpy.types.Panel):
+    bl_idname = "PRT_PT_main"
+    bl_label = "PRT Relight"
+
+    def draw(self, context):
+        layout, state, scene = self.layout, status(), context.scene
+        column = layout.column()
+        column.scale_y = 1.4
+        if state.running:
+            label = f"{state.title}: {state.stage}"
+            column.progress(factor=state.done, text=label)
+            column.operator("prt.cancel", icon="CANCEL")
+        else:
+            going_on = any(
+                item.path == str(plan.output_path(scene)) and not item.complete
+                for item in state.bakes
+            )
+            text = "Go On Baking" if going_on else "Bake"
+            column.operator("prt.bake", text=text, icon="RENDER_STILL")
+        if state.message:
+            icon = "ERROR" if state.failed else "INFO"
+            _lines(layout, state.message, icon, context)
+        if scene.prt.loaded:
+            shown = [item for item in state.bakes if item.path == preview.path_of(scene)]
+            text, icon = bakes.state(scene, shown[0]) if shown else ("", "NONE")
+            if text.startswith("stale"):
+                _lines(layout, f"Bake again: {text.removeprefix('stale: ')}", icon, context)
+            row = layout.row(align=True)
+            row.operator("prt.relight", icon="LIGHT_SUN")
+            row.operator("prt.clear", icon="LOOP_BACK")
+
+
+class PRT_PT_objects(_Panel, bpy.types.Panel):
+    bl_label = "Objects"
+    bl_parent_id = "PRT_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.layout.template_list(
+            "PRT_UL_objects", "", context.scene, "objects", status(), "active_object", rows=4
+        )
+
+
+class PRT_UL_objects(bpy.types.UIList):
+    """Objects that can be baked: who receives, whose backs are lit; the rest only casts."""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active, _property, _index):
+        row = layout.row(align=True)
+        row.label(text=item.name, icon="OUTLINER_OB_" + _ICONS.get(item.type, "MESH"))
+        row.label(text="" if item.prt.receives else "casts only")
+        receives = "SHADING_RENDERED" if item.prt.receives else "SHADING_SOLID"
+        row.prop(item.prt, "receives", text="", icon=receives)
+        row.prop(item.prt, "two_sided", text="", icon="MOD_SOLIDIFY")
+        row.prop(item, "hide_render", text="", emboss=False)
+
+    def filter_items(self, _context, data, name):
+        objects = getattr(data, name)
+        shown = [
+            self.bitflag_filter_item
+            if (o.type in plan.GEOMETRY or o.instance_type == "COLLECTION")
+            and not o.get("prt_copy")
+            and self.filter_name.lower() in o.name.lower()
+            else 0
+            for o in objects
+        ]
+        return shown, []
+
+
+_ICONS = {"CURVE": "CURVE", "SURFACE": "SURFACE", "META": "META", "FONT": "FONT", "EMPTY": "EMPTY"}
+
+
+class PRT_PT_bake(_Panel, bpy.types.Panel):
+    bl_label = "Bake Settings"
+    bl_parent_id = "PRT_PT_main"
+
+    def draw(self, context):
+        layout, scene = self._split(), context.scene
+        settings = scene.prt
+        column = layout.column()
+        column.enabled = not status().running
+        column.prop(settings, "resolution")
+        column.prop(settings, "tolerance")
+        column.prop(settings, "all_bounces")
+        if not settings.all_bounces:
+            column.prop(settings, "bounces")
+        column.prop(settings, "method")
+        column.prop(settings, "caster")
+        column.prop(settings, "name")
+        column.prop(settings, "folder")
+        plan.want(scene)
+        self._plan(context, layout)
+
+    def _plan(self, context, layout):
+        scene = context.scene
+        made, holds = plan.of(scene)
+        row = layout.row()
+        row.use_property_split = False
+        if made is None or made.cost is None:
+            row.label(text="Not checked yet" if made is None else "Nothing to bake")
+        else:
+            cost = made.cost
+            text = f"{cost.points:,} points, {cost.rays / 1e6:.0f} M rays"
+            row.label(text=text if holds else text + " (before the last change)")
+            details = layout.column(align=True)
+            details.scale_y = 0.8
+            details.label(text=f"about {_seconds(cost.seconds)} with {made.back_end}")
+            details.label(
+                text=f"{_megabytes(cost.memory_bytes)} memory, {_megabytes(cost.disk_bytes)} disk"
+            )
+        row.operator("prt.refresh", text="", icon="FILE_REFRESH")
+        found = plan.warnings(scene)
+        for text, helps, name in found[:_MOST_WARNINGS]:
+            box = layout.column(align=True)
+            _lines(box, text, "ERROR" if helps else "INFO", context)
+            if helps:
+                button = box.operator(helps)
+                if name is not None:
+                    button.object_name = name
+        if len(found) > _MOST_WARNINGS:
+            layout.label(text=f"and {len(found) - _MOST_WARNINGS} more")
+
+
+class PRT_PT_light(_Panel, bpy.types.Panel):
+    bl_label = "Light"
+    bl_parent_id = "PRT_PT_main"
+
+    def draw(self, context):
+        layout, settings = self._split(), context.scene.prt
+        layout.row().prop(settings, "light", expand=True)
+        if settings.light == "FILE":
+            layout.prop(settings, "file")
+        elif settings.light == "STUDIO":
+            row = layout.row()
+            row.use_property_split = False
+            row.template_icon_view(settings, "studio", show_labels=True, scale=5)
+            layout.label(text=Path(settings.studio).stem.replace("_", " ").title())
+        column = layout.column(align=True)
+        column.use_property_decorate = True
+        column.prop(settings, "rotation")
+        column.prop(settings, "strength")
+        column.prop(settings, "exposure")
+        layout.prop(settings, "sharp_sun")
+        layout.prop(settings, "use_lamps")
+        if settings.use_lamps or settings.sharp_sun:
+            layout.prop(settings, "lamp_samples")
+
+
+class PRT_PT_preview(_Panel, bpy.types.Panel):
+    bl_label = "Preview"
+    bl_parent_id = "PRT_PT_main"
+
+    def draw(self, context):
+        layout, settings = self._split(), context.scene.prt
+        layout.prop(settings, "live")
+        layout.prop(settings, "attribute")
+        layout.prop(settings, "domain")
+        layout.prop(settings, "material")
+        layout.operator("prt.shading", icon="SHADING_SOLID", depress=views.shown())
+        layout.separator()
+        column = layout.column(align=True)
+        keep = column.operator("prt.keep", icon="COLOR")
+        keep.domain = settings.domain
+        column.operator("prt.turntable", icon="KEY_HLT")
+        column.operator("prt.export", icon="EXPORT")
+
+
+class PRT_PT_bakes(_Panel, bpy.types.Panel):
+    bl_label = "Bakes"
+    bl_parent_id = "PRT_PT_main"
+
+    def draw(self, context):
+        layout, state, scene = self.layout, status(), context.scene
+        row = layout.row()
+        row.template_list("PRT_UL_bakes", "", state, "bakes", state, "active_bake", rows=3)
+        side = row.column(align=True)
+        side.operator("prt.refresh", text="", icon="FILE_REFRESH")
+        if not 0 <= state.active_bake < len(state.bakes):
+            layout.label(text="No bakes in the folder")
+            return
+        item = state.bakes[state.active_bake]
+        side.operator("prt.remove", text="", icon="TRASH").filepath = item.path
+        row = layout.row()
+        row.enabled = item.complete
+        row.operator("prt.load", icon="IMPORT").filepath = item.path
+        text, icon = bakes.state(scene, item)
+        _lines(layout, text, icon, context)
+        if item.complete:
+            if item.method != "exhaustive":
+                layout.label(
+                    text=f"{item.entries:.1f} % traced by {item.method}, "
+                    f"error at most {item.visibility_error:.2%}"
+                )
+            error = "" if item.error < 0 else f", bounces {item.error:.2%}"
+            layout.label(
+                text=f"{item.points:,} points, {item.megabytes:.1f} MB, "
+                f"{_seconds(item.seconds)} with {item.back_end}{error}"
+            )
+
+
+class PRT_UL_bakes(bpy.types.UIList):
+    """The bakes of the folder; the one that is shown has an eye."""
+
+    def draw_item(self, context, layout, _data, item, _icon, _active, _property, _index):
+        scene = context.scene
+        row = layout.row(align=True)
+        shown = preview.path_of(scene) == item.path
+        row.label(text=item.name, icon="HIDE_OFF" if shown else bakes.state(scene, item)[1])
+        row.label(text=f"{item.megabytes:.1f} MB")
+
+
+def _seconds(value):
+    return f"{value:.0f} s" if value < 120 else f"{value / 60:.0f} min"
+
+
+def _megabytes(value):
+    return f"{value / 1e6:.0f} MB" if value < 2e9 else f"{value / 1e9:.1f} GB"
+
+
+def _lines(layout, text, icon, context):
+    """Text of any length, cut between words to the panel's width."""
+    width = max(20, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
+    lines, line = [], ""
+    for word in text.split():
+        if line and len(line) + len(word) >= width:
+            lines.append(line)
+            line = ""
+        line = f"{line} {word}".strip()
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for index, part in enumerate([*lines, line]):
+        column.label(text=part, icon="BLANK1" if index else icon)
+
+
+_CLASSES = (
+    PRT_UL_objects,
+    PRT_UL_bakes,
+    PRT_PT_main,
+    PRT_PT_objects,
+    PRT_PT_bake,
+    PRT_PT_light,
+    PRT_PT_preview,
+    PRT_PT_bakes,
+)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,0 +1,224 @@
+"""What a user sets: on scenes and objects (saved), and what is under way (never saved)."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from . import live, studio
+
+
+def _changed(settings, _context):
+    live.touch(settings.id_data)
+
+
+def _plan_changed(settings, _context):
+    live.geometry_changed(settings.id_data)
+
+
+def _object_changed(settings, context):
+    live.geometry_changed(context.scene)
+
+
+def _shown_changed(settings, _context):
+    live.touch(settings.id_data, show=True)
+
+
+class PRTScene(bpy.types.PropertyGroup):
+    """Bake, light and preview settings of a scene."""
+
+    resolution: EnumProperty(
+        name="Resolution",
+        description="Texels along an edge of the cube map: how sharp shadows of the sky can be",
+        items=[(str(n), str(n), f"{6 * n * n:,} directions") for n in (8, 16, 32, 64)],
+        default="32",
+        update=_plan_changed,
+    )
+    all_bounces: BoolProperty(
+        name="All Bounces",
+        description="As many bounces as the tolerance needs",
+        default=True,
+        update=_plan_changed,
+    )
+    bounces: IntProperty(
+        name="Bounces", description="0 is direct light only", default=2, min=0, soft_max=16,
+        update=_plan_changed,
+    )  # fmt: skip
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="Relative error of the relit colours that the bounces may have",
+        default=0.01, min=0.001, max=0.5, precision=3, update=_plan_changed,
+    )  # fmt: skip
+    caster: EnumProperty(
+        name="Ray Caster",
+        items=[
+            ("auto", "Automatic", "Embree where it is there, else Blender"),
+            ("embree", "Embree", "Fastest"),
+            ("blender", "Blender", "Geometry Nodes' ray casts, on all cores"),
+            ("bvhtree", "BVH Tree", "One ray a call; slow"),
+        ],
+        default="auto",
+        update=_plan_changed,
+    )
+    method: EnumProperty(
+        name="Rays",
+        items=[
+            ("auto", "Automatic", "The cheapest that keeps the tolerance"),
+            ("agreement", "By Agreement", "Where neighbours disagree about what they see"),
+            ("huang", "Sparse", "After Huang and Ramamoorthi; to compare with"),
+            ("exhaustive", "All", "Every direction of every point"),
+        ],
+        default="auto",
+        update=_plan_changed,
+    )
+    folder: StringProperty(
+        name="Folder", description="Where bakes are kept", default="//prt", subtype="DIR_PATH",
+        update=_plan_changed,
+    )  # fmt: skip
+    name: StringProperty(name="Name", description="Of the bake; empty: the scene's name")
+    loaded: StringProperty(name="Bake", description="The bake that is shown", update=_changed)
+
+    light: EnumProperty(
+        name="Light",
+        items=[
+            ("WORLD", "World", "The scene's world, as its nodes say"),
+            ("FILE", "Image", "An .exr or .hdr image"),
+            ("STUDIO", "Studio", "One of Blender's own studio lights"),
+        ],
+        default="WORLD",
+        update=_changed,
+    )
+    file: StringProperty(
+        name="Image", description="Equirectangular .exr or .hdr", subtype="FILE_PATH",
+        update=_changed,
+    )  # fmt: skip
+    studio: EnumProperty(name="Studio Light", items=studio.items, update=_changed)
+    rotation: FloatProperty(
+        name="Rotation", description="Turns the environment about the vertical",
+        subtype="ANGLE", unit="ROTATION", default=0.0, update=_changed,
+    )  # fmt: skip
+    strength: FloatProperty(
+        name="Strength", description="Factor on the environment", default=1.0, min=0.0,
+        soft_max=10.0, update=_changed,
+    )  # fmt: skip
+    exposure: FloatProperty(
+        name="Exposure", description="Stops, on the colours", default=0.0, soft_min=-10.0,
+        soft_max=10.0, update=_changed,
+    )  # fmt: skip
+    sharp_sun: BoolProperty(
+        name="Sharp Sun",
+        description="Cast shadow rays to what is far brighter than the rest of the image",
+        update=_changed,
+    )
+    use_lamps: BoolProperty(
+        name="Lamps", description="Add the scene's lamps; their shadows are cast now",
+        default=True, update=_changed,
+    )  # fmt: skip
+    lamp_samples: IntProperty(
+        name="Samples", description="Shadow rays of each point to each lamp", default=64, min=1,
+        max=65536, soft_max=1024, update=_changed,
+    )  # fmt: skip
+
+    live: BoolProperty(
+        name="Live", description="Colours follow the light, the lamps and the timeline",
+        default=True, update=_changed,
+    )  # fmt: skip
+    attribute: StringProperty(
+        name="Attribute", description="The colour attribute of the preview", default="PRT",
+        update=_shown_changed,
+    )  # fmt: skip
+    domain: EnumProperty(
+        name="Domain",
+        items=[
+            ("CORNER", "Face Corner", "Sharp edges keep both their colours"),
+            ("POINT", "Vertex", "The mean of the corners"),
+        ],
+        default="CORNER",
+        update=_shown_changed,
+    )
+    material: BoolProperty(
+        name="Show as Emission",
+        description="Cover materials in Material Preview and renders; Restore brings them back",
+        default=True,
+        update=_shown_changed,
+    )
+    shown: StringProperty(
+        name="Shown", description="The attribute that holds the preview now", options={"HIDDEN"}
+    )
+
+
+class PRTObject(bpy.types.PropertyGroup):
+    """What an object does in a bake."""
+
+    receives: BoolProperty(
+        name="Receives", description="Gets colours; otherwise it only casts and bounces",
+        default=True, update=_object_changed,
+    )  # fmt: skip
+    two_sided: BoolProperty(
+        name="Two-sided", description="Back sides receive and bounce as well (cloth, leaves)",
+        update=_object_changed,
+    )  # fmt: skip
+
+
+class PRTSource(bpy.types.PropertyGroup):
+    """A mesh that a bake was made from, and its digest."""
+
+    digest: StringProperty()
+
+
+class PRTBakeItem(bpy.types.PropertyGroup):
+    """One bake of the folder."""
+
+    path: StringProperty()
+    complete: BoolProperty()
+    megabytes: FloatProperty()
+    seconds: FloatProperty()
+    error: FloatProperty(default=-1.0)
+    points: IntProperty()
+    method: StringProperty()
+    entries: FloatProperty()
+    visibility_error: FloatProperty(default=-1.0)
+    back_end: StringProperty()
+    rate: FloatProperty()
+    source: CollectionProperty(type=PRTSource)
+
+
+class PRTStatus(bpy.types.PropertyGroup):
+    """What is under way; on the window manager, so that no file keeps it."""
+
+    running: BoolProperty(options={"SKIP_SAVE"})
+    cancel: BoolProperty(options={"SKIP_SAVE"})
+    title: StringProperty(options={"SKIP_SAVE"})
+    stage: StringProperty(options={"SKIP_SAVE"})
+    done: FloatProperty(options={"SKIP_SAVE"}, subtype="FACTOR", min=0, max=1)
+    message: StringProperty(options={"SKIP_SAVE"})
+    failed: BoolProperty(options={"SKIP_SAVE"})
+    active_object: IntProperty(options={"SKIP_SAVE"})
+    bakes_folder: StringProperty(options={"SKIP_SAVE"})
+    bakes: CollectionProperty(type=PRTBakeItem, options={"SKIP_SAVE"})
+    active_bake: IntProperty(options={"SKIP_SAVE"})
+
+
+_CLASSES = (PRTScene, PRTObject, PRTSource, PRTBakeItem, PRTStatus)
+
+
+def register():
+    for kind in _CLASSES:
+        bpy.utils.register_class(kind)
+    bpy.types.Scene.prt = PointerProperty(type=PRTScene)
+    bpy.types.Object.prt = PointerProperty(type=PRTObject)
+    bpy.types.WindowManager.prt = PointerProperty(type=PRTStatus)
+
+
+def unregister():
+    for owner in (bpy.types.Scene, bpy.types.Object, bpy.types.WindowManager):
+        del owner.prt
+    for kind in reversed(_CLASSES):
+        bpy.utils.unregister_class(kind)
+    studio.forget()

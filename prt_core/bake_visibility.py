@@ -1,0 +1,195 @@
+"""The visibility stage of a bake: every entry traced, or few of them and the error known."""
+
+import time
+
+import numpy as np
+
+from prt_core.errors import expect
+from prt_core.progress import Pace, Progress, maybe_beside
+from prt_core.sampling import (
+    AgreementSettings,
+    CertificateSettings,
+    certificate_steps,
+    probe_lights,
+    refine_agreement,
+    sampler_named,
+    sampler_names,
+    trace_rest,
+)
+from prt_core.sampling.tracer import count_bits
+from prt_core.store import JournalMismatch, RayJournal
+from prt_core.transport import visibility_bits
+from prt_core.transport.visibility import horizon_bits
+
+BLOCK = 2048
+# Below so many rays every entry is traced: it takes a second at most, and there is no error.
+_FEW_RAYS = 1 << 21
+# An object with fewer rays than this is traced whole.
+_SMALL = 1 << 15
+# What is asked again where the tolerance is not met; after the last all that is left is traced.
+_TURNS = (
+    {"neighbours": 6, "candidates": 12, "checks": 32, "edge_halvings": 0},
+    {"neighbours": 12, "candidates": 16, "checks": 128, "edge_halvings": 0},
+)
+
+
+def expect_method(method):
+    """Raise `PRTError` unless `method` names a way to sample."""
+    known = ["auto", "exhaustive", *sampler_names()]
+    expect(method in known, f"method: expected one of {', '.join(known)}, got {method!r}")
+
+
+def chosen_method(method, n_points, n_directions):
+    """What `auto` stands for: every entry where there are few, else sampling by agreement."""
+    if method != "auto":
+        return method
+    return "exhaustive" if n_points * n_directions // 2 < _FEW_RAYS else "agreement"
+
+
+def blocks(n_points):
+    """Slices of the points that are stored together."""
+    return [slice(f, min(f + BLOCK, n_points)) for f in range(0, n_points, BLOCK)]
+
+
+def add_seconds(store, seconds, stage, spent):
+    seconds[stage] = seconds.get(stage, 0.0) + spent
+    store.update(seconds=seconds)
+
+
+def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, pace):
+    """Visibility of a scene into a store; yields `Progress`.
+
+    Returns
+    -------
+    dict
+        For the report: method, rays, entries_percent, hemisphere_percent, traced_percent by
+        object, certificate, visibility_error, tolerance_met, skipped.
+    """
+    method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
+    if method == "exhaustive":
+        rays = yield from _exhaustive(store, scene, cube_map, caster, seconds, pace)
+        entries = len(scene.points) * cube_map.n_directions
+        return {
+            "method": method,
+            "rays": rays,
+            "entries_percent": 100 * rays / max(entries, 1),
+            "hemisphere_percent": 100.0,
+            "certificate": [],
+            "visibility_error": 0.0,
+            "tolerance_met": True,
+            "sampling": {},
+        }
+    facts = store.facts.get("sampled")
+    while facts is None:
+        journal = RayJournal(caster, store)
+        try:
+            facts = yield from _sampled(
+                store, scene, cube_map, journal, method, settings, lights, seconds, pace
+            )
+        except JournalMismatch:
+            # Written by another version, or on a machine that rounds otherwise: begin anew.
+            continue
+        store.update(sampled=facts)
+        journal.remove()
+    return facts
+
+
+def _exhaustive(store, scene, cube_map, caster, seconds, pace):
+    n_points = len(scene.points)
+    n_bytes = -(-cube_map.n_directions // 8)
+    parts = blocks(n_points)
+    # No real row has every bit set, so no chunk is left out for being equal to the fill.
+    bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
+    counts = store.create("visibility_rays", (len(parts),), "int64", (1,), -1)
+    yield Progress("visibility", 0, n_points)
+    pace = Pace(pace, apart=caster.threads > 1)
+    for index, block in enumerate(parts):
+        if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
+            start, tally = time.perf_counter(), []
+            traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
+            for part in pace.parts(block.start, block.stop):
+                inside = slice(part.start - block.start, part.stop - block.start)
+                work = (visibility_bits, scene, cube_map, caster, part, tally.append)
+                traced[inside] = yield from maybe_beside(pace.apart, "visibility", *work)
+                pace.worked()
+                yield Progress("visibility", part.stop, n_points)
+            counts[index] = sum(tally)
+            bits[block] = traced
+            add_seconds(store, seconds, "visibility", time.perf_counter() - start)
+        yield Progress("visibility", block.stop, n_points)
+    return int(counts[...].sum())
+
+
+def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace):
+    """Sample, certify, and ask again until the tolerance is met; then store."""
+    start = time.perf_counter()
+    rays = Pace(pace, 1 << 15, apart=caster.threads > 1)
+    sampler, kind = sampler_named(method)
+    sampled = yield from sampler(scene, cube_map, caster, kind(seed=settings.seed), pace=rays)
+    spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
+    lights = lights or probe_lights(cube_map)
+    small = _small_objects(scene, cube_map)
+    if small.any():
+        sampled = yield from trace_rest(scene, cube_map, caster, sampled, small, pace=rays)
+    for turn in range(len(_TURNS) + 2):
+        start = time.perf_counter()
+        drawn = CertificateSettings(seed=settings.seed)
+        errors = yield from certificate_steps(
+            scene, cube_map, caster, sampled, lights, drawn, turn, pace=rays
+        )
+        spent["certificate"] += time.perf_counter() - start
+        poor = [item.name for item in errors if item.worst > settings.tolerance]
+        if not poor or turn > len(_TURNS):
+            break
+        start = time.perf_counter()
+        names = np.array([item.name for item in scene.objects])
+        again = np.isin(names[scene.points.object_index], poor)
+        if turn < len(_TURNS):
+            careful = AgreementSettings(seed=settings.seed, **_TURNS[turn])
+            sampled = yield from refine_agreement(
+                scene, cube_map, caster, careful, sampled, again, turn, pace=rays
+            )
+        else:
+            sampled = yield from trace_rest(scene, cube_map, caster, sampled, again, pace=rays)
+        spent["visibility"] += time.perf_counter() - start
+    start = time.perf_counter()
+    for name, array in (("visibility", sampled.bits), ("traced", sampled.traced)):
+        made = store.create(name, array.shape, "uint8", (BLOCK, array.shape[1]), 255)
+        for block in blocks(len(array)):
+            made[block] = array[block]
+            yield Progress("store", block.stop, len(array))
+    spent["store"] = time.perf_counter() - start
+    for stage, value in spent.items():
+        add_seconds(store, seconds, stage, value)
+    return _facts(scene, cube_map, method, sampled, errors, turn, settings)
+
+
+def _small_objects(scene, cube_map):
+    """Points of objects that cost less to trace whole than to certify."""
+    index = scene.points.object_index
+    rays = np.bincount(index, minlength=len(scene.objects)) * (cube_map.n_directions // 2)
+    return (rays < _SMALL)[index]
+
+
+def _facts(scene, cube_map, method, sampled, errors, turns, settings):
+    above = sampled.facts.get("hemisphere_entries")
+    if above is None:
+        parts = blocks(len(scene.points))
+        above = sum(int(count_bits(horizon_bits(scene, cube_map, part))) for part in parts)
+    traced = int(count_bits(sampled.traced))
+    worst = max((item.worst for item in errors), default=0.0)
+    return {
+        "method": method,
+        "rays": int(sampled.rays),
+        "entries_percent": 100 * traced / max(len(sampled.bits) * cube_map.n_directions, 1),
+        "hemisphere_percent": 100 * traced / max(above, 1),
+        "certificate": [item.facts() for item in errors],
+        "visibility_error": worst,
+        "tolerance_met": bool(worst <= settings.tolerance),
+        "sampling": {
+            **sampled.facts,
+            "turns": turns,
+            "hemisphere_entries": above,
+            "seconds": {stage: round(value, 3) for stage, value in sampled.seconds.items()},
+        },
+    }

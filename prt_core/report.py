@@ -1,0 +1,70 @@
+"""A bake's report in words, for people."""
+
+
+def report_lines(path, report):
+    """Lines on a bake: what it holds, what it cost, how near the truth it is, what it spared.
+
+    Parameters
+    ----------
+    path : str or Path
+    report : dict
+        See `bake_steps`; those of older versions have fewer keys.
+    """
+    seconds = report["seconds"]
+    stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
+    yield f"{path}: {report['points']:,} points, {report['directions']:,} directions"
+    yield (
+        f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}, "
+        f"{report['rays_per_second'] / 1e6:.1f} M a second"
+    )
+    yield f"  time    {sum(seconds.values()):.1f} s ({stages})"
+    yield (
+        f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
+    )
+    yield from _traced(report)
+    yield from (f"  error   {line}" for line in _errors(report))
+    yield from (f"  spared  {line}" for line in _spared(report.get("skipped") or {}))
+    yield from (f"  note    {message}" for message in report["messages"])
+
+
+def _traced(report):
+    if report.get("certificate"):
+        yield (
+            f"  traced  {report['entries_percent']:.2f} % of all entries, "
+            f"{report['hemisphere_percent']:.2f} % of those above the horizon, "
+            f"by the method '{report['method']}'"
+        )
+    else:
+        yield "  traced  every entry"
+
+
+def _errors(report):
+    certificate = report.get("certificate")
+    if certificate:
+        met = "within" if report["tolerance_met"] else "NOT within"
+        yield f"{report['visibility_error']:.2%} of direct light, {met} the tolerance; at 95 %:"
+        for item in certificate:
+            parts = [("matrix", item["matrix"]), *item["relit"].items()]
+            yield f"  {item['name']}: " + ", ".join(
+                f"{name} {part['error']:.2%} ({part['low']:.2%} to {part['high']:.2%})"
+                for name, part in parts
+            )
+    else:
+        yield "none of direct light"
+    if report["error"] is not None:
+        rays = report["rays_a_point"]
+        yield f"{report['error']:.2%} of relit colours, from the bounces ({rays} rays a point)"
+
+
+def _spared(skipped):
+    if skipped.get("visibility_rays", 0) > 0:
+        yield f"{skipped['visibility_rays'] / 1e6:.1f} M shadow rays"
+    if skipped.get("gather_rays"):
+        yield (
+            f"{skipped['gather_rays'] / 1e6:.2f} M bounce rays of "
+            f"{skipped['gather_open_points']:,} points that see no surface"
+        )
+    if "bounces_below" in skipped:
+        yield f"all bounces: they add at most {skipped['bounces_below']:.2%}"
+    if skipped.get("grey"):
+        yield "two of three channels of the bounces where the light is grey: all materials are"

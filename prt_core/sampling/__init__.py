@@ -1,0 +1,37 @@
+"""Which entries of the visibility are traced, and how far the others are from the truth."""
+
+from prt_core.sampling.agreement import (
+    AgreementSettings,
+    refine_agreement,
+    sample_agreement,
+    trace_rest,
+)
+from prt_core.sampling.certificate import (
+    CertificateSettings,
+    Estimate,
+    ObjectError,
+    certificate_steps,
+    probe_lights,
+)
+from prt_core.sampling.huang import HuangSettings, sample_huang
+from prt_core.sampling.open_sky import open_points
+from prt_core.sampling.sampled import Sampled, register_sampler, sampler_named, sampler_names
+
+__all__ = [
+    "AgreementSettings",
+    "CertificateSettings",
+    "Estimate",
+    "HuangSettings",
+    "ObjectError",
+    "Sampled",
+    "certificate_steps",
+    "open_points",
+    "probe_lights",
+    "refine_agreement",
+    "register_sampler",
+    "sample_agreement",
+    "sample_huang",
+    "sampler_named",
+    "sampler_names",
+    "trace_rest",
+]

@@ -1,0 +1,373 @@
+"""Sampling by agreement: a direction is traced only where known neighbours disagree about it.
+
+Points become known in levels, each denser than the one before. What all neighbours of a new point
+say of a direction is taken over; where they disagree, or none can say, a ray decides. That alone
+misses what no neighbour has seen and silhouettes that move out of the neighbours' range. So some
+rays are cast where the neighbours agree: a few at random over the hemisphere, and a share of those
+next to a boundary between light and dark that has just been found. Where one of them contradicts
+the neighbours, the texels around it are traced, and around those that contradict as well, until
+what was missed is surrounded; and all boundaries of that point are checked.
+"""
+
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from prt_core.errors import expect
+from prt_core.progress import maybe_beside
+from prt_core.sampling.dilate import chequer, dilate
+from prt_core.sampling.neighbours import Neighbours, surface_levels
+from prt_core.sampling.open_sky import open_points
+from prt_core.sampling.sampled import Sampled, register_sampler
+from prt_core.sampling.tracer import Tracer, count_bits
+from prt_core.transport.gather import _frames
+from prt_core.transport.visibility import horizon_bits
+
+# Points worked on together: their random numbers are drawn together too. Rows a thread takes.
+_BLOCK, _ROWS = 16384, 256
+# Steps of following what the neighbours had missed: nearly all ends within the first, by one
+# texel each; the few large parts that are left are followed by more texels at once.
+_MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
+_SEED_STAGE, _REFINE = 4, 1000
+
+
+@dataclass(frozen=True)
+class AgreementSettings:
+    """How carefully to ask.
+
+    Parameters
+    ----------
+    neighbours : int
+        Known points that must agree.
+    candidates : int
+        Nearest known points of which the neighbours are chosen.
+    checks : int
+        Rays of each point at random, where its neighbours agree.
+    edge_halvings : int
+        One in 2^edge_halvings of the texels beside a boundary is checked, at the last level; at
+        levels where fewer points are known, on which more depends, as many more.
+    first : int
+        One point in `first` is traced whole, to begin with; at least 64 points.
+    growth : float
+        Known points after a level, as a multiple of those before it.
+    seed : int
+    """
+
+    neighbours: int = 4
+    candidates: int = 8
+    checks: int = 4
+    edge_halvings: int = 3
+    first: int = 400
+    growth: float = 1.8
+    seed: int = 0
+
+    def __post_init__(self):
+        least = {"neighbours": 1, "candidates": self.neighbours, "first": 1}
+        for name in ("neighbours", "candidates", "checks", "edge_halvings", "first", "seed"):
+            value, low = getattr(self, name), least.get(name, 0)
+            expect(
+                isinstance(value, int | np.integer) and value >= low,
+                f"{name}: expected a whole number >= {low}, got {value!r}",
+            )
+        expect(
+            np.isfinite(self.growth) and self.growth > 1,
+            f"growth: expected a number above 1, got {self.growth!r}",
+        )
+
+
+def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=None):
+    """Visibility of every point from a few per cent of its entries; yields `Progress`.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : AgreementSettings
+    tally : callable(int), optional
+        Told the number of rays of each batch.
+    pace : Pace, optional
+        In rays; the result is the same.
+
+    Returns
+    -------
+    Sampled
+        `facts`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
+        entries traced by reason: first, disagree, check, follow, rest.
+    """
+    settings = settings or AgreementSettings()
+    work = _Work(scene, cube_map, caster, tally, pace, settings.seed)
+    yield from work.begin()
+    rng = np.random.default_rng([settings.seed, _SEED_STAGE])
+    closed = np.flatnonzero(~work.open)
+    first = max(64, -(-len(closed) // settings.first))
+    levels = surface_levels(scene.points, first, settings.growth, rng)
+    levels = [level[~work.open[level]] for level in levels]
+    known = np.flatnonzero(work.open)
+    for index, level in enumerate(levels):
+        share = (len(known) + len(level)) / max(len(scene.points), 1)
+        halvings = max(0, round(settings.edge_halvings + np.log2(share)))
+        if index == 0:
+            yield from work.trace_whole(level)
+        else:
+            yield from work.ask(level, known, settings, halvings, (index,))
+        known = np.concatenate([known, level])
+    return work.result([len(level) for level in levels])
+
+
+def refine_agreement(
+    scene, cube_map, caster, settings, sampled, points, turn, tally=None, pace=None
+):
+    """Ask again, now that every point has neighbours on all sides; yields `Progress`.
+
+    Parameters
+    ----------
+    settings : AgreementSettings
+        Those of this turn: more neighbours and checks than before find more.
+    sampled : Sampled
+        Of the same scene, by any sampler; left as it is.
+    points : (n_points,) bool
+        Those to ask again; all are asked.
+    turn : int
+        Counts the calls.
+
+    Returns
+    -------
+    Sampled
+    """
+    work = _Work(scene, cube_map, caster, tally, pace, settings.seed, sampled)
+    yield from work.begin()
+    level = surface_levels(scene.points, len(scene.points), 2.0, np.random.default_rng(0))[0]
+    everyone = np.arange(len(scene.points))
+    level = level[points[level] & ~work.open[level]]
+    yield from work.ask(level, everyone, settings, settings.edge_halvings, (_REFINE + turn,))
+    return work.result(sampled.facts.get("levels", []))
+
+
+def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
+    """Trace whatever was not traced in some points; yields `Progress`, returns `Sampled`."""
+    work = _Work(scene, cube_map, caster, tally, pace, 0, sampled)
+    yield from work.begin()
+    wanted = np.flatnonzero(points & ~work.open)
+    for first in range(0, len(wanted), _BLOCK):
+        some = wanted[first : first + _BLOCK]
+        bits, traced = work.bits[some], work.traced[some]
+        yield from work.trace("rest", some, work.above[some] & ~traced, bits, traced)
+        work.bits[some], work.traced[some] = bits, traced
+    return work.result(sampled.facts.get("levels", []))
+
+
+class _Work:
+    """What is known so far, and the ways to know more."""
+
+    def __init__(self, scene, cube_map, caster, tally, pace, seed, sampled=None):
+        self._scene, self._cube_map, self._seed = scene, cube_map, seed
+        # A caller with a window to keep alive gets the arithmetic done in a thread.
+        self._apart = pace is not None and pace.seconds is not None
+        self._tracer = Tracer(scene, cube_map, caster, tally, pace)
+        self._neighbours = Neighbours(scene.points)
+        self._seconds = dict(sampled.seconds) if sampled else {}
+        self._counts = dict.fromkeys(("first", "disagree", "check", "follow", "rest"), 0)
+        self._rays_before = 0
+        self.bits = self.traced = None
+        if sampled:
+            self.bits, self.traced = sampled.bits.copy(), sampled.traced.copy()
+            self._counts.update({k: sampled.facts.get(k, 0) for k in self._counts})
+            self._tracer.done = len(scene.points)
+            self._rays_before = sampled.rays
+
+    def begin(self):
+        """Horizons, and the points from which nothing can be in the way."""
+        scene, n_points = self._scene, len(self._scene.points)
+        start = time.perf_counter()
+        self.above = np.empty((n_points, -(-self._cube_map.n_directions // 8)), np.uint8)
+        for first in range(0, n_points, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            self.above[part] = yield from maybe_beside(
+                self._apart, "visibility", horizon_bits, scene, self._cube_map, part
+            )
+            yield self._tracer.progress()
+        self.open = yield from maybe_beside(self._apart, "visibility", open_points, scene)
+        if self.bits is None:
+            self.bits, self.traced = np.zeros_like(self.above), np.zeros_like(self.above)
+        self.bits[self.open] = self.above[self.open]
+        self._spent("horizon", start)
+
+    def trace_whole(self, points):
+        start = time.perf_counter()
+        self.bits[points] = yield from self._tracer.trace(points, self.above[points])
+        self.traced[points] = self.above[points]
+        self._counts["first"] += self._tracer.rays
+        self._spent("rays", start)
+
+    def ask(self, points, known, settings, halvings, key):
+        """One level: what the neighbours say, rays where they disagree, checks, and repair."""
+        start = time.perf_counter()
+        around = yield from maybe_beside(
+            self._apart, "visibility", self._neighbours.around, known, points,
+            settings.neighbours, settings.candidates, len(known) == len(self.bits),
+        )  # fmt: skip
+        self._spent("neighbours", start)
+        for index, first in enumerate(range(0, len(points), _BLOCK)):
+            part = slice(first, first + _BLOCK)
+            rng = np.random.default_rng([self._seed, _SEED_STAGE, *key, index])
+            yield from self._ask_block(points[part], around[part], settings.checks, halvings, rng)
+            self._tracer.done = len(known) + first
+            yield self._tracer.progress()
+
+    def _ask_block(self, points, around, n_checks, halvings, rng):
+        above, traced = self.above[points], self.traced[points]
+        agreed, said = yield from self._aside(_on_rows, _vote, len(points), self, points, around)
+        bits = said & ~traced | self.bits[points] & traced
+        contested = above & ~agreed & ~traced
+        every_other = contested & chequer(self._cube_map.resolution)
+        yield from self.trace("disagree", points, every_other, bits, traced)
+        checks = yield from self._aside(self._random_entries, points, n_checks, rng)
+        yield from self.trace("check", points, checks & agreed & ~traced, bits, traced)
+        between, lit = yield from self._aside(
+            _on_rows, _between, len(points), contested & ~every_other, above, bits
+        )
+        agreed |= between
+        bits = bits & ~between | lit
+        said = said & ~between | lit
+        rest = contested & ~every_other & ~between
+        yield from self.trace("disagree", points, rest, bits, traced)
+        surprise = agreed & traced & (bits ^ said)
+        rows, coin, reason = np.arange(len(points)), _coin(rng, above.shape, halvings), "check"
+        for step in range(_MOST_STEPS):
+            reach = 1 if step < _NEAR_STEPS else _FAR
+            some = agreed[rows], traced[rows], bits[rows]
+            mask = yield from self._aside(
+                _on_rows, _follow, len(rows), surprise, *some, coin, reach
+            )
+            fresh = mask.any(axis=1)
+            rows, mask = rows[fresh], mask[fresh]
+            if not len(rows):
+                break
+            some_bits, some_traced = bits[rows], traced[rows]
+            yield from self.trace(reason, points[rows], mask, some_bits, some_traced)
+            bits[rows], traced[rows] = some_bits, some_traced
+            surprise = mask & (some_bits ^ said[rows])
+            found = surprise.any(axis=1)
+            rows, surprise, coin, reason = rows[found], surprise[found], None, "follow"
+            if not len(rows):
+                break
+        self.bits[points], self.traced[points] = bits, traced
+
+    def trace(self, reason, points, mask, bits, traced):
+        """Trace a mask into `bits` and `traced`, in place."""
+        start, before = time.perf_counter(), self._tracer.rays
+        free = yield from self._tracer.trace(points, mask)
+        bits &= ~mask
+        bits |= free
+        traced |= mask
+        self._counts[reason] += self._tracer.rays - before
+        self._spent("rays", start)
+
+    def _random_entries(self, points, n_checks, rng):
+        """Entries at random, weighted by cosine and solid angle (Malley's method)."""
+        mask = np.zeros((len(points), self.above.shape[1]), np.uint8)
+        if not n_checks:
+            return mask
+        radius, angle = rng.random((2, len(points), n_checks))
+        radius, angle = np.sqrt(radius), 2 * np.pi * angle
+        height = np.sqrt(np.maximum(0, 1 - radius**2))
+        local = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
+        ways = np.matmul(local, _frames(self._scene.points.normals[points]))
+        texel = self._cube_map.texel_of(ways.reshape(-1, 3))
+        row = np.repeat(np.arange(len(points)), n_checks)
+        np.bitwise_or.at(mask, (row, texel >> 3), np.uint8(1) << (texel & 7).astype(np.uint8))
+        return mask
+
+    def _aside(self, function, *arguments):
+        start = time.perf_counter()
+        result = yield from maybe_beside(self._apart, "visibility", function, *arguments)
+        self._spent("agreement", start)
+        return result
+
+    def _spent(self, stage, start):
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + time.perf_counter() - start
+
+    def result(self, levels):
+        rays = self._rays_before + self._tracer.rays
+        facts = {
+            "levels": levels,
+            "open_points": int(self.open.sum()),
+            "open_entries": int(count_bits(self.above[self.open])),
+            "hemisphere_entries": int(count_bits(self.above)),
+            **self._counts,
+        }
+        return Sampled(self.bits, self.traced, rays, self._seconds, facts)
+
+
+def _on_rows(function, n_rows, *arguments):
+    """Arithmetic on all cores, in blocks of rows that stay in the cache."""
+    parts = [slice(first, first + _ROWS) for first in range(0, n_rows, _ROWS)]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        done = list(pool.map(lambda part: function(part, *arguments), parts))
+    if isinstance(done[0], tuple):
+        return tuple(np.concatenate(arrays) for arrays in zip(*done, strict=True))
+    return np.concatenate(done)
+
+
+def _vote(part, work, points, around):
+    """Entries on which all neighbours agree that can say, and what the nearest of them says."""
+    above = work.above[points[part]]
+    lit, dark = np.zeros_like(above), np.zeros_like(above)
+    said, decided = np.zeros_like(above), np.zeros_like(above)
+    for neighbour in around[part].T:
+        there = (neighbour >= 0)[:, None].astype(np.uint8) * np.uint8(255)
+        bits = work.bits[neighbour] & there
+        blocked = work.above[neighbour] & there & ~bits
+        said |= bits & ~decided
+        decided |= bits | blocked
+        lit |= bits
+        dark |= blocked
+    return above & (lit ^ dark), said & above
+
+
+def _between(part, open_entries, above, bits):
+    """Contested entries whose known neighbours on the cube map all say the same; those lit."""
+    open_entries, bits = open_entries[part], bits[part]
+    known = above[part] & ~open_entries
+    resolution = round((bits.shape[1] * 8 / 6) ** 0.5)
+    lit = dilate(known & bits, resolution)
+    dark = dilate(known & ~bits, resolution)
+    between = open_entries & (lit ^ dark)
+    return between, between & lit
+
+
+def _follow(part, surprise, agreed, traced, bits, coin, reach):
+    """Entries to trace next: around what contradicts the neighbours, and beside boundaries.
+
+    `coin` picks the boundary texels that are checked in points without a contradiction; None
+    where all points have one. `reach` is how many texels around are traced.
+    """
+    surprise, traced, bits = surprise[part], traced[part], bits[part]
+    resolution = round((traced.shape[1] * 8 / 6) ** 0.5)
+    edges = dilate(traced & ~bits, resolution) & bits
+    edges |= dilate(traced & bits, resolution) & ~bits
+    follow = np.zeros_like(edges)
+    contradicted = surprise.any(axis=1)
+    if contradicted.any():
+        around = surprise[contradicted]
+        for _ in range(reach):
+            around = dilate(around, resolution)
+        follow[contradicted] = around | edges[contradicted]
+    if coin is not None:
+        follow |= edges & coin[part]
+    return follow & agreed[part] & ~traced
+
+
+def _coin(rng, shape, halvings):
+    """Random bytes in which one bit in 2^halvings is set."""
+    coin = np.full(shape, 255, np.uint8)
+    for _ in range(halvings):
+        coin &= rng.integers(0, 256, shape, np.uint8)
+    return coin
+
+
+register_sampler("agreement", sample_agreement, AgreementSettings)

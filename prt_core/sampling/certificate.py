@@ -1,0 +1,298 @@
+"""How far a sampled bake is from the truth: unbiased estimates with 95 % intervals, by new rays.
+
+Two questions, two designs, each for every object apart.
+
+*The matrix.* Entries (point, direction) are drawn independently, each with a probability in
+proportion to what it is worth, the square of its cosine integral; entries that were traced, lie
+below the horizon or see no surface (`open_points`) are known to be right and cost no ray. Of the
+draws, those that are really lit and those that are wrong estimate the squared norm of the matrix
+and of the error by their mere counts, so `error^2 = wrong / lit`. The draws are independent, so
+the count of wrong ones is binomial however the errors cluster in points (see `binomial_interval`).
+
+*Relit colours.* A point's error under a light is a sum over all its wrong entries. So the rows in
+which a draw was wrong are traced whole. How often a row was likely to be found so is then known,
+and its squared error divided by that is an unbiased estimate of the sum over all rows (Hansen and
+Hurwitz 1943): rows that are far off are found almost surely, so no single one decides. As many
+draws again are weighted by the lights, which may be small and bright (see `weighted_interval`).
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from prt_core.sampling.intervals import binomial_interval, weighted_interval
+from prt_core.sampling.open_sky import open_points
+from prt_core.sampling.tracer import Tracer
+from prt_core.transport.visibility import horizon_bits, received_light, unpack
+
+_SEED_STAGE = 5
+# Proposals made at once; rows whose light is summed, to know how much there is.
+_BATCH, _SIZE_ROWS = 1 << 18, 2048
+# Draws of an object at least: fewer would often find nothing wrong where something is.
+_FEWEST = 1 << 14
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A relative L2 error and the interval that holds it 95 times of 100."""
+
+    error: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ObjectError:
+    """The certificate of one object.
+
+    Attributes
+    ----------
+    name : str
+    matrix : Estimate
+        Of the direct matrix, visibility times the cosine integrals.
+    relit : dict of str -> Estimate
+        Of the direct light received under each light.
+    entries, wrong, lit, rows : int
+        What was drawn for the matrix: entries, those that were wrong, those that are lit; and
+        the rows traced whole.
+    """
+
+    name: str
+    matrix: Estimate
+    relit: dict = field(default_factory=dict)
+    entries: int = 0
+    wrong: int = 0
+    lit: int = 0
+    rows: int = 0
+
+    @property
+    def worst(self):
+        """The largest relit error; that of the matrix where there is no light."""
+        return max((e.error for e in self.relit.values()), default=self.matrix.error)
+
+    def facts(self):
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class CertificateSettings:
+    """How many draws, for all objects together.
+
+    Parameters
+    ----------
+    entries : int
+        Independent entries, for the matrix and again for the relit error; not more than about an
+        eighth of an object's, each time.
+    rows : int
+        Rows traced whole for the relit error, at most.
+    seed : int
+    """
+
+    entries: int = 1 << 18
+    rows: int = 512
+    seed: int = 0
+
+
+def certificate_steps(
+    scene, cube_map, caster, sampled, lights, settings=None, turn=0, tally=None, pace=None
+):
+    """Certify a sampled visibility; a generator of `Progress`.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    sampled : Sampled
+        Rows that are traced whole here are put right in it.
+    lights : dict of str -> (n_directions, 3) float32
+        For the relit error; may be empty.
+    settings : CertificateSettings
+    turn : int
+        Another one draws other entries.
+    tally, pace : see `sample_agreement`
+
+    Returns
+    -------
+    list of ObjectError
+        One for each object that has points.
+    """
+    settings = settings or CertificateSettings()
+    tracer = Tracer(scene, cube_map, caster, tally, pace, "certificate")
+    tracer.done = len(scene.points)
+    index = scene.points.object_index
+    present = np.unique(index)
+    # What is proven needs no ray.
+    open_sky = open_points(scene)
+    certified = []
+    for number in present:
+        rng = np.random.default_rng([settings.seed, _SEED_STAGE, turn, int(number)])
+        points = np.flatnonzero(index == number)
+        draws = _Draws(scene, cube_map, tracer, sampled, points, open_sky, rng)
+        size = len(points) * cube_map.n_directions
+        n_entries = max(_FEWEST, min(settings.entries // len(present), size // 16))
+        worth = (cube_map.vectors**2).sum(axis=1)
+        counts = yield from draws.draw(worth, n_entries)
+        matrix = matrix_estimate(**counts)
+        relit, n_rows = {}, 0
+        if not draws.rays and draws.all_traced():
+            matrix = Estimate(0.0, 0.0, 0.0)
+            relit = dict.fromkeys(lights, matrix)
+        elif lights:
+            yield from draws.draw(worth * _brightness(worth, lights), n_entries)
+            most = max(16, settings.rows // len(present))
+            relit, n_rows = yield from draws.relit(lights, most)
+        name = scene.objects[number].name
+        certified.append(ObjectError(name, matrix, relit, rows=n_rows, **counts))
+    sampled.rays += tracer.rays
+    return certified
+
+
+def matrix_estimate(entries, wrong, lit):
+    """Relative L2 error of the matrix from independent draws, with its interval.
+
+    Parameters
+    ----------
+    entries, wrong, lit : int
+        Draws, those that were wrong, those that are really lit.
+    """
+    if not entries:
+        return Estimate(0.0, 0.0, 0.0)
+    low, high = binomial_interval(wrong, entries)
+    # Where nothing is lit the error counts against all the light there might be.
+    shares = np.array([wrong / entries, low, high]) * entries / (lit or entries)
+    return Estimate(*map(float, np.sqrt(shares)))
+
+
+def _brightness(worth, lights):
+    """(n_directions,) squared radiance, each light by its share of the whole."""
+    total = np.zeros(len(worth))
+    for light in lights.values():
+        power = (np.asarray(light, np.float64) ** 2).sum(axis=1)
+        if power.any():
+            total += power / (worth @ power)
+    return total if total.any() else np.ones(len(worth))
+
+
+class _Draws:
+    """Independent draws of entries of one object, and what they found."""
+
+    def __init__(self, scene, cube_map, tracer, sampled, points, open_sky, rng):
+        self._scene, self._cube_map, self._tracer = scene, cube_map, tracer
+        self._sampled, self._points, self._rng = sampled, points, rng
+        # How often each direction was proposed, in all points together, if all cosines were 1.
+        self._rate = np.zeros(cube_map.n_directions)
+        self._wrong = []
+        self._open = open_sky
+        self.rays = 0
+
+    def all_traced(self):
+        """Whether no entry of the object is left to be wrong."""
+        for first in range(0, len(self._points), _SIZE_ROWS):
+            some = self._points[first : first + _SIZE_ROWS]
+            above = horizon_bits(self._scene, self._cube_map, some)
+            if (above & ~self._sampled.traced[some])[~self._open[some]].any():
+                return False
+        return True
+
+    def draw(self, worth, n_entries):
+        """Draw about `n_entries` entries by their worth; counts of all, wrong and lit ones."""
+        vectors, rng = self._cube_map.vectors, self._rng
+        share = worth / worth.sum()
+        ways = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        samples = self._cube_map.samples.astype(np.float32)
+        bits, traced = self._sampled.bits, self._sampled.traced
+        counts = dict.fromkeys(("entries", "wrong", "lit"), 0)
+        # A direction by its whole worth, a point evenly, kept by the square of their cosine: one
+        # in six is. So the draws are independent, and no sum over the matrix is needed.
+        proposals = self._proposals = 6 * n_entries
+        self._rate += proposals * share
+        for first in range(0, proposals, _BATCH):
+            count = min(_BATCH, proposals - first)
+            direction = np.repeat(np.arange(len(worth)), rng.multinomial(count, share))
+            point = self._points[rng.integers(0, len(self._points), count)]
+            cosine = np.einsum("ij,ij->i", self._scene.points.normals[point], ways[direction])
+            kept = (cosine > 0) & (rng.random(count) < cosine * cosine)
+            point, direction = point[kept], direction[kept]
+            geometric = self._scene.points.geometric_normals[point]
+            above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
+            byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
+            said = (bits[point, byte] >> bit) & 1 > 0
+            asked = above & ((traced[point, byte] >> bit) & 1 == 0) & ~self._open[point]
+            asked = np.flatnonzero(asked)
+            self.rays += len(asked)
+            lit = said.copy()
+            lit[asked] = yield from self._tracer.trace_pairs(point[asked], direction[asked])
+            self._wrong.append(point[lit != said])
+            counts["entries"] += len(point)
+            counts["wrong"] += len(self._wrong[-1])
+            counts["lit"] += int(lit.sum())
+        return counts
+
+    def relit(self, lights, n_rows):
+        """Relit error under each light, from the rows in which draws were wrong."""
+        rows, times = np.unique(np.concatenate(self._wrong), return_counts=True)
+        # Too many rows are thinned, but not those that were found again and again.
+        kept = np.minimum(1.0, n_rows * times / max(times.sum(), 1))
+        chosen = self._rng.random(len(rows)) < kept
+        rows, times, kept = rows[chosen], times[chosen], kept[chosen]
+        events = np.where(kept < 1, 1, times)
+        which = np.repeat(np.arange(len(rows)), events)
+        said, true = yield from self._whole_rows(rows)
+        n_directions, vectors = self._cube_map.n_directions, self._cube_map.vectors
+        cosine = np.maximum(self._scene.points.normals[rows].astype(np.float64) @ vectors.T, 0)
+        difference = unpack(true, n_directions, np.float64) - unpack(said, n_directions, np.float64)
+        length = np.linalg.norm(vectors, axis=1)
+        found = ((cosine / length) ** 2 * (difference != 0)) @ self._rate
+        found *= kept * events / (times * len(self._points))
+        sizes, estimates = self._sizes(lights), {}
+        for name, light in lights.items():
+            light = np.asarray(light, np.float64)
+            error = (((cosine * difference) @ light) ** 2).sum(axis=1)
+            if not sizes[name]:
+                estimates[name] = Estimate(float(error.any()), 0.0, float(light.any()))
+                continue
+            weights = (error / np.maximum(found, 1e-300))[which] / sizes[name]
+            # What a single wrong entry weighs, wherever it is, when draws follow this light.
+            single = length**2 @ (light**2).sum(axis=1) * len(lights) * len(self._points)
+            single /= self._proposals * sizes[name]
+            bounds = np.array([weights.sum(), *weighted_interval(weights, single)])
+            estimates[name] = Estimate(*map(float, np.sqrt(bounds)))
+        return estimates, len(rows)
+
+    def _whole_rows(self, rows):
+        """What was said of some points, and the truth, which then is put into the result."""
+        said = self._sampled.bits[rows]
+        asked = horizon_bits(self._scene, self._cube_map, rows) & ~self._sampled.traced[rows]
+        free = yield from self._tracer.trace(rows, asked)
+        true = said & ~asked | free
+        self._sampled.bits[rows] = true
+        self._sampled.traced[rows] |= asked
+        return said, true
+
+    def _sizes(self, lights):
+        """Sum over the object's points of what they receive squared, times pi squared."""
+        some = self._points
+        if len(some) > _SIZE_ROWS:
+            some = np.sort(self._rng.choice(some, _SIZE_ROWS, replace=False))
+        normals, bits = self._scene.points.normals[some], self._sampled.bits[some]
+        together = np.hstack(list(lights.values()))
+        received = received_light(bits, normals, self._cube_map, together).astype(np.float64)
+        sums = (received**2).sum(axis=0).reshape(len(lights), -1).sum(axis=1)
+        sums *= len(self._points) / len(some) * np.pi**2
+        return dict(zip(lights, sums, strict=True))
+
+
+def probe_lights(cube_map):
+    """An even sky, and a soft sun low and high in it: lights where no others are given.
+
+    Returns
+    -------
+    dict of str -> (n_directions, 3) float32
+    """
+    towards = {"low sun": [0.8, 0.3, 0.52], "high sun": [-0.3, -0.4, 0.87]}
+    lights = {"even sky": np.ones((cube_map.n_directions, 3), np.float32)}
+    for name, way in towards.items():
+        lobe = np.exp(40 * (cube_map.directions @ way / np.linalg.norm(way) - 1))
+        lights[name] = np.repeat((0.1 + 5 * lobe)[:, None], 3, axis=1).astype(np.float32)
+    return lights

@@ -1,0 +1,210 @@
+"""Sparse precomputation of the visibility after Huang & Ramamoorthi (2010), whole.
+
+A quarter of the points, chosen by exploration, is sampled densely but adaptively in angle; every
+other point is a sparse combination of the dense points around it, found from a few hundred
+directions that tell them apart. What comes out is thresholded to bits.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from prt_core.errors import expect
+from prt_core.sampling.adaptive_angle import AngularGrid
+from prt_core.sampling.dense import DensePoints, dense_steps
+from prt_core.sampling.rivals import COLUMN_CHOICES
+from prt_core.sampling.sampled import Sampled, register_sampler
+from prt_core.sampling.sparse import SparsePoints, sparse_blocks
+from prt_core.sampling.tracer import Tracer
+
+RECONSTRUCTIONS = ("l1", "least_squares", "full")
+COLUMNS = ("features", *COLUMN_CHOICES)
+
+
+@dataclass(frozen=True)
+class HuangSettings:
+    """Settings of `sample_huang`; the defaults are the paper's.
+
+    Parameters
+    ----------
+    dense_share, first_share : float
+        Share of each object's points that are dense, and of those of the first iteration.
+    iterations : int
+        After the first.
+    window : int
+        Texels of the window that decides about directions of dense points.
+    features : int
+        Directions traced at each sparse point.
+    radius : float
+        Of neighbourhoods, in units of the scene's size: the paper's 0.2 on a ground of 4.
+    normal_weight : float
+        Neighbours are nearest in position and, with this weight, in normal; 0 is the paper's.
+    neighbours : int
+        Dense points that a sparse one is made of, at most: the nearest.
+    fewest : int
+        So many neighbours are taken even from beyond the radius.
+    rank_neighbours : int
+    rank_threshold : float
+        Singular values below this share of the largest do not count.
+    rank_power : float
+        Points are drawn in proportion to this power of their rank; 1 is the paper's.
+    reconstruction : {"l1", "least_squares", "full"}
+    columns : {"features", "hasan", "wang"}
+        How the directions of sparse points are chosen: for each point by variance and features,
+        or for each object by one of the rivals.
+    reduced_rows : int
+        Rows that the rivals cluster columns on.
+    strength : float
+        lambda of the sparse solutions, as a share of the least that makes them zero.
+    quantity : {"transport", "visibility"}
+        What is combined linearly: rows of T, or visibility weighted by each point's own cosine.
+    threshold : float
+        A direction is seen where the combination is above this share of its unoccluded value.
+    fewest_dense : int
+        Dense points of even the smallest object.
+    seed : int
+    """
+
+    dense_share: float = 0.25
+    first_share: float = 0.05
+    iterations: int = 4
+    window: int = 7
+    features: int = 350
+    radius: float = 0.05
+    normal_weight: float = 0.02
+    neighbours: int = 12
+    fewest: int = 4
+    rank_neighbours: int = 12
+    rank_threshold: float = 0.1
+    rank_power: float = 2.0
+    reconstruction: str = "l1"
+    columns: str = "features"
+    reduced_rows: int = 300
+    strength: float = 3e-3
+    quantity: str = "transport"
+    threshold: float = 0.4
+    fewest_dense: int = 8
+    seed: int = 0
+
+    def __post_init__(self):
+        for name in ("dense_share", "first_share", "threshold"):
+            value = getattr(self, name)
+            expect(0 < value <= 1, f"{name}: expected a number above 0, at most 1, got {value}")
+        for name in ("features", "neighbours", "fewest", "rank_neighbours", "fewest_dense",
+                     "reduced_rows"):  # fmt: skip
+            value = getattr(self, name)
+            expect(
+                isinstance(value, int) and value >= 1,
+                f"{name}: expected a whole number >= 1, got {value!r}",
+            )
+        expect(
+            isinstance(self.iterations, int) and self.iterations >= 0,
+            f"iterations: expected a whole number >= 0, got {self.iterations!r}",
+        )
+        expect(
+            isinstance(self.window, int) and self.window >= 3 and self.window % 2 == 1,
+            f"window: expected an odd number >= 3, got {self.window!r}",
+        )
+        for name in ("radius", "strength", "rank_power"):
+            value = getattr(self, name)
+            expect(np.isfinite(value) and value > 0, f"{name}: expected a number > 0, got {value}")
+        expect(
+            np.isfinite(self.normal_weight) and self.normal_weight >= 0,
+            f"normal_weight: expected a number >= 0, got {self.normal_weight}",
+        )
+        expect(
+            self.reconstruction in RECONSTRUCTIONS,
+            f"reconstruction: expected one of {', '.join(RECONSTRUCTIONS)}, "
+            f"got '{self.reconstruction}'",
+        )
+        expect(
+            self.columns in COLUMNS,
+            f"columns: expected one of {', '.join(COLUMNS)}, got '{self.columns}'",
+        )
+        expect(
+            self.quantity in ("transport", "visibility"),
+            f"quantity: expected transport or visibility, got '{self.quantity}'",
+        )
+
+
+@dataclass
+class HuangSampled(Sampled):
+    """What came out, and the dense points it was made from.
+
+    Attributes
+    ----------
+    dense : DensePoints
+        Their rows are the exemplars that a compressor may start from; each sparse point is near
+        to a combination of those around it.
+    """
+
+    dense: DensePoints | None = None
+
+
+def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
+    """Visibility from dense and sparse points; a generator of `Progress`.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : HuangSettings
+    tally : callable(int), optional
+        Told the number of rays of each batch.
+    pace : Pace, optional
+        In rays; the result is the same.
+
+    Returns
+    -------
+    HuangSampled
+        `facts`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of each
+        sparse point, mean) and duality_gap (the largest, as a share of |y|^2).
+    """
+    settings = settings or HuangSettings()
+    seconds = {}
+    clock = _Clock(seconds)
+    tracer = Tracer(scene, cube_map, caster, tally, pace)
+    grid = AngularGrid(cube_map, settings.window)
+    dense = yield from clock.around("dense", dense_steps(scene, tracer, grid, settings))
+    dense_rays = tracer.rays
+    shape = len(scene.points), -(-cube_map.n_directions // 8)
+    bits, traced = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+    bits[dense.points], traced[dense.points] = dense.rows.bits, dense.rows.traced
+    sparse = SparsePoints(scene, cube_map, tracer, dense, settings, clock.around, pace)
+    for points, neighbours in sparse_blocks(scene, dense, settings):
+        bits[points], traced[points] = yield from sparse.fill(points, neighbours)
+    facts = {
+        "dense_points": len(dense.points),
+        "dense_entries": dense_rays,
+        "sparse_entries": tracer.rays - dense_rays,
+        "mean_rank": float(dense.rank.mean()) if len(dense.rank) else 0.0,
+        **sparse.facts(),
+    }
+    return HuangSampled(bits, traced, tracer.rays, seconds, facts, dense)
+
+
+class _Clock:
+    """Adds the time that a generator works, not that its caller takes, to a stage."""
+
+    def __init__(self, seconds):
+        self.seconds = seconds
+
+    def around(self, stage, steps):
+        start = time.perf_counter()
+        try:
+            while True:
+                progress = next(steps)
+                self._add(stage, start)
+                yield progress
+                start = time.perf_counter()
+        except StopIteration as end:
+            self._add(stage, start)
+            return end.value
+
+    def _add(self, stage, start):
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+register_sampler("huang", sample_huang, HuangSettings)

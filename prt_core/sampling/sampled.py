@@ -1,0 +1,72 @@
+"""What every sampler returns, and the table of samplers."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from prt_core.errors import expect
+
+_SAMPLERS = {}
+
+
+@dataclass
+class Sampled:
+    """Visibility of all points, and which of its entries were really traced.
+
+    Entries below a point's horizon are known without a ray: 0 in both arrays.
+
+    Attributes
+    ----------
+    bits : (n_points, n_bytes) uint8
+        Visibility as `visibility_bits` gives it (little bit order).
+    traced : (n_points, n_bytes) uint8
+        The entries whose ray was cast, in the same order.
+    rays : int
+    seconds : dict of str -> float
+        By stage.
+    facts : dict
+        What a report tells: levels, counts, what was skipped. Plain numbers, strings, lists.
+    """
+
+    bits: np.ndarray
+    traced: np.ndarray
+    rays: int
+    seconds: dict = field(default_factory=dict)
+    facts: dict = field(default_factory=dict)
+
+
+def register_sampler(name, sampler, settings):
+    """Make a sampler known.
+
+    Parameters
+    ----------
+    name : str
+    sampler : generator function
+        `sampler(scene, cube_map, caster, settings, tally=None, pace=None)` yields `Progress` and
+        returns `Sampled`. `tally(int)` is told the number of rays of each batch; `pace` is a
+        `Pace` in rays. It calls the caster from its own thread, in the same order whatever the
+        pace, and its result depends on nothing but the scene, the cube map and the settings.
+    settings : class
+        Dataclass of the sampler's settings; all have defaults, `seed` is one of them.
+    """
+    _SAMPLERS[name] = sampler, settings
+
+
+def sampler_named(name):
+    """(sampler, settings class) of a registered name.
+
+    Raises
+    ------
+    PRTError
+        There is none of that name.
+    """
+    expect(
+        name in _SAMPLERS,
+        f"method: there is no sampler '{name}'; choose one of {', '.join(sampler_names())}",
+    )
+    return _SAMPLERS[name]
+
+
+def sampler_names():
+    """Names of all registered samplers."""
+    return sorted(_SAMPLERS)

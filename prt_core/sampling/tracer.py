@@ -1,0 +1,125 @@
+"""Rays for the set bits of masks: packed bits in, packed bits out."""
+
+import numpy as np
+
+from prt_core.progress import Pace, Progress, maybe_beside
+from prt_core.rays import shared
+
+# Rays prepared at once, at most (but for one point's).
+_RAYS = 1 << 21
+COUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
+
+
+def count_bits(bits, axis=None):
+    """Number of set bits of a uint8 array, int64."""
+    return COUNT[bits].sum(axis=axis, dtype=np.int64)
+
+
+class Tracer:
+    """Casts the rays of entries that masks name, and counts them.
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    tally : callable(int), optional
+    pace : Pace, optional
+        In rays.
+    stage : str
+        Of the `Progress` it yields.
+
+    Attributes
+    ----------
+    rays : int
+    done : int
+        Points that are known, for `Progress`; whoever traces sets it.
+    """
+
+    def __init__(self, scene, cube_map, caster, tally=None, pace=None, stage="visibility"):
+        self._origins = scene.ray_origins
+        self._directions = cube_map.samples.astype(np.float32)
+        self._caster, self._tally = shared(caster), tally
+        self._pace = pace or Pace()
+        self.n_points = len(self._origins)
+        self.rays = self.done = 0
+        self._stage = stage
+
+    def progress(self):
+        """How far the sampling is."""
+        return Progress(self._stage, min(self.done, self.n_points), self.n_points)
+
+    def trace(self, points, mask):
+        """Trace the entries of a mask; a generator of `Progress`.
+
+        Parameters
+        ----------
+        points : (n,) int
+        mask : (n, n_bytes) uint8
+
+        Returns
+        -------
+        (n, n_bytes) uint8
+            Set where the mask is and nothing is in the way.
+        """
+        free = np.zeros_like(mask)
+        # Eight rays a byte at most: to count the bits would take longer.
+        ends = 8 * np.cumsum(np.count_nonzero(mask, axis=1))
+        first = 0
+        while first < len(points):
+            before = ends[first - 1] if first else 0
+            stop = max(first + 1, int(np.searchsorted(ends, before + _RAYS, "right")))
+            rows = slice(first, stop)
+            free[rows] = yield from self._trace_some(points[rows], mask[rows])
+            first = stop
+        return free
+
+    def _trace_some(self, points, mask):
+        row, direction, bytes_used, spread, entry = _entries(mask)
+        free = np.zeros_like(mask)
+        spread.reshape(-1)[entry] = yield from self.trace_pairs(points[row], direction)
+        free.reshape(-1)[bytes_used] = np.packbits(spread, axis=1, bitorder="little")[:, 0]
+        return free
+
+    def trace_pairs(self, point, direction):
+        """Trace single entries; a generator of `Progress`.
+
+        Parameters
+        ----------
+        point, direction : (m,) int
+
+        Returns
+        -------
+        (m,) bool
+            Whether nothing is in the way.
+        """
+        free = np.empty(len(point), bool)
+        for start in range(0, len(point), self._caster.batch):
+            stop = min(start + self._caster.batch, len(point))
+            for part in self._pace.parts(start, stop):
+                free[part] = yield from maybe_beside(
+                    self._pace.apart, self._stage, self._free, point[part], direction[part]
+                )
+                self._pace.worked()
+                yield self.progress()
+        self.rays += len(point)
+        if self._tally is not None and len(point):
+            self._tally(len(point))
+        return free
+
+    def _free(self, point, direction):
+        return ~self._caster.occluded(
+            self._origins.take(point, axis=0), self._directions.take(direction, axis=0)
+        )
+
+
+def _entries(mask):
+    """Row and direction of every set bit; the bytes that hold them, spread into bits."""
+    n_bytes = mask.shape[1]
+    bytes_used = np.flatnonzero(mask.reshape(-1) != 0)
+    spread = np.unpackbits(mask.reshape(-1)[bytes_used, None], axis=1, bitorder="little")
+    entry = np.flatnonzero(spread.view(bool))
+    row, byte = np.divmod(bytes_used.astype(np.int32), np.int32(n_bytes))
+    slot = entry >> 3
+    direction = byte[slot] * np.int32(8) + (entry & 7).astype(np.int32)
+    return row[slot], direction, bytes_used, spread, entry

@@ -1,0 +1,100 @@
+"""`make bench-window BLENDER=…`: how the add-on feels in a window; its section of RESULTS.md."""
+
+import argparse
+import json
+import os
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "window"))
+
+from conftest import RealBlender  # noqa: E402
+
+SCENES = ("02_model_on_ground_small", "01_model_on_ground")
+TITLE = "## In the window"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--blender", default=os.environ.get("BLENDER", ""), help="its command")
+    parser.add_argument("--scenes", nargs="+", default=SCENES)
+    parser.add_argument("--results", type=Path, default=ROOT / "RESULTS.md")
+    options = parser.parse_args()
+    rows = []
+    for command in filter(None, options.blender.split(":")):
+        for scene in options.scenes:
+            with tempfile.TemporaryDirectory() as folder:
+                rows.append(measure(command, scene, Path(folder)))
+    write_section(options.results, TITLE, table(rows))
+    print("\n".join(table(rows)))
+    return 0
+
+
+def measure(command, scene, folder):
+    """One scene in one Blender: the bake headless, then all of `inside/measure.py`."""
+    blender = RealBlender(command, folder)
+    shutil.copy(ROOT / "blend_scenes" / f"{scene}.blend", folder / "scene.blend")
+    found = blender.play("measure")
+    assert found["error"] is None, found["error"]
+    headless = {}
+    for caster in found["bake"]:
+        done = blender.run(
+            "-b", "scene.blend", "--addons", "bl_ext.user_default.prt_relight", "--command", "prt",
+            "bake", "-o", f"h_{caster}.prt",
+            "--caster", caster, "--quiet", user="user",
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        facts = json.loads((folder / f"h_{caster}.prt" / "zarr.json").read_text())["attributes"]
+        headless[caster] = sum(facts["report"]["seconds"].values())
+    return {"scene": scene, "version": blender.version, "headless": headless, **found}
+
+
+def table(rows):
+    """Markdown lines of the section."""
+    lines = [
+        "`make bench-window BLENDER=…`: clicks and keys by event simulation in a window of "
+        "1280 x 900 with software OpenGL (viewport anti-aliasing off). Steps are turns of the "
+        "main thread while a bake runs; colours are on screen when the view was drawn with them.",
+        "",
+        "| Blender | points | caster | button to colours s | of that the bake s "
+        "| bake headless s | ratio | longest step s "
+        "| 99th percentile s | Esc obeyed s (worst) | slider to colours s: median, worst "
+        "| on screen s: median, worst |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        written, drawn = np.array(row["delays"]).T
+        for caster, bake in row["bake"].items():
+            turns = np.array(bake["turns"])
+            alone = row["headless"][caster]
+            lines.append(
+                f"| {row['version']} | {row['points']:,} | {caster} | {bake['seconds']:.1f} | "
+                f"{bake['stages']:.1f} | "
+                f"{alone:.1f} | {bake['stages'] / alone:.2f} | {turns.max():.3f} | "
+                f"{np.quantile(turns, 0.99):.3f} | {max(row['stops']):.2f} | "
+                f"{np.median(written):.2f}, {written.max():.2f} | "
+                f"{np.median(drawn):.2f}, {drawn.max():.2f} |"
+            )
+    return lines
+
+
+def write_section(path, title, lines):
+    """Replace a section of a Markdown file, or add it at the end."""
+    text = path.read_text() if path.exists() else ""
+    section = "\n".join([title, *lines]) + "\n"
+    pattern = re.compile(rf"^{re.escape(title)}$.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+    if pattern.search(text):
+        text = pattern.sub(lambda _: section + "\n", text).rstrip() + "\n"
+    else:
+        text = text.rstrip() + "\n\n" + section
+    path.write_text(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
+from prt_core.bake_visibility import chosen_method
+from prt_core.sampling.tracer import count_bits
+from prt_core.store import BakeStore
+from tests.meshes import plane, sphere, wall
+
+
+@pytest.fixture(scope="module")
+def scene():
+    ball = sphere(10, 0.4, (0, 0, 0.5), name="ball", albedo=(0.9, 0.3, 0.1))
+    return Scene.from_meshes([ball, plane(21, -1.2, 1.2, name="floor", albedo=0.7)])
+
+
+def baked(scene, path, **settings):
+    settings = BakeSettings(**{"resolution": 12, "caster": "auto", "bounces": 0, **settings})
+    report = run(bake_steps(scene, path, settings))
+    return report, load(path)
+
+
+def test_a_sampled_bake_keeps_the_tolerance_it_reports(scene, tmp_path):
+    exact, truth = baked(scene, tmp_path / "e.prt", method="exhaustive")
+    report, bake = baked(scene, tmp_path / "a.prt", method="agreement", tolerance=0.02)
+    assert exact["visibility_error"] == 0 and exact["certificate"] == []
+    assert report["tolerance_met"] and report["visibility_error"] <= 0.02
+    assert report["rays"] < 0.6 * exact["rays"]
+    assert report["entries_percent"] < exact["entries_percent"]
+    assert {item["name"] for item in report["certificate"]} == {"ball", "floor"}
+    sky = np.ones((bake.cube_map.n_directions, 3), np.float32)
+    lit, wanted = (b.transport.relight(sky) for b in (bake, truth))
+    index = bake.scene.points.object_index
+    for number, item in enumerate(report["certificate"]):
+        mine = index == number
+        error = np.linalg.norm((lit - wanted)[mine]) / np.linalg.norm(wanted[mine])
+        assert error <= item["relit"]["even sky"]["high"]
+
+
+def test_a_tighter_tolerance_asks_again_and_in_the_end_traces_all(scene, tmp_path):
+    loose, _ = baked(scene, tmp_path / "a.prt", method="agreement", tolerance=0.1)
+    tight, bake = baked(scene, tmp_path / "b.prt", method="agreement", tolerance=1e-7)
+    truth = baked(scene, tmp_path / "e.prt", method="exhaustive")[1]
+    assert loose["sampling"]["turns"] == 0 < tight["sampling"]["turns"]
+    assert tight["tolerance_met"] and tight["visibility_error"] == 0
+    wrong = count_bits(bake.transport.bits ^ truth.transport.bits)
+    assert wrong < 1e-3 * truth.transport.bits.size
+
+
+def test_small_objects_are_traced_whole(tmp_path):
+    floor = plane(31, -1.2, 1.2, name="floor")
+    bead = sphere(4, 0.3, (0, 0, 0.4), name="bead")
+    scene = Scene.from_meshes([bead, floor], max_hidden=0)
+    report, _ = baked(scene, tmp_path / "a.prt", method="agreement")
+    bead, rest = report["certificate"]
+    assert (bead["name"], bead["matrix"]["high"]) == ("bead", 0)
+    assert rest["wrong"] > 0
+
+
+def test_auto_traces_everything_where_that_is_quick(scene, tmp_path):
+    assert baked(scene, tmp_path / "a.prt")[0]["method"] == "exhaustive"
+    assert chosen_method("auto", 60_000, 6144) == "agreement"
+    assert chosen_method("exhaustive", 60_000, 6144) == "exhaustive"
+
+
+def test_an_unknown_method_is_named():
+    with pytest.raises(PRTError, match="method: expected one of auto, exhaustive, agreement"):
+        BakeSettings(method="guess")
+
+
+def test_a_bake_by_another_method_is_refused(scene, tmp_path):
+    baked(scene, tmp_path / "a.prt", method="exhaustive")
+    with pytest.raises(PRTError, match="another method"):
+        baked(scene, tmp_path / "a.prt", method="agreement")
+
+
+def test_traced_bits_are_kept(scene, tmp_path):
+    report, _ = baked(scene, tmp_path / "a.prt", method="agreement")
+    traced = BakeStore(tmp_path / "a.prt").read("traced")
+    share = count_bits(traced) / (len(scene.points) * 864)
+    assert report["entries_percent"] == pytest.approx(100 * share)
+
+
+def test_bounces_that_cannot_matter_are_not_baked(tmp_path):
+    open_scene = Scene.from_meshes([plane(21)])
+    report, bake = baked(open_scene, tmp_path / "a.prt", bounces=None)
+    assert report["rays_gather"] == 0 and bake.transport.gather is None
+    assert report["skipped"]["bounces_below"] == 0
+    black = Scene.from_meshes([plane(9, albedo=0.0), wall(0.5, 1.0, 1.0)])
+    assert baked(black, tmp_path / "b.prt", bounces=None)[0]["rays_gather"] == 0
+
+
+def test_bounces_that_matter_are_baked(scene, tmp_path):
+    report, bake = baked(scene, tmp_path / "a.prt", bounces=None, tolerance=0.05)
+    assert report["rays_gather"] > 0 and bake.transport.gather is not None
+    # The upper half of the ball sees no surface: no ray is cast for it, none would hit.
+    assert report["skipped"]["gather_open_points"] > 0
+    assert report["skipped"]["gather_rays"] > 0
+
+
+@pytest.mark.parametrize("method", ["exhaustive", "agreement"])
+def test_progress_never_goes_back(scene, tmp_path, method):
+    shown = []
+    settings = BakeSettings(resolution=12, method=method, tolerance=0.1)
+    run(bake_steps(scene, tmp_path / "p.prt", settings, pace=0.001), shown.append)
+    shares = [p.done / p.total for p in shown if p.stage == "visibility" and p.total]
+    assert shares == sorted(shares) and len(set(shares)) > 3 and shares[-1] > 0.5

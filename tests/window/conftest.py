@@ -1,0 +1,81 @@
+"""Blender with a window: make test-window BLENDER="command" (several, separated by ':').
+
+A command runs Blender with the arguments it is given, in a folder of its own: the current folder
+may have another name for that Blender, so everything is named relative to it.
+"""
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PLATFORM = {"linux": "linux-x64", "win32": "windows-x64", "darwin": "macos-arm64"}[sys.platform]
+_PROBE = """
+import json, os, sys, bpy
+open("probe.json", "w").write(json.dumps([os.getcwd(), "%d.%d" % sys.version_info[:2],
+                                          bpy.app.version_string]))
+"""
+
+
+class RealBlender:
+    """One of the commands, in a folder that holds the extension's zip for its Python."""
+
+    def __init__(self, command, folder):
+        self.command, self.folder = shlex.split(command), folder
+        (folder / "probe.py").write_text(_PROBE)
+        self.run("-b", "--factory-startup", "-P", "probe.py")
+        probe = folder / "probe.json"
+        assert probe.is_file(), f"{command}: it does not run a Blender in the current folder"
+        self.inside, self.python, self.version = json.loads(probe.read_text())
+        build = [sys.executable, ROOT / "scripts" / "build_extension.py", "--platforms", PLATFORM]
+        build += ["--pythons", self.python, "--output", folder / "zip"]
+        done = subprocess.run([str(part) for part in build], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+        (built,) = (folder / "zip").glob("*.zip")
+        shutil.move(built, folder / "extension.zip")
+
+    def run(self, *arguments, user=None, seconds=900):
+        """Run it, with the folder `user` for what it keeps of its user."""
+        environment = dict(os.environ)
+        if user:
+            environment["BLENDER_USER_RESOURCES"] = f"{self.inside}/{user}"
+        return subprocess.run(
+            [*self.command, *map(str, arguments)], cwd=self.folder, env=environment,
+            capture_output=True, text=True, timeout=seconds,
+        )  # fmt: skip
+
+    def bring_scripts(self):
+        for file in (ROOT / "tests" / "window" / "inside").glob("*.py"):
+            shutil.copy(file, self.folder)
+
+    def play(self, story):
+        """Play a story in the window; its report, with `said_all`: all that Blender printed."""
+        self.bring_scripts()
+        done = self.run(
+            "--factory-startup", "--enable-event-simulate", "--window-geometry", "0", "0", "1280",
+            "900", "-P", "play.py", "--", story, user="user",
+        )  # fmt: skip
+        report = self.folder / "report.json"
+        said = done.stdout + done.stderr
+        assert report.is_file(), said
+        return json.loads(report.read_text()) | {"said_all": said}
+
+
+def pytest_generate_tests(metafunc):
+    if "blender" in metafunc.fixturenames:
+        commands = [part.strip() for part in os.environ.get("BLENDER", "").split(":")]
+        commands = [command for command in commands if command]
+        metafunc.parametrize("blender", commands or [None], indirect=True, scope="session")
+
+
+@pytest.fixture(scope="session")
+def blender(request, tmp_path_factory):
+    if request.param is None:
+        pytest.fail('name a Blender: make test-window BLENDER="/path/to/blender"')
+    return RealBlender(request.param, tmp_path_factory.mktemp("window"))

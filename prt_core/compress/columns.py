@@ -1,7 +1,7 @@
 """Columns of a matrix that is made row by row: a blocked transpose through a file.
 
-Rows are read in blocks, transposed in memory and written side by side, so that columns come back
-whole. The file is as large as the matrix; memory holds a block.
+Rows are made in blocks, turned in memory and written as tiles, one after another; a few columns
+are then read from all tiles. The file is as large as the matrix, memory holds one tile.
 """
 
 import tempfile
@@ -12,35 +12,53 @@ from prt_core.compress.parallel import in_parallel
 from prt_core.progress import Progress
 
 
-class TransposedFile:
-    """A temporary (n_columns, n_points) float32 file, gone when closed.
+class ColumnFile:
+    """A temporary (n_columns, n_points) float32 matrix on disk, gone when closed.
 
     Parameters
     ----------
     n_columns, n_points : int
+    width : int
+        Points of a tile.
     folder : str, optional
         Where; default: the system's for temporary files.
+
+    Attributes
+    ----------
+    energies : (n_columns,) float64
+        Sum of the squares of what was written.
     """
 
-    def __init__(self, n_columns, n_points, folder=None):
-        self._file = tempfile.TemporaryFile(dir=folder)
+    def __init__(self, n_columns, n_points, width, folder=None):
         self.shape = n_columns, n_points
-        self._file.truncate(4 * n_columns * n_points)
+        self._starts = range(0, n_points, max(1, min(width, n_points)))
+        self.energies = np.zeros(n_columns)
+        self._file = tempfile.TemporaryFile(dir=folder)
 
-    def write(self, first, rows):
-        """Put the (m, n_columns) rows of points first, first + 1 ... in their place."""
-        columns = np.ascontiguousarray(rows.T, np.float32)
-        for index, column in enumerate(columns):
-            self._file.seek(4 * (index * self.shape[1] + first))
-            self._file.write(column)
+    @property
+    def tiles(self):
+        """(first, stop) points of each tile."""
+        return [(first, min(first + self._starts.step, self.shape[1])) for first in self._starts]
 
-    def read(self, first, stop):
-        """Columns (stop - first, n_points) float32."""
-        self._file.seek(4 * first * self.shape[1])
-        count = (stop - first) * self.shape[1]
-        result = np.empty(count, np.float32)
-        self._file.readinto(result)
-        return result.reshape(stop - first, self.shape[1])
+    def write(self, first, tile):
+        """Put the (n_columns, m) columns of points first, first + 1 ... in their place."""
+        self.energies += np.einsum("cp,cp->c", tile, tile, dtype=np.float64)
+        self._file.seek(4 * self.shape[0] * first)
+        self._file.write(np.ascontiguousarray(tile, np.float32))
+
+    def read(self, names):
+        """Columns (len(names), n_points) float32; neighbouring ones are read together."""
+        names = np.asarray(names)
+        result = np.empty((len(names), self.shape[1]), np.float32)
+        runs = np.split(np.arange(len(names)), np.flatnonzero(np.diff(names) != 1) + 1)
+        for first, stop in self.tiles:
+            for run in runs:
+                part = np.empty((len(run), stop - first), np.float32)
+                offset = self.shape[0] * first + int(names[run[0]]) * (stop - first)
+                self._file.seek(4 * offset)
+                self._file.readinto(part)
+                result[run[0] : run[-1] + 1, first:stop] = part
+        return result
 
     def close(self):
         self._file.close()
@@ -52,32 +70,35 @@ class TransposedFile:
         self.close()
 
 
-def transpose_steps(rows, encode, file, order, memory):
-    """Write encoded rows of all points into a `TransposedFile`; a generator of `Progress`.
+def transposed_steps(encode, n_columns, order, memory):
+    """A `ColumnFile` of encoded rows; a generator of `Progress` that returns it.
 
     Parameters
     ----------
-    rows : Rows
     encode : callable
-        (n, n_directions, n_channels) block to (n, n_columns).
-    file : TransposedFile
+        (n,) int points to their (n, n_columns) rows.
+    n_columns : int
     order : (n_points,) int
         Point of each place in the columns.
     memory : int
         Bytes that blocks may take.
     """
-    row_bytes = 4 * rows.n_directions * rows.n_channels
-    # What is being made takes several copies of the rows, in two threads.
-    chunk = max(8, min(256, int(memory / (12 * row_bytes))))
-    wide = max(chunk, int(memory / 3 / (4 * file.shape[0])) // chunk * chunk)
-    for first in range(0, len(order), wide):
-        points = order[first : first + wide]
-        held = np.empty((len(points), file.shape[0]), np.float32)
-        parts = [slice(f, f + chunk) for f in range(0, len(points), chunk)]
+    # What is being made takes several copies of the rows, in as many threads.
+    chunk = max(8, min(256, int(memory / (16 * 4 * n_columns))))
+    width = max(chunk, int(memory / 3 / (4 * n_columns)))
+    file = ColumnFile(n_columns, len(order), width)
+    try:
+        for first, stop in file.tiles:
+            tile = np.empty((n_columns, stop - first), np.float32)
+            parts = [slice(f, min(f + chunk, stop)) for f in range(first, stop, chunk)]
 
-        def one(part, points=points, held=held):
-            held[part] = encode(rows.block(points[part]))
+            def one(part, first=first, tile=tile):
+                tile[:, part.start - first : part.stop - first] = encode(order[part]).T
 
-        for part, _ in zip(parts, in_parallel(one, parts), strict=True):
-            yield Progress("rows", first + part.start, len(order))
-        file.write(first, held)
+            for part, _ in zip(parts, in_parallel(one, parts), strict=True):
+                yield Progress("rows", part.stop, len(order))
+            file.write(first, tile)
+    except BaseException:
+        file.close()
+        raise
+    return file

@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def quantise(values, lifts, bits, rng):
+def quantise(values, scales, bits, rng):
     """One column's coefficients as integers.
 
     Coefficients of smooth pictures shrink by about half from a level to the next finer one;
@@ -13,28 +13,28 @@ def quantise(values, lifts, bits, rng):
     Parameters
     ----------
     values : (n,) float32
-    lifts : (n,) float32
-        Factors, 2^level; ones where coefficients are to be quantised alike.
-    bits : int or None
-        With the sign; None: as they are.
+    scales : (n,) int, or None
+        Level of each, 0 the coarsest; None: all are quantised alike.
+    bits : int
+        With the sign.
     rng : numpy.random.Generator or None
         None: no dithering.
 
     Returns
     -------
-    integers : (n,) int16, or float32
+    integers : (n,) int16
     size : float
-        `value = integer * size / lift`.
-    error : float
-        Squared, of all values.
+        `value = integer * size / 2^scale`.
     """
-    if bits is None or not len(values):
-        return values, 1.0, 0.0
-    lifted = values * lifts
+    lifted = values if scales is None else np.ldexp(values, scales)
     most = (1 << (bits - 1)) - 1
-    size = float(np.abs(lifted).max()) / most or 1.0
-    steps = lifted / size
-    steps = np.rint(steps) if rng is None else np.floor(steps + rng.random(len(steps)))
-    steps = np.clip(steps, -most, most)
-    error = (steps * size / lifts - values).astype(np.float64)
-    return steps.astype(np.int16), size, float(error @ error)
+    size = float(np.abs(lifted).max(initial=0)) / most or 1.0
+    steps = lifted / np.float32(size)
+    steps = np.rint(steps) if rng is None else np.floor(steps + rng.random(len(steps), np.float32))
+    return np.clip(steps, -most, most).astype(np.int16), size
+
+
+def dequantise(integers, scales, size):
+    """The values that `quantise` stands for, float32."""
+    values = integers * np.float32(size)
+    return values if scales is None else np.ldexp(values, -scales)

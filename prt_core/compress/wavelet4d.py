@@ -6,55 +6,67 @@ grow. Each column stops at the depth that needs the fewest terms.
 """
 
 import numpy as np
-import scipy.sparse as sp
 
-from prt_core.basis import ORTHONORMAL, ImageWavelet, haar_areas, wavelet_rows
+from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, haar_rows, wavelet_rows
 from prt_core.compress.base import Compressor, expect_count
-from prt_core.compress.columns import TransposedFile, transpose_steps
+from prt_core.compress.column_coder import ColumnCoder
+from prt_core.compress.columns import transposed_steps
 from prt_core.compress.haar_lighting import OPPONENTS
 from prt_core.compress.parallel import in_parallel
-from prt_core.compress.quantise import quantise
-from prt_core.errors import expect
-from prt_core.progress import Progress
+from prt_core.compress.sparse_columns import (
+    SparseColumns,
+    column_bytes,
+    groups_state,
+    unpack_groups,
+)
+from prt_core.errors import PRTError, expect, expect_array
 
 MODES = ("adaptive", "4d", "2d")
-_COLUMNS = 16
+# Terms that are unpacked at once.
+_TERMS = 1 << 18
 
 
 class Wavelet4D(Compressor):
-    """Sparse columns, each at its own depth, and one inverse transform a frame.
+    """Sparse quantised columns, each at its own depth, and one inverse transform a frame.
 
     Parameters
     ----------
-    columns : ImageWavelet or PointHaar
+    columns : ImageWavelet or PointHaar, optional
         The transform of columns: an image's wavelet where the points are its pixels in reading
-        order, the points' own hierarchy on any mesh.
+        order, the points' own hierarchy on any mesh. Default: none, which leaves `mode` "2d".
     rows : {"haar", "d4", "d6", "d8"}
         The transform of rows on cube map faces.
     error : float
-        Relative L2 error of the matrix that is aimed at.
-    n_column_terms : int, optional
-        Instead of `error`: the largest terms that each column keeps.
+        Relative L2 error of the matrix, quantisation included: met, and by not more than 2 %.
+        0: every term is kept.
+    nbytes_wanted : int, optional
+        Instead of `error`: the bytes that the columns may take.
     mode : {"adaptive", "4d", "2d"}
         Best depth for each column; always all; never any.
     bits : int or None
-        Of a quantised coefficient; None: float32.
+        Of a quantised coefficient, 2 to 16; None: float32.
     lift, dither : bool
         How coefficients are quantised (see `quantise`).
     n_terms : int or None
         Wavelets a light is cut to when relighting; None: all.
     memory : int
-        Bytes that fitting may hold, the result apart.
+        Bytes that fitting may hold, the result apart. The transformed rows are in a temporary
+        file of 4 bytes an entry.
     seed : int
-        Of the dithering.
+        Of the dithering and of the sample of columns.
 
     Attributes
     ----------
-    depths_ : list of (n_directions,) int
-        For each mixed channel, the depth of each column.
+    depths_ : (n_columns,) int
+        Steps of each column; columns are the directions' wavelets, one channel after another
+        (three channels as luminance and two differences).
+    counts_ : (n_columns,) int
+        Terms of each column.
     n_coefficients_ : int
-    matrix_error_, quantisation_error_ : float
-        Relative L2 of what was left out and of the quantiser; exact for orthonormal transforms.
+    matrix_error_ : float
+        Relative L2 of the matrix, measured on the whole of it.
+    limit_ : float
+        Square of the smallest term that was kept.
     """
 
     def __init__(
@@ -62,7 +74,7 @@ class Wavelet4D(Compressor):
         columns=None,
         rows="haar",
         error=0.02,
-        n_column_terms=None,
+        nbytes_wanted=None,
         mode="adaptive",
         bits=9,
         lift=True,
@@ -74,7 +86,7 @@ class Wavelet4D(Compressor):
         self.columns = columns
         self.rows = rows
         self.error = error
-        self.n_column_terms = n_column_terms
+        self.nbytes_wanted = nbytes_wanted
         self.mode = mode
         self.bits = bits
         self.lift = lift
@@ -87,34 +99,24 @@ class Wavelet4D(Compressor):
         self._check(rows)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
-        transform = self.columns or ImageWavelet((1, rows.n_points))
-        self._transform, self.resolution_ = transform, rows.resolution
-        order = getattr(transform, "order", np.arange(rows.n_points))
-        self._mix = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
-        allowed, self.depths_, self._clusters = None, [], []
-        lost = rounded = total = 0.0
-        self.importance_ = np.zeros(rows.n_directions)
-        for shares in self._mix:
-
-            def encode(block, shares=shares):
-                mixed = block @ shares.astype(np.float32)
-                return wavelet_rows(mixed, rows.resolution, self.rows)
-
-            with TransposedFile(rows.n_directions, rows.n_points) as file:
-                yield from transpose_steps(rows, encode, file, order, self.memory)
-                if allowed is None and self.n_column_terms is None:
-                    allowed = self._threshold(file)
-                channel = yield from self._fit_channel(file, allowed)
-            depths, clusters, energy, left, rounding = channel
-            self.depths_.append(depths)
-            self._clusters.append(clusters)
-            self.importance_ += energy
-            lost, rounded, total = lost + left, rounded + rounding, total + energy.sum()
-        self.importance_ = np.sqrt(self.importance_)
-        self.matrix_error_ = float(np.sqrt(lost / total)) if total else 0.0
-        self.quantisation_error_ = float(np.sqrt(rounded / total)) if total else 0.0
-        self.n_coefficients_ = sum(m.nnz for c in self._clusters for m, _, _ in c.values())
-        self._order = order
+        mixed, encode = mixed_wavelets(rows, self.rows)
+        self._prepare(rows.n_points, mixed)
+        n_columns = rows.n_directions * len(mixed)
+        file = yield from transposed_steps(encode, n_columns, self._order, self.memory)
+        with file:
+            most = 0 if self.mode == "2d" else self._transform.depth
+            coder = ColumnCoder(
+                self._transform, most if self.mode == "4d" else 0, most,
+                self.bits, self.lift, self.dither, self.memory, self.seed,
+            )  # fmt: skip
+            level, _ = haar_areas(rows.resolution)
+            strata = np.arange(len(mixed))[:, None] * (level.max() + 1) + level
+            found, self.matrix_error_, self.limit_ = yield from coder.fitting_steps(
+                file, strata.ravel(), self.error, self.nbytes_wanted
+            )
+            energies = file.energies.reshape(len(mixed), -1).sum(axis=0)
+            self.importance_ = np.sqrt(energies)
+        self._pack(found, n_columns)
         return self._fitted(rows)
 
     def _check(self, rows):
@@ -132,164 +134,217 @@ class Wavelet4D(Compressor):
             self.rows in ORTHONORMAL,
             f"rows: expected one of {', '.join(ORTHONORMAL)}, got {self.rows!r}",
         )
-        expect(0 < self.error < 1, f"error: expected a number between 0 and 1, got {self.error}")
+        expect(0 <= self.error < 1, f"error: expected a number from 0 to below 1, got {self.error}")
         expect(
             self.bits is None or 2 <= self.bits <= 16,
             f"bits: expected None or 2 to 16, got {self.bits!r}",
         )
-        for name in ("n_column_terms", "n_terms"):
+        for name in ("nbytes_wanted", "n_terms"):
             if getattr(self, name) is not None:
                 expect_count(name, getattr(self, name))
 
-    def _fit_channel(self, file, threshold):
-        """Depths, clusters by depth, energy of each column; squared errors of terms and bits."""
-        n_columns, n_points = file.shape
-        rng_seed = [self.seed, 8, len(self.depths_)]
-        per = max(1, min(_COLUMNS, int(self.memory / (24 * n_points))))
+    def _prepare(self, n_points, mixed):
+        self._transform = self.columns or ImageWavelet((1, n_points))
+        self._order = getattr(self._transform, "order", np.arange(n_points))
+        self._mixed = mixed
 
-        def one(first_columns):
-            first, columns = first_columns
-            energy = (columns.astype(np.float64) ** 2).sum(axis=1)
-            found = self._best(columns, threshold)
-            rng = np.random.default_rng([*rng_seed, first]) if self.dither else None
-            parts = [
-                (depth, left, places, *quantise(values, self._lifts(depth)[places], self.bits, rng))
-                for depth, places, values, left in found
-            ]
-            return first, energy, parts
-
-        def read():
-            for first in range(0, n_columns, per):
-                yield first, file.read(first, min(first + per, n_columns))
-
-        depths, energies = np.zeros(n_columns, int), np.zeros(n_columns)
-        by_depth, lost, rounded = {}, 0.0, 0.0
-        for first, energy, parts in in_parallel(one, read()):
-            energies[first : first + len(energy)] = energy
-            for name, (depth, left, places, values, size, error) in enumerate(parts, first):
-                depths[name] = depth
-                lost, rounded = lost + left, rounded + error
-                if len(places):
-                    by_depth.setdefault(depth, []).append((name, places, values, size))
-            yield Progress("columns", first + len(energy), n_columns)
-        clusters = {d: _cluster(part, n_points) for d, part in sorted(by_depth.items())}
-        return depths, clusters, energies, lost, rounded
-
-    def _best(self, columns, threshold):
-        """(depth, places, values, squared error left) of each column."""
-        deepest = 0 if self.mode == "2d" else self._transform.depth
-        least = deepest if self.mode == "4d" else 0
-        work, best = columns.copy(), [None] * len(columns)
-        costs = np.full(len(columns), np.inf)
-        for depth in range(deepest + 1):
-            if depth:
-                self._transform.forward_step(work, depth - 1)
-            if depth < least:
-                continue
-            for i, row in enumerate(work):
-                limit = self._limit(row, threshold)
-                squares = row * row
-                kept = squares > limit
-                rest = float(squares[~kept].sum(dtype=np.float64))
-                # Every kept term costs what the smallest of them would have cost as an error.
-                cost = rest + limit * int(kept.sum())
-                if cost < costs[i] * (1 - 1e-6):
-                    costs[i] = cost
-                    places = np.flatnonzero(kept)
-                    best[i] = depth, places, row[places].copy(), rest
-        return best
-
-    def _limit(self, row, threshold):
-        """Square below which coefficients of a column are left out."""
-        if threshold is not None:
-            return threshold
-        if self.n_column_terms >= len(row):
-            return 0.0
-        return float(np.partition(row * row, -self.n_column_terms - 1)[-self.n_column_terms - 1])
-
-    def _threshold(self, file, most=192):
-        """The squared threshold at which a sample of the columns has the error aimed at."""
-        level, _ = haar_areas(self.resolution_)
-        rng = np.random.default_rng([self.seed, 9])
-        chosen, weights = [], []
-        for value in np.unique(level):
-            here = np.flatnonzero(level == value)
-            some = rng.choice(here, min(len(here), most // (level.max() + 1)), replace=False)
-            chosen += list(some)
-            weights += [len(here) / len(some)] * len(some)
-        columns = np.concatenate([file.read(c, c + 1) for c in chosen])
-        weights = np.array(weights)
-        total = weights @ (columns.astype(np.float64) ** 2).sum(axis=1)
-        low, high = -80.0, 0.0
-        for _ in range(14):
-            middle = (low + high) / 2
-            parts = [slice(f, f + _COLUMNS) for f in range(0, len(columns), _COLUMNS)]
-            found = in_parallel(lambda p, m=middle: self._best(columns[p], total * 2.0**m), parts)
-            left = weights @ np.array([rest for part in found for *_, rest in part])
-            low, high = (middle, high) if left < self.error**2 * total else (low, middle)
-        return total * 2.0**low
-
-    def _lifts(self, depth):
-        """(n_points,) float32 factors of the coefficients after `depth` steps."""
-        if not self.lift:
-            return np.ones(self._transform.n, np.float32)
-        return (2.0 ** self._transform.scales(depth)).astype(np.float32)
-
-    def choose(self, light, n_terms=None):
-        """Wavelets that a light is cut to, by how much each weighs in the colours; coefficients."""
-        coefficients = wavelet_rows(np.asarray(light, np.float32).T, self.resolution_, self.rows).T
-        weight = (coefficients**2).sum(axis=1) * self.importance_**2
-        n_terms = n_terms or self.n_terms
-        if n_terms is None or n_terms >= len(weight):
-            return np.flatnonzero(weight), coefficients
-        return np.sort(np.argpartition(weight, -n_terms)[-n_terms:]), coefficients
+    def _pack(self, found, n_columns):
+        self.depths_, self.counts_ = np.zeros(n_columns, int), np.zeros(n_columns, int)
+        names = np.array([column.name for column in found], int)
+        self.depths_[names] = [column.depth for column in found]
+        self.counts_[names] = [len(column.places) for column in found]
+        _, words = column_bytes(self.counts_[names], self._transform.n, self.bits)
+        self._groups = []
+        for depth in np.unique(self.depths_[names]):
+            for word in np.unique(words):
+                mine = np.flatnonzero((self.depths_[names] == depth) & (words == word))
+                if len(mine):
+                    part = [found[i] for i in mine]
+                    packed = SparseColumns.pack(
+                        self._transform.n, int(word), self.bits, names[mine],
+                        [c.size for c in part], [c.places for c in part],
+                        [c.values for c in part],
+                    )  # fmt: skip
+                    self._groups.append((int(depth), packed))
+        self.n_coefficients_ = int(self.counts_.sum())
 
     @property
     def nbytes(self):
-        """Of the sparse columns: a value and a place for each coefficient, a size a column."""
+        """Of the columns (places, values, sizes, counts, names), the order of the points, the
+        weights of the wavelets and the gain."""
         self._expect_fitted()
-        arrays = [
-            array
-            for clusters in self._clusters
-            for matrix, sizes, _ in clusters.values()
-            for array in (matrix.data, matrix.indices, matrix.indptr, sizes)
-        ]
-        return sum(a.nbytes for a in arrays) + (0 if self.gain_ is None else self.gain_.nbytes)
+        result = sum(packed.nbytes for _, packed in self._groups)
+        result += 4 * self.n_points_ if isinstance(self._transform, PointHaar) else 0
+        result += 4 * self.n_directions_ if self.n_terms is not None else 0
+        return result + (0 if self.gain_ is None else self.gain_.nbytes)
+
+    def choose(self, light, n_terms=None):
+        """The wavelets that a light is cut to: those that weigh most in the colours.
+
+        Parameters
+        ----------
+        light : (n_directions, n_channels) float
+        n_terms : int, optional
+            Default: the estimator's own.
+
+        Returns
+        -------
+        coefficients : (n_directions, n_channels) float32
+            Of the light; zero for all others.
+        """
+        light = np.asarray(light, np.float32)
+        coefficients = wavelet_rows(light.T, self.resolution_, self.rows).T
+        n_terms = n_terms or self.n_terms
+        if n_terms is not None and n_terms < len(coefficients):
+            weight = (coefficients**2).sum(axis=1) * self.importance_**2
+            coefficients[np.argpartition(weight, -n_terms)[:-n_terms]] = 0
+        return coefficients
 
     def _relight(self, light):
-        chosen, coefficients = self.choose(light)
-        wanted = np.zeros(self.n_directions_, bool)
-        wanted[chosen] = True
-        depth = max((max(c, default=0) for c in self._clusters), default=0)
+        coefficients = self.choose(light)
+        weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
         picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
         # Equation 8: deepest columns first, one inverse step between two depths.
-        for level in range(depth, -1, -1):
-            for shares, clusters in zip(self._mix, self._clusters, strict=True):
-                if level in clusters:
-                    light = coefficients * shares.astype(np.float32)
-                    picture += self._cluster_light(level, clusters[level], wanted, light)
-            if level:
-                self._transform.inverse_step(picture, level - 1)
+        at, total = 0, None
+        for depth, product in self._products(weights):
+            if total is not None and depth == at:
+                total += product
+                continue
+            self._down_to(depth, picture, at, total)
+            at, total = depth, product
+        self._down_to(0, picture, at, total)
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
         result[self._order] = picture.T
         return result if self.gain_ is None else result * self.gain_
 
-    def _cluster_light(self, depth, cluster, wanted, coefficients):
-        matrix, sizes, names = cluster
-        some = np.flatnonzero(wanted[names])
-        values = matrix[:, some].astype(np.float32) @ (
-            coefficients[names[some]] * sizes[some, None]
+    def _products(self, weights):
+        """(depth, (n_points, n_channels)) of pieces of the columns, the deepest first."""
+        pieces = []
+        for depth, packed in sorted(self._groups, key=lambda group: -group[0]):
+            light = weights[packed.names] * packed.sizes[:, None]
+            some = np.flatnonzero(light.any(axis=1))
+            pieces += [
+                (depth, packed, part, light[part]) for part in _parts(some, packed.counts[some])
+            ]
+        # Unpacked beside the products, which hold Python's lock.
+        matrices = in_parallel(lambda piece: piece[1].matrix(piece[2]), pieces)
+        for (depth, _, _, light), matrix in zip(pieces, matrices, strict=True):
+            yield depth, matrix @ light
+
+    def _down_to(self, depth, picture, at, total):
+        """Add products of depth `at` to the picture and undo the steps from there to `depth`."""
+        if total is None:
+            return
+        if self.bits is not None and self.lift:
+            total = np.ldexp(total, -self._transform.scales(at)[:, None])
+        picture += total.T
+        for level in range(at - 1, depth - 1, -1):
+            self._transform.inverse_step(picture, level)
+
+    def state(self):
+        """Everything that `from_state` needs: a dict of arrays and of values that JSON knows."""
+        self._expect_fitted()
+        params = {key: value for key, value in self.get_params().items() if key != "columns"}
+        state = {
+            "params": params,
+            "n_points": self.n_points_,
+            "n_directions": self.n_directions_,
+            "n_channels": self.n_channels_,
+            "resolution": self.resolution_,
+            "matrix_error": self.matrix_error_,
+            "importance": self.importance_,
+            "mixed": self._mixed,
+            **groups_state(self._groups),
+        }
+        if isinstance(self._transform, PointHaar):
+            state["order"] = self._order.astype(np.int32)
+        else:
+            state["image"] = [*self._transform.shape, self._transform.wavelet]
+        return state if self.gain_ is None else {**state, "gain": self.gain_}
+
+    @classmethod
+    def from_state(cls, state):
+        """The fitted compressor of a `state`.
+
+        Raises
+        ------
+        PRTError
+            Something is missing, or does not fit the rest.
+        """
+        try:
+            return cls(**state["params"])._restore(state)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise PRTError(
+                f"compressed form: it is damaged or of another version ({error!r}); compress again"
+            ) from error
+
+    def _restore(self, state):
+        n_points, n_directions = int(state["n_points"]), int(state["n_directions"])
+        self.n_points_, self.n_directions_ = n_points, n_directions
+        self.n_channels_, self.resolution_ = int(state["n_channels"]), int(state["resolution"])
+        self.matrix_error_ = float(state["matrix_error"])
+        if "order" in state:
+            self.columns = PointHaar.from_order(state["order"])
+        else:
+            height, width, wavelet = state["image"]
+            self.columns = ImageWavelet((height, width), wavelet)
+        mixed = expect_array("mixed", state["mixed"], (None, self.n_channels_), np.float32)
+        self._prepare(n_points, mixed)
+        self.importance_ = expect_array("importance", state["importance"], (n_directions,))
+        self.gain_ = None
+        if "gain" in state:
+            self.gain_ = expect_array("gain", state["gain"], (n_points, self.n_channels_))
+        n_columns = len(mixed) * n_directions
+        self._groups = unpack_groups(state, n_points, self.bits)
+        depths, counts = np.zeros(n_columns, int), np.zeros(n_columns, int)
+        for depth, packed in self._groups:
+            expect(0 <= depth <= self._transform.depth, f"depth {depth}")
+            depths[packed.names], counts[packed.names] = depth, packed.counts
+        self.depths_, self.counts_ = depths, counts
+        self.n_coefficients_ = int(counts.sum())
+        return self
+
+
+def mixed_wavelets(rows, wavelet):
+    """How rows become wavelets of mixed channels: luminance and differences.
+
+    Returns
+    -------
+    mixed : (k, n_channels) float32
+        Orthonormal; channels that no row has are left out.
+    encode : callable
+        (n,) int points to (n, k n_directions) float32.
+    """
+    code = rows.code
+    every = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+    shares = every @ np.array([group.shares for group in code.groups]).T
+    shares[np.abs(shares) < 1e-9] = 0
+    used = shares.any(axis=1)
+    mixed, shares = every[used].astype(np.float32), shares[used].astype(np.float32)
+
+    def convert(coded):
+        plain = coded if code.scale is None else coded / code.scale
+        if wavelet == "haar":
+            return plain
+        return wavelet_rows(
+            haar_rows(plain, rows.resolution, inverse=True), rows.resolution, wavelet
         )
-        if self.bits is not None:
-            values /= self._lifts(depth)[:, None]
-        return values.T
+
+    bases = [None if group.basis is None else convert(group.basis) for group in code.groups]
+
+    def encode(points):
+        features = rows.features(points)
+        result = np.zeros((len(points), len(mixed), rows.n_directions), np.float32)
+        for part, basis, share in zip(code.slices, bases, shares.T, strict=True):
+            coded = convert(features[:, part]) if basis is None else features[:, part] @ basis
+            for channel in np.flatnonzero(share):
+                result[:, channel] += share[channel] * coded
+        return result.reshape(len(points), -1)
+
+    return mixed, encode
 
 
-def _cluster(parts, n_points):
-    """Columns of one depth: sparse matrix, size of a unit of each column, names of columns."""
-    ends = np.cumsum([0, *(len(places) for _, places, _, _ in parts)])
-    values = np.concatenate([v for _, _, v, _ in parts])
-    places = np.concatenate([p for _, p, _, _ in parts]).astype(np.int32)
-    names = np.array([name for name, _, _, _ in parts])
-    sizes = np.array([size for _, _, _, size in parts], np.float32)
-    return sp.csc_matrix((values, places, ends), shape=(n_points, len(parts))), sizes, names
+def _parts(some, counts):
+    """Pieces of `some` of about _TERMS terms each, for the cache."""
+    ends = np.searchsorted(np.cumsum(counts), np.arange(_TERMS, counts.sum(), _TERMS))
+    return [part for part in np.split(some, np.unique(ends)) if len(part)]

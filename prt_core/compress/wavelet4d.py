@@ -5,7 +5,10 @@ smooth picture and is transformed deeply; that of a small one is sparse already 
 grow. Each column stops at the depth that needs the fewest terms.
 """
 
+from itertools import groupby
+
 import numpy as np
+import scipy.sparse as sp
 
 from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, haar_rows, wavelet_rows
 from prt_core.compress.base import Compressor, expect_count
@@ -205,20 +208,18 @@ class Wavelet4D(Compressor):
         weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
         picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
         # Equation 8: deepest columns first, one inverse step between two depths.
-        at, total = 0, None
+        at = 0
         for depth, product in self._products(weights):
-            if total is not None and depth == at:
-                total += product
-                continue
-            self._down_to(depth, picture, at, total)
-            at, total = depth, product
-        self._down_to(0, picture, at, total)
+            self._invert(picture, at, depth)
+            picture += product
+            at = depth
+        self._invert(picture, at, 0)
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
         result[self._order] = picture.T
         return result if self.gain_ is None else result * self.gain_
 
     def _products(self, weights):
-        """(depth, (n_points, n_channels)) of pieces of the columns, the deepest first."""
+        """(depth, (n_channels, n_points)) columns times their weights, the deepest first."""
         pieces = []
         for depth, packed in sorted(self._groups, key=lambda group: -group[0]):
             light = weights[packed.names] * packed.sizes[:, None]
@@ -228,17 +229,18 @@ class Wavelet4D(Compressor):
             ]
         # Unpacked beside the products, which hold Python's lock.
         matrices = in_parallel(lambda piece: piece[1].matrix(piece[2]), pieces)
-        for (depth, _, _, light), matrix in zip(pieces, matrices, strict=True):
-            yield depth, matrix @ light
+        unpacked = zip(pieces, matrices, strict=True)
+        for depth, parts in groupby(unpacked, key=lambda item: item[0][0]):
+            parts = list(parts)
+            light = np.concatenate([piece[3] for piece, _ in parts])
+            matrix = sp.hstack([matrix for _, matrix in parts], format="csc")
+            product = np.ascontiguousarray((matrix @ light).T)
+            if self.bits is not None and self.lift:
+                product *= np.exp2(-self._transform.scales(depth).astype(np.float32))
+            yield depth, product
 
-    def _down_to(self, depth, picture, at, total):
-        """Add products of depth `at` to the picture and undo the steps from there to `depth`."""
-        if total is None:
-            return
-        if self.bits is not None and self.lift:
-            total = np.ldexp(total, -self._transform.scales(at)[:, None])
-        picture += total.T
-        for level in range(at - 1, depth - 1, -1):
+    def _invert(self, picture, before, after):
+        for level in range(before - 1, after - 1, -1):
             self._transform.inverse_step(picture, level)
 
     def state(self):

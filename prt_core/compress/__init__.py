@@ -4,6 +4,7 @@ from prt_core.compress.base import Compressor
 from prt_core.compress.clustered_pca import ClusteredPCA
 from prt_core.compress.haar_lighting import HaarLighting, IncrementalLighting
 from prt_core.compress.harmonics import Harmonics, Irradiance
+from prt_core.compress.image_rows import ImageRows
 from prt_core.compress.pca import PCA, BlockPCA
 from prt_core.compress.realtime import ClusterRelighter
 from prt_core.compress.row_code import RowCode
@@ -22,6 +23,7 @@ __all__ = [
     "Compressor",
     "HaarLighting",
     "Harmonics",
+    "ImageRows",
     "IncrementalLighting",
     "Irradiance",
     "RowCode",

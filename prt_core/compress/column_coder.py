@@ -38,18 +38,19 @@ class ColumnCoder:
     least, most : int
         Depths that are allowed.
     bits : int or None
-    lift, dither : bool
+    scaling : str
+    dither : bool
         See `quantise`.
     memory : int
         Bytes for what is worked on.
     seed : int
     """
 
-    def __init__(self, transform, least, most, bits, lift, dither, memory, seed):
+    def __init__(self, transform, least, most, bits, scaling, dither, memory, seed):
         self.transform, self.least, self.most = transform, least, most
-        self.bits, self.lift, self.dither = bits, lift, dither
+        self.bits, self.scaling, self.dither = bits, scaling, dither
         self.memory, self.seed = memory, seed
-        self._scales, self._weights = cache(transform.scales), cache(transform.weights)
+        self._levels, self._weights = cache(transform.scales), cache(transform.weights)
 
     def encode(self, names, columns, limit):
         """A `Column` for each of (m, n_points) columns, which are overwritten."""
@@ -65,9 +66,9 @@ class ColumnCoder:
             column[places] = 0
             if self.bits is not None:
                 rng = np.random.default_rng([self.seed, 8, name]) if self.dither else None
-                scales = self._scales(depth)[places] if self.lift else None
-                integers, size = quantise(values, scales, self.bits, rng)
-                column[places] = values - dequantise(integers, scales, size)
+                levels = self._levels(depth)[places]
+                integers, size = quantise(values, levels, self.bits, self.scaling, rng)
+                column[places] = values - dequantise(integers, levels, size, self.scaling)
                 kept = integers != 0
                 places, values = places[kept], integers[kept]
             found.append(Column(int(name), int(depth), size, places, values))

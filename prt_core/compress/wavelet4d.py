@@ -10,12 +10,13 @@ from itertools import groupby
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, haar_rows, wavelet_rows
+from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, wavelet_rows
 from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.columns import transposed_steps
-from prt_core.compress.haar_lighting import OPPONENTS
+from prt_core.compress.mixed_rows import mixed_wavelets
 from prt_core.compress.parallel import in_parallel
+from prt_core.compress.quantise import SCALINGS
 from prt_core.compress.sparse_columns import (
     SparseColumns,
     column_bytes,
@@ -48,7 +49,8 @@ class Wavelet4D(Compressor):
         Best depth for each column; always all; never any.
     bits : int or None
         Of a quantised coefficient, 2 to 16; None: float32.
-    lift, dither : bool
+    scaling : {"root", "levels", "none"}
+    dither : bool
         How coefficients are quantised (see `quantise`).
     n_terms : int or None
         Wavelets a light is cut to when relighting; None: all.
@@ -80,8 +82,8 @@ class Wavelet4D(Compressor):
         nbytes_wanted=None,
         mode="adaptive",
         bits=9,
-        lift=True,
-        dither=True,
+        scaling="root",
+        dither=False,
         n_terms=None,
         memory=1 << 29,
         seed=0,
@@ -92,34 +94,50 @@ class Wavelet4D(Compressor):
         self.nbytes_wanted = nbytes_wanted
         self.mode = mode
         self.bits = bits
-        self.lift = lift
+        self.scaling = scaling
         self.dither = dither
         self.n_terms = n_terms
         self.memory = memory
         self.seed = seed
 
     def fit_steps(self, rows):
+        with (yield from self.columns_steps(rows)) as file:
+            return (yield from self.fit_columns_steps(rows, file))
+
+    def columns_steps(self, rows):
+        """The first half of `fit`: rows in wavelets, and turned.
+
+        Returns
+        -------
+        ColumnFile
+            To be closed. The same for any error, mode and bits.
+        """
         self._check(rows)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
         mixed, encode = mixed_wavelets(rows, self.rows)
-        self._prepare(rows.n_points, mixed)
+        order = self._prepare(rows.n_points, mixed)
         n_columns = rows.n_directions * len(mixed)
-        file = yield from transposed_steps(encode, n_columns, self._order, self.memory)
-        with file:
-            most = 0 if self.mode == "2d" else self._transform.depth
-            coder = ColumnCoder(
-                self._transform, most if self.mode == "4d" else 0, most,
-                self.bits, self.lift, self.dither, self.memory, self.seed,
-            )  # fmt: skip
-            level, _ = haar_areas(rows.resolution)
-            strata = np.arange(len(mixed))[:, None] * (level.max() + 1) + level
-            found, self.matrix_error_, self.limit_ = yield from coder.fitting_steps(
-                file, strata.ravel(), self.error, self.nbytes_wanted
-            )
-            energies = file.energies.reshape(len(mixed), -1).sum(axis=0)
-            self.importance_ = np.sqrt(energies)
-        self._pack(found, n_columns)
+        return (yield from transposed_steps(encode, n_columns, order, self.memory))
+
+    def fit_columns_steps(self, rows, file):
+        """The second half: columns in wavelets, cut and packed."""
+        self._check(rows)
+        mixed, _ = mixed_wavelets(rows, self.rows)
+        self._prepare(rows.n_points, mixed)
+        most = 0 if self.mode == "2d" else self._transform.depth
+        coder = ColumnCoder(
+            self._transform, most if self.mode == "4d" else 0, most,
+            self.bits, self.scaling, self.dither, self.memory, self.seed,
+        )  # fmt: skip
+        level, _ = haar_areas(rows.resolution)
+        strata = np.arange(len(mixed))[:, None] * (level.max() + 1) + level
+        found, self.matrix_error_, self.limit_ = yield from coder.fitting_steps(
+            file, strata.ravel(), self.error, self.nbytes_wanted
+        )
+        energies = file.energies.reshape(len(mixed), -1).sum(axis=0)
+        self.importance_ = np.sqrt(energies)
+        self._pack(found, file.shape[0])
         return self._fitted(rows)
 
     def _check(self, rows):
@@ -142,6 +160,10 @@ class Wavelet4D(Compressor):
             self.bits is None or 2 <= self.bits <= 16,
             f"bits: expected None or 2 to 16, got {self.bits!r}",
         )
+        expect(
+            self.scaling in SCALINGS,
+            f"scaling: expected one of {', '.join(SCALINGS)}, got {self.scaling!r}",
+        )
         for name in ("nbytes_wanted", "n_terms"):
             if getattr(self, name) is not None:
                 expect_count(name, getattr(self, name))
@@ -150,6 +172,7 @@ class Wavelet4D(Compressor):
         self._transform = self.columns or ImageWavelet((1, n_points))
         self._order = getattr(self._transform, "order", np.arange(n_points))
         self._mixed = mixed
+        return self._order
 
     def _pack(self, found, n_columns):
         self.depths_, self.counts_ = np.zeros(n_columns, int), np.zeros(n_columns, int)
@@ -234,8 +257,10 @@ class Wavelet4D(Compressor):
             parts = list(parts)
             light = np.concatenate([piece[3] for piece, _ in parts])
             matrix = sp.hstack([matrix for _, matrix in parts], format="csc")
+            if self.bits is not None and self.scaling == "root":
+                matrix.data *= np.abs(matrix.data)
             product = np.ascontiguousarray((matrix @ light).T)
-            if self.bits is not None and self.lift:
+            if self.bits is not None and self.scaling == "levels":
                 product *= np.exp2(-self._transform.scales(depth).astype(np.float32))
             yield depth, product
 
@@ -305,45 +330,6 @@ class Wavelet4D(Compressor):
         self.depths_, self.counts_ = depths, counts
         self.n_coefficients_ = int(counts.sum())
         return self
-
-
-def mixed_wavelets(rows, wavelet):
-    """How rows become wavelets of mixed channels: luminance and differences.
-
-    Returns
-    -------
-    mixed : (k, n_channels) float32
-        Orthonormal; channels that no row has are left out.
-    encode : callable
-        (n,) int points to (n, k n_directions) float32.
-    """
-    code = rows.code
-    every = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
-    shares = every @ np.array([group.shares for group in code.groups]).T
-    shares[np.abs(shares) < 1e-9] = 0
-    used = shares.any(axis=1)
-    mixed, shares = every[used].astype(np.float32), shares[used].astype(np.float32)
-
-    def convert(coded):
-        plain = coded if code.scale is None else coded / code.scale
-        if wavelet == "haar":
-            return plain
-        return wavelet_rows(
-            haar_rows(plain, rows.resolution, inverse=True), rows.resolution, wavelet
-        )
-
-    bases = [None if group.basis is None else convert(group.basis) for group in code.groups]
-
-    def encode(points):
-        features = rows.features(points)
-        result = np.zeros((len(points), len(mixed), rows.n_directions), np.float32)
-        for part, basis, share in zip(code.slices, bases, shares.T, strict=True):
-            coded = convert(features[:, part]) if basis is None else features[:, part] @ basis
-            for channel in np.flatnonzero(share):
-                result[:, channel] += share[channel] * coded
-        return result.reshape(len(points), -1)
-
-    return mixed, encode
 
 
 def _parts(some, counts):

@@ -96,6 +96,13 @@ def test_a_budget_is_kept_and_used(grey, hierarchy):
         Wavelet4D(hierarchy, nbytes_wanted=10).fit(grey)
 
 
+@pytest.mark.parametrize("scaling", ["levels", "none"])
+def test_other_scalings_keep_the_error_too(grey, hierarchy, scaling):
+    model = Wavelet4D(hierarchy, error=0.05, scaling=scaling, dither=True).fit(grey)
+    found = relative(restored(model)[..., 0], grey.array[..., 0])
+    assert found == pytest.approx(model.matrix_error_, rel=1e-3) and found <= 0.0501
+
+
 def test_too_few_bits_are_said(grey, hierarchy):
     with pytest.raises(PRTError, match="3 bits"):
         Wavelet4D(hierarchy, error=0.001, bits=3).fit(grey)
@@ -160,7 +167,8 @@ def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
 
 def test_the_same_seed_gives_the_same_bytes(grey, hierarchy):
     one, two, other = (
-        Wavelet4D(hierarchy, error=0.05, seed=seed).fit(grey).state() for seed in (4, 4, 5)
+        Wavelet4D(hierarchy, error=0.05, dither=True, seed=seed).fit(grey).state()
+        for seed in (4, 4, 5)
     )
     assert all(np.array_equal(one[k], two[k]) for k in ("names", "low", "high", "sizes"))
     assert not np.array_equal(one["low"], other["low"])
@@ -239,13 +247,25 @@ def test_packed_columns_are_what_was_packed(n_rows, bits):
 def test_quantised_values_are_within_a_step_and_dithered_ones_right_on_average():
     values, scales = RNG.standard_normal(999).astype(np.float32), RNG.integers(0, 6, 999)
     for bits in (2, 9, 16):
-        integers, size = quantise(values, scales, bits, None)
-        error = np.abs(dequantise(integers, scales, size) - values) * 2.0**scales
-        assert error.max() <= 0.5001 * size and np.abs(integers).max() == 2 ** (bits - 1) - 1
+        most = 2 ** (bits - 1) - 1
+        for scaling, scale in (("levels", 2.0**scales), ("none", 1.0)):
+            integers, size = quantise(values, scales, bits, scaling, None)
+            error = np.abs(dequantise(integers, scales, size, scaling) - values) * scale
+            assert error.max() <= 0.5001 * size and np.abs(integers).max() == most
+        integers, size = quantise(values, scales, bits, "root", None)
+        error = np.abs(
+            np.sqrt(
+                np.abs(dequantise(integers, scales, size, "root"))
+                * np.sign(integers)
+                * np.sign(values)
+            )
+            - np.sqrt(np.abs(values))
+        )
+        assert error.max() <= 0.51 * np.sqrt(size) and np.abs(integers).max() == most
     same = np.full(20_000, 0.3, np.float32)
     same[0] = 1
-    integers, size = quantise(same, None, 4, np.random.default_rng(0))
-    assert dequantise(integers, None, size)[1:].mean() == pytest.approx(0.3, abs=2e-3)
+    integers, size = quantise(same, None, 4, "none", np.random.default_rng(0))
+    assert dequantise(integers, None, size, "none")[1:].mean() == pytest.approx(0.3, abs=2e-3)
 
 
 @pytest.mark.parametrize("power", [0.2, 0.5, 1.5])

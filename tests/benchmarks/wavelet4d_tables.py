@@ -2,12 +2,14 @@
 
 python tests/benchmarks/wavelet4d_tables.py fit SCENE OBJECT [PART]   compress and keep, untimed
 python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         milliseconds, in one run
-python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row and column filters
+python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
+python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR] column filters on an image
 python tests/benchmarks/wavelet4d_tables.py table                     Markdown of all that is kept
 
-SCENE is one of `sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`.
-PART is a mode, or `bits` (what 9 bits add at the same limit). What is found is kept under
-PRT_CACHE/wavelet4d, so that fits and timings may run at different times.
+KIND is `camera` (N x N pixels of 2 x 2 points) or `ground` (its geometry image). SCENE is one of
+`sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`. PART is a mode, or
+`bits` (what quantising adds at the same limit). What is found is kept under PRT_CACHE/wavelet4d,
+so that fits and timings may run at different times.
 """
 
 import json
@@ -15,6 +17,7 @@ import os
 import pickle
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +27,21 @@ sys.path[:0] = [str(ROOT)]
 
 import prt_core  # noqa: E402
 from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
-from prt_core.basis import PointHaar, haar_areas  # noqa: E402
-from prt_core.compress import Rows, TransportRows, Wavelet4D  # noqa: E402
+from prt_core.bake_image import image_steps  # noqa: E402
+from prt_core.basis import WAVELETS, ImageWavelet, PointHaar, haar_areas  # noqa: E402
+from prt_core.compress import ImageRows, Rows, TransportRows, Wavelet4D  # noqa: E402
 from prt_core.compress.column_coder import ColumnCoder  # noqa: E402
 from prt_core.compress.sparse_columns import column_bytes  # noqa: E402
 from prt_core.errors import PRTError  # noqa: E402
+from prt_core.evaluate.view import auto_camera  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.progress import run  # noqa: E402
-from tests.benchmarks.sampling_scenes import measuring_scene  # noqa: E402
+from tests.benchmarks.sampling_scenes import (  # noqa: E402
+    GROUND,
+    _grid,
+    _smooth_mesh,
+    measuring_scene,
+)
 
 CACHE = Path(os.environ.get("PRT_CACHE", "/tmp")) / "wavelet4d"
 ERRORS = (0.05, 0.02, 0.01)
@@ -131,6 +141,38 @@ def filters(scene, item):
     for name in ("haar", "d4", "d6", "d8"):
         model = Wavelet4D(columns, rows=name, error=0.02).fit(rows)
         print(f"{scene} {item} rows {name}: {model.nbytes / 1e6:.2f} MB", flush=True)
+
+
+def image(name, kind, size, error="0.02"):
+    """Bytes of an image in each column transform, the pixels' own hierarchy among them."""
+    path = CACHE / f"{name}-{kind}{size}.prt"
+    scene = measuring_scene(name)
+    ground = flat_ground()
+    asked = ((int(size),) * 2, 2, None) if kind == "camera" else (None, 1, ("ground", int(size)))
+    scene = run(image_steps(scene, [ground], auto_camera(scene), "embree", *asked))
+    run(bake_steps(scene, path, BakeSettings(caster="embree")))
+    bake = prt_core.load(path)
+    shown, points = bake.scene.image, bake.scene.points
+    rows = ImageRows(TransportRows(bake.transport), shown)
+    shape = shown.height, shown.width
+    columns = {name: ImageWavelet(shape, name) for name in WAVELETS}
+    place = [shown.pixels(a).reshape(-1, 3) for a in (points.positions, points.normals)]
+    columns["hierarchy"] = PointHaar(*place)
+    for name, transform in columns.items():
+        for mode in ("adaptive", "4d") + (("2d",) if name == "haar" else ()):
+            model = Wavelet4D(transform, error=float(error), mode=mode).fit(rows)
+            size = model.nbytes - (4 * rows.n_points if name == "hierarchy" else 0)
+            print(
+                f"{path.stem} {name} {mode}: {size / 1e6:.3f} MB, "
+                f"{model.n_coefficients_:,} terms, error {model.matrix_error_:.3%}",
+                flush=True,
+            )
+
+
+def flat_ground():
+    """The ground of the measuring scenes with the texture coordinates of its square."""
+    mesh = _smooth_mesh("ground", *_grid(GROUND), (0.5, 0.5, 0.5))
+    return replace(mesh, corner_uv=mesh.vertices[mesh.corner_vertex][:, :2] / 4 + 0.5)
 
 
 def kept(scene, item, name, kind="pkl"):
@@ -246,4 +288,5 @@ def read(name, setting, kind):
 
 
 if __name__ == "__main__":
-    {"fit": fit, "time": times, "filters": filters, "table": table}[sys.argv[1]](*sys.argv[2:])
+    known = {"fit": fit, "time": times, "filters": filters, "image": image, "table": table}
+    known[sys.argv[1]](*sys.argv[2:])

@@ -83,10 +83,10 @@ def test_texels_cover_the_layout_and_what_is_beside_it():
 def bake(tmp_path_factory):
     meshes = [sphere(10, 0.4, (0, 0, 0.5), name="ball", albedo=(0.8, 0.4, 0.2)), plane(13)]
     scene = Scene.from_meshes(meshes)
-    steps = image_steps(scene, meshes, camera(4.0, 0.2), "embree", (16, 12), 2, None)
+    steps = image_steps(scene, meshes, camera(4.0, 0.2), "auto", (16, 12), 2, None)
     path = tmp_path_factory.mktemp("bake") / "image.prt"
     scene = run(steps)
-    run(bake_steps(scene, path, BakeSettings(resolution=8, caster="embree", tolerance=0.05)))
+    run(bake_steps(scene, path, BakeSettings(resolution=8, caster="auto", tolerance=0.05)))
     return load(path)
 
 
@@ -123,12 +123,12 @@ def test_wrong_images_are_refused():
     meshes = [plane()]
     scene = Scene.from_meshes(meshes)
     for arguments, message in (
-        ((camera(4, 0.2), "embree", (4, 4), 2, ("plane", 4)), "not both"),
-        ((None, "embree", (4, 4), 2, None), "no perspective camera"),
-        ((None, "embree", None, 2, ("sphere", 4)), "no object"),
-        ((camera(4, 0.2), "embree", (4, 0), 2, None), "pixels"),
-        ((camera(4, 0.2), "embree", (4, 4), 0, None), "pixel samples"),
+        ((camera(4, 0.2), "auto", (4, 4), 2, ("plane", 4)), "not both"),
+        ((None, "auto", (4, 4), 2, None), "no perspective camera"),
+        ((None, "auto", None, 2, ("sphere", 4)), "no object"),
+        ((camera(4, 0.2), "auto", (4, 0), 2, None), "pixels"),
+        ((camera(4, 0.2), "auto", (4, 4), 0, None), "pixel samples"),
     ):
         with pytest.raises(PRTError, match=message):
             run(image_steps(scene, meshes, *arguments))
-    assert run(image_steps(scene, meshes, None, "embree", None, 2, None)) is scene
+    assert run(image_steps(scene, meshes, None, "auto", None, 2, None)) is scene

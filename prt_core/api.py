@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake_image import image_steps
 from prt_core.bake_visibility import chosen_method
 from prt_core.compressed import CompressSettings, compress_steps
 from prt_core.errors import PRTError, expect
@@ -23,6 +24,9 @@ def bake(
     two_sided=(),
     restart=False,
     report=None,
+    camera_pixels=None,
+    pixel_samples=2,
+    geometry_image=None,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -40,6 +44,12 @@ def bake(
     restart : bool or "changed"
         Begin anew whatever `output` holds; or only where that is of another scene or settings.
     report : callable(Progress), optional
+    camera_pixels : (int, int), optional
+        Bake what the scene's camera sees as well, width x height pixels.
+    pixel_samples : int
+        Points along each side of such a pixel.
+    geometry_image : (str, int), optional
+        Bake a square image of an object's UV layout as well: its name, and texels a side.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method.
 
@@ -54,7 +64,8 @@ def bake(
         bpy is missing, the file or a name is wrong, or the store holds something else.
     """
     settings = BakeSettings(**settings)
-    steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart)
+    image = camera_pixels, pixel_samples, geometry_image
+    steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
 
 
@@ -68,6 +79,7 @@ def bake_blend_steps(
     pace=None,
     scene=None,
     strict=True,
+    image=(None, 2, None),
 ):
     """`bake` as a generator of `Progress`.
 
@@ -79,6 +91,8 @@ def bake_blend_steps(
         Where `blend` is None; default: the current one.
     strict : bool
         Whether a name that renders nothing is an error.
+    image : tuple
+        `camera_pixels`, `pixel_samples` and `geometry_image` of `bake`.
     """
     if blend is not None:
         open_blend(blend)
@@ -100,6 +114,7 @@ def bake_blend_steps(
     built = yield from beside("scene", Scene.from_meshes, meshes)
     built.messages[:0] = messages
     source = yield from beside("scene", mesh_digests, meshes)
+    built = yield from image_steps(built, meshes, camera, settings.caster, *image)
     cube_map, probes = CubeMap(settings.resolution), None
     if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
         from prt_core.blender.studio import studio_light_steps

@@ -121,6 +121,24 @@ class Bake:
             if item.receives
         }
 
+    def image(self, radiance):
+        """The image that was baked: (height, width, 3) float32, linear.
+
+        Parameters
+        ----------
+        radiance : (n_points, 3) float32
+
+        Raises
+        ------
+        PRTError
+            The bake has no image.
+        """
+        expect(
+            self.scene.image is not None,
+            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+        )
+        return self.scene.image.pixels(radiance)
+
 
 def bake_steps(
     scene,

@@ -70,6 +70,16 @@ def _parser(in_blender):
         help="which entries are traced: exhaustive, agreement, huang, or auto, the cheapest that "
         "meets the tolerance",
     )  # fmt: skip
+    bake.add_argument(
+        "--camera-pixels", type=_size, metavar="WxH", help="bake what the camera sees as an image"
+    )
+    bake.add_argument(
+        "--pixel-samples", type=int, default=2, help="points along a side of its pixels (2)"
+    )
+    bake.add_argument(
+        "--geometry-image", nargs=2, metavar=("OBJECT", "N"),
+        help="bake an image of N x N texels of an object's UV layout",
+    )  # fmt: skip
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -92,6 +102,7 @@ def _parser(in_blender):
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
+    relight.add_argument("--image", metavar="PNG", help="the image that was baked")
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
@@ -197,6 +208,13 @@ class _Hushed:
         os.close(self._kept)
 
 
+def _geometry_image(words):
+    if words is None:
+        return None
+    expect(words[1].isdigit(), f"--geometry-image: expected OBJECT N, got {' '.join(words)}")
+    return words[0], int(words[1])
+
+
 def _bake(options):
     blend = options.scene
     if blend is None:
@@ -223,6 +241,9 @@ def _bake(options):
                 caster=options.caster,
                 seed=options.seed,
                 method=options.method,
+                camera_pixels=options.camera_pixels,
+                pixel_samples=options.pixel_samples,
+                geometry_image=_geometry_image(options.geometry_image),
             )
         finally:
             bar.close()
@@ -235,8 +256,8 @@ def _bake(options):
 
 def _relight(options):
     expect(
-        options.output or options.png or options.blend,
-        "relight: nothing to write; give --output NPZ, --png PNG or --blend BLEND",
+        options.output or options.png or options.blend or options.image,
+        "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
     )
     expect(
         options.light or options.lamps,
@@ -267,9 +288,14 @@ def _relight(options):
         write_npz(options.output, colours)
     if options.png:
         _write_png(baked, radiance, options)
+    if options.image:
+        from prt_core.evaluate import to_srgb, write_png
+
+        write_png(options.image, to_srgb(baked.image(radiance)))
     if options.blend:
         _write_blend(baked, colours, options)
-    written = ", ".join(p for p in (options.output, options.png, options.blend) if p)
+    outputs = options.output, options.png, options.image, options.blend
+    written = ", ".join(p for p in outputs if p)
     print(f"{written}: {len(baked.scene.points):,} points relit {how} in {spent:.2f} s")
     return 0
 

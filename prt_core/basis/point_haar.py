@@ -8,7 +8,7 @@ Sweldens 1997, unbalanced Haar wavelets, on a tree as in Gavish et al. 2010.)
 import numpy as np
 
 from prt_core.basis.wavelets import _all_steps
-from prt_core.errors import expect_array
+from prt_core.errors import expect, expect_array
 
 # Normals count as much as so much of the scene's size.
 _NORMAL_SHARE = 0.15
@@ -34,17 +34,35 @@ class PointHaar:
         Point of each leaf.
     """
 
+    orthonormal = True
+
     def __init__(self, positions, normals=None, groups=None):
         positions = expect_array("positions", positions, (None, 3), np.float64)
-        self.n = len(positions)
+        n = len(positions)
         size = np.ptp(positions, axis=0).max(initial=0) or 1.0
         features = [positions / size]
         if normals is not None:
             features.append(_NORMAL_SHARE * np.asarray(normals, np.float64))
         if groups is not None:
             features.append(2.0 * np.asarray(groups, np.float64)[:, None])
+        depth = max(n - 1, 0).bit_length()
+        self._plant(_tree_order(np.hstack(features), depth))
+
+    @classmethod
+    def from_order(cls, order):
+        """The transform whose leaves are these points, a permutation of 0 to n - 1."""
+        order = np.asarray(order, np.int64)
+        expect(
+            order.ndim == 1 and (np.sort(order) == np.arange(len(order))).all(),
+            "order: expected every point once",
+        )
+        self = cls.__new__(cls)
+        self._plant(order)
+        return self
+
+    def _plant(self, order):
+        self.n, self.order = len(order), order
         self.depth = max(self.n - 1, 0).bit_length()
-        self.order = _tree_order(np.hstack(features), self.depth)
         self._sizes = [self.n]
         self._weights = []
         counts = np.ones(self.n)
@@ -88,6 +106,14 @@ class PointHaar:
         result = np.empty_like(coefficients)
         result[..., self.order] = _all_steps(self, coefficients, depth, True)
         return result
+
+    def head(self, vectors, depth):
+        """The part of (m, n) vectors that step `depth` changes: (m, k), no copy."""
+        return vectors[:, : self._sizes[depth]]
+
+    def weights(self, depth):
+        """(n,) float32: energy of the function that a coefficient of one alone stands for."""
+        return np.ones(self.n, np.float32)
 
     def scales(self, depth):
         """(n,) int: 0 for scaling coefficients after `depth` steps, half a level a step: two

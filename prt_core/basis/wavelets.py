@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 import pywt
 
-from prt_core.basis.haar import haar_levels
+from prt_core.basis.haar import haar_levels, haar_rows
 from prt_core.errors import expect
 
 # Our name: PyWavelets' name.
@@ -43,6 +43,7 @@ class ImageWavelet:
         Pixels.
     depth : int
         Steps that the size allows.
+    orthonormal : bool
     """
 
     def __init__(self, shape, wavelet="haar"):
@@ -50,6 +51,7 @@ class ImageWavelet:
         expect(min(self.shape) >= 1, f"shape: expected two positive numbers, got {shape}")
         self.wavelet = wavelet
         step_matrices(2, wavelet)
+        self.orthonormal = wavelet in ORTHONORMAL
         self.n = self.shape[0] * self.shape[1]
         self.depth = min(haar_levels(size) for size in self.shape)
 
@@ -69,6 +71,26 @@ class ImageWavelet:
         """Undo `forward`."""
         return _all_steps(self, vectors, depth, True)
 
+    def head(self, vectors, depth):
+        """The part of (m, n) vectors that step `depth` changes: (m, height, width), no copy."""
+        height, width = (size >> depth for size in self.shape)
+        return vectors.reshape(-1, *self.shape)[:, :height, :width]
+
+    def weights(self, depth):
+        """(n,) float32: energy of the image that a coefficient of one alone stands for."""
+        result = np.ones(self.shape, np.float32)
+        if self.orthonormal:
+            return result.ravel()
+        for level in range(depth):
+            height, width = (size >> level for size in self.shape)
+            scaling, detail = _energies(self.wavelet, level + 1)
+            result[:height, width // 2 : width] = result[height // 2 : height, :width] = (
+                scaling * detail
+            )
+            result[height // 2 : height, width // 2 : width] = detail**2
+            result[: height // 2, : width // 2] = scaling**2
+        return result.ravel()
+
     def scales(self, depth):
         """(n,) int: 0 for scaling coefficients after `depth` steps, 1 for the details beside
         them, one more for each finer level."""
@@ -81,8 +103,8 @@ class ImageWavelet:
         return result.ravel()
 
     def _step(self, vectors, level, inverse):
-        height, width = (size >> level for size in self.shape)
-        images = vectors.reshape(-1, *self.shape)[:, :height, :width]
+        images = self.head(vectors, level)
+        height, width = images.shape[1:]
         down, across = (step_matrices(n, self.wavelet)[inverse] for n in (height, width))
         down, across = down.astype(vectors.dtype), across.astype(vectors.dtype)
         images[...] = np.matmul(down, np.matmul(images, across.T))
@@ -108,6 +130,8 @@ def wavelet_rows(rows, resolution, wavelet, inverse=False):
         wavelet in ORTHONORMAL,
         f"wavelet: expected one of {', '.join(ORTHONORMAL)} for rows, got {wavelet!r}",
     )
+    if wavelet == "haar":
+        return haar_rows(rows, resolution, inverse)
     faces = ImageWavelet((resolution, resolution), wavelet)
     rows = np.asarray(rows)
     flat = np.ascontiguousarray(rows).reshape(-1, resolution * resolution)
@@ -132,6 +156,20 @@ def step_matrices(n, wavelet):
     low, high = (np.trim_zeros(np.array(f)) for f in (filters.dec_lo, filters.dec_hi))
     forward = np.concatenate([_mirrored(low, n, 0), _mirrored(high, n, 1)])
     return forward, np.linalg.inv(forward)
+
+
+@lru_cache(maxsize=64)
+def _energies(wavelet, steps):
+    """Of the signals that a scaling and a detail coefficient of step `steps` stand for."""
+    # From the fourth step on they are the same but for their width.
+    steps = min(steps, 4)
+    n = 32 << steps
+    pair = np.zeros((2, n))
+    pair[0, 16], pair[1, 48] = 1, 1
+    for level in reversed(range(steps)):
+        size = n >> level
+        pair[:, :size] = pair[:, :size] @ step_matrices(size, wavelet)[1].T
+    return tuple((pair**2).sum(axis=1))
 
 
 def _periodic(taps, n):

@@ -233,6 +233,11 @@ def _to_mesh(name, source, data, matrix, messages):
     if determinant < 0:
         # A mirror turns the winding round, not the side that is the front.
         triangles = triangles[:, ::-1]
+    uv = None
+    if data.uv_layers.active is not None:
+        uv = np.empty(n_corners * 2, np.float32)
+        data.uv_layers.active.data.foreach_get("uv", uv)
+        uv = uv.reshape(-1, 2)
     corner_slot = np.repeat(slots, sizes)
     albedo = corner_albedo(materials, data, corner_slot, corner_vertex, messages)
     return Mesh(
@@ -244,6 +249,7 @@ def _to_mesh(name, source, data, matrix, messages):
         corner_albedo=albedo,
         corner_material=corner_slot,
         face_sizes=sizes,
+        corner_uv=uv,
     )
 
 

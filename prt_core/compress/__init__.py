@@ -6,6 +6,7 @@ from prt_core.compress.choose import Limits, Trial, choose_steps
 from prt_core.compress.clustered_pca import ClusteredPCA
 from prt_core.compress.haar_lighting import HaarLighting, IncrementalLighting
 from prt_core.compress.harmonics import Harmonics, Irradiance
+from prt_core.compress.image_rows import ImageRows
 from prt_core.compress.methods import (
     Method,
     Task,
@@ -20,6 +21,7 @@ from prt_core.compress.rows import ArrayRows, Rows, SomeRows, TransportRows
 from prt_core.compress.seams import border_pairs, neighbour_pairs, seam
 from prt_core.compress.sparse_clusters import SparseClusteredPCA
 from prt_core.compress.vq import VectorQuantisation
+from prt_core.compress.wavelet4d import Wavelet4D
 
 __all__ = [
     "PCA",
@@ -30,6 +32,7 @@ __all__ = [
     "Compressor",
     "HaarLighting",
     "Harmonics",
+    "ImageRows",
     "IncrementalLighting",
     "Irradiance",
     "Limits",
@@ -42,6 +45,7 @@ __all__ = [
     "TransportRows",
     "Trial",
     "VectorQuantisation",
+    "Wavelet4D",
     "border_pairs",
     "choose_steps",
     "method_named",

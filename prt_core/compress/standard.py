@@ -1,5 +1,6 @@
 """The methods of this library by name, each with its ladder from small to near."""
 
+from prt_core.basis import PointHaar
 from prt_core.compress.clustered_pca import ClusteredPCA
 from prt_core.compress.haar_lighting import HaarLighting
 from prt_core.compress.harmonics import Harmonics
@@ -8,6 +9,7 @@ from prt_core.compress.pca import PCA
 from prt_core.compress.realtime import ClusterRelighter
 from prt_core.compress.seams import neighbour_pairs
 from prt_core.compress.vq import VectorQuantisation
+from prt_core.compress.wavelet4d import Wavelet4D
 
 # Components, and points a cluster has on average.
 _CLUSTERED = ((2, 1000), (4, 700), (8, 500), (12, 400), (16, 350), (24, 350), (40, 300), (64, 250))
@@ -16,6 +18,8 @@ _POINTS_A_VECTOR = (120, 30, 10)
 # Terms of the light, and the quantisation step.
 _HAAR = ((32, 1 / 64), (256, 1 / 254), (2048, 1 / 1022))
 _ORDERS = (3, 5, 10)
+# Error of the matrix, and bits of a coefficient.
+_WAVELETS = ((0.3, 7), (0.2, 7), (0.1, 8), (0.05, 9), (0.02, 9), (0.01, 10), (0.005, 12))
 
 
 def _clustered(task):
@@ -30,6 +34,11 @@ def _vectors(task):
         VectorQuantisation(max(1, round(task.n_points / points)), seed=task.seed)
         for points in _POINTS_A_VECTOR
     ]
+
+
+def _wavelets(task):
+    columns = PointHaar(task.positions, task.normals, task.groups)
+    return [Wavelet4D(columns, error=error, bits=bits, seed=task.seed) for error, bits in _WAVELETS]
 
 
 def _one_basis(model, n_points):
@@ -64,6 +73,7 @@ register_method(
         local=False,
     )
 )
+register_method(Method("wavelet4d", Wavelet4D, _wavelets))
 register_method(
     Method(
         "harmonics",

@@ -46,7 +46,7 @@ def value_of(state, name, kind):
     """A plain value of a state; `kind` converts it, and what it cannot convert is an error."""
     try:
         return kind(state[name])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, IndexError, TypeError, ValueError) as error:
         raise PRTError(f"compressed form: '{name}' is wrong ({error!r}); {_AGAIN}") from error
 
 

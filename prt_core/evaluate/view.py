@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.errors import expect
+from prt_core.scene import camera_rays
 
 _BATCH = 1 << 20
 
@@ -48,14 +49,7 @@ class CameraRays:
         camera = camera or auto_camera(scene)
         self.width, self.height, self.samples = width, height, samples
         matrix = np.asarray(camera["matrix"], np.float64)
-        step = 2 * camera["tangent"] / max(width, height)
-        x = (np.arange(width * samples) + 0.5) / samples - width / 2
-        y = height / 2 - (np.arange(height * samples) + 0.5) / samples
-        x, y = np.meshgrid(x * step, y * step)
-        local = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3)
-        axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
-        directions = local @ axes.T
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions = camera_rays(camera, width, height, samples)
         self.directions = directions.astype(np.float32)
         origin = scene.to_frame(matrix[:3, 3]).astype(np.float32)
         self.points = np.full((len(directions), 3), -1, np.int32)

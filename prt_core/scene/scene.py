@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_array
+from prt_core.scene.point_images import PointImage
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.refine import lattice_of_hits, refinement_levels
 
@@ -48,6 +49,8 @@ class Mesh:
         Whether colours can go to the object's own mesh (see `blender.colours`).
     owner : str, optional
         The object a person knows it by: that of the instances, or itself.
+    corner_uv : (n_corners, 2) float, optional
+        For geometry images.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Mesh:
     face_sizes: np.ndarray | None = None
     own_mesh: bool = False
     owner: str | None = None
+    corner_uv: np.ndarray | None = None
 
     def __post_init__(self):
         self.owner = self.owner or self.name
@@ -105,6 +109,19 @@ class Mesh:
                 "a surface cannot reflect more light than it receives",
             )
 
+    def solid_triangles(self):
+        """(n, 3) int64: the triangles that have an area, by their corners."""
+        corners = self.triangle_corners
+        if not len(corners):
+            return corners
+        a, b, c = np.moveaxis(self.vertices[self.corner_vertex[corners]], 1, 0)
+        doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        edge = np.maximum(
+            np.linalg.norm(b - a, axis=1),
+            np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(c - b, axis=1)),
+        )
+        return corners[(doubled > 1e-12 * edge**2) & (doubled > 0)]
+
 
 @dataclass(frozen=True)
 class SceneObject:
@@ -144,6 +161,8 @@ class Scene:
         Point indices of each triangle's lattice (see `refine`).
     lattice_back : like lattice
         Points of the back side, -1 where the back returns no light.
+    image : PointImage or None
+        Pixels that some of the points belong to.
     """
 
     centre: np.ndarray
@@ -158,6 +177,7 @@ class Scene:
     lattice: np.ndarray
     lattice_back: np.ndarray
     messages: list = field(default_factory=list)
+    image: PointImage | None = None
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -290,81 +310,14 @@ class Scene:
             self.lattice_back,
         ):
             digest.update(np.ascontiguousarray(array).tobytes())
+        if self.image is not None:
+            digest.update(np.int64([self.image.height, self.image.width, self.image.samples]))
+            digest.update(self.image.pixel)
+            digest.update(self.image.point)
         for item in self.objects:
             digest.update(item.name.encode())
             digest.update(item.corner_point.tobytes())
         return digest.hexdigest()
-
-
-def mesh_digests(meshes):
-    """Digest of all that a bake takes from each mesh but its name: {name: hexadecimal}."""
-    digests = {}
-    for mesh in meshes:
-        digest = hashlib.blake2b(digest_size=16)
-        for array in (
-            mesh.vertices,
-            mesh.corner_vertex,
-            mesh.corner_normal,
-            mesh.triangle_corners,
-            mesh.corner_albedo,
-            mesh.corner_material,
-            mesh.face_sizes,
-            np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),
-        ):
-            digest.update(np.ascontiguousarray(array))
-        digests[mesh.name] = digest.hexdigest()
-    return digests
-
-
-@dataclass(frozen=True)
-class Changes:
-    """How meshes differ from those a bake was made from; all empty where it is fresh.
-
-    Attributes
-    ----------
-    renamed : dict of str -> str
-        Unchanged meshes by their name in the bake, and their name now; no change of the light.
-    missing, changed, added : tuple of str
-    """
-
-    renamed: dict
-    missing: tuple
-    changed: tuple
-    added: tuple
-
-    @property
-    def fresh(self):
-        return not (self.missing or self.changed or self.added)
-
-    def __str__(self):
-        parts = [
-            f"{', '.join(names[:3])}{' …' if len(names) > 3 else ''} {what}"
-            for names, what in (
-                (self.changed, "changed"),
-                (self.missing, "gone"),
-                (self.added, "new"),
-            )
-            if names
-        ]
-        return "; ".join(parts) or "nothing changed"
-
-
-def changes(source, digests):
-    """`Changes` from the digests `source` of a bake to the digests of now."""
-    gone = [name for name in source if name not in digests]
-    new = [name for name in digests if name not in source]
-    renamed = {}
-    for name in gone:
-        same = [other for other in new if digests[other] == source[name]]
-        if same:
-            renamed[name] = same[0]
-            new.remove(same[0])
-    return Changes(
-        renamed,
-        tuple(name for name in gone if name not in renamed),
-        tuple(name for name in source if name in digests and source[name] != digests[name]),
-        tuple(new),
-    )
 
 
 def _stack(meshes, messages):
@@ -377,21 +330,10 @@ def _stack(meshes, messages):
     }
     counts = {"first_corner": [], "n_corners": []}
     for index, mesh in enumerate(meshes):
-        corners = mesh.triangle_corners
-        if len(corners):
-            a, b, c = np.moveaxis(mesh.vertices[mesh.corner_vertex[corners]], 1, 0)
-            doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-            edge = np.maximum(
-                np.linalg.norm(b - a, axis=1),
-                np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(c - b, axis=1)),
-            )
-            solid = doubled > 1e-12 * edge**2
-            solid &= doubled > 0
-            if not solid.all():
-                messages.append(
-                    f"{mesh.name}: {int((~solid).sum())} triangles without area ignored"
-                )
-            corners = corners[solid]
+        corners = mesh.solid_triangles()
+        ignored = len(mesh.triangle_corners) - len(corners)
+        if ignored:
+            messages.append(f"{mesh.name}: {ignored} triangles without area ignored")
         parts["vertices"].append(mesh.vertices)
         parts["corner_vertex"].append(mesh.corner_vertex + first_vertex)
         parts["corner_normal"].append(mesh.corner_normal)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.scene import BakePoints, Scene, SceneObject
+from prt_core.scene import BakePoints, PointImage, Scene, SceneObject
 
 _POINTS = {
     "positions": ("float32", 3),
@@ -16,6 +16,7 @@ _POINTS = {
     "visible": ("bool", 0),
 }
 _TRIANGLES = {"triangle_object": "int32", "triangle_level": "int32", "lattice_start": "int64"}
+_IMAGE = ("height", "width", "samples")
 _CORNERS = ("corner_point", "corner_vertex")
 
 
@@ -28,7 +29,11 @@ def write_scene(store, scene):
     for name in (*_CORNERS, "face_sizes"):
         parts = [getattr(item, name) for item in scene.objects]
         store.write(f"object_{name}", np.concatenate(parts).astype(np.int32))
+    if scene.image is not None:
+        store.write("image_pixel", scene.image.pixel)
+        store.write("image_point", scene.image.point)
     store.update(
+        image=None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         centre=scene.centre,
         size=scene.size,
         objects=[
@@ -101,12 +106,21 @@ def read_scene(store):
             objects=objects,
             lattice=lattice,
             lattice_back=lattice_back,
+            image=_read_image(store, facts.get("image")),
             **by_triangle,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise PRTError(f"{store.path}: its description is damaged ({error!r})") from error
     _check(store, scene, corner, face)
     return scene
+
+
+def _read_image(store, sizes):
+    if sizes is None:
+        return None
+    pixel = store.read("image_pixel", (None,), "int32")
+    point = store.read("image_point", (len(pixel),), "int32")
+    return PointImage(*(int(size) for size in sizes), pixel, point)
 
 
 def _check(store, scene, n_corners, n_faces):
@@ -117,8 +131,17 @@ def _check(store, scene, n_corners, n_faces):
 
     level = scene.triangle_level.astype(np.int64)
     cells = (level + 1) * (level + 2) // 2
+    image = scene.image
     fits = (
-        inside(scene.triangles, 0, len(scene.vertices))
+        (
+            image is None
+            or (
+                min(image.height, image.width, image.samples) > 0
+                and inside(image.pixel, 0, image.height * image.width)
+                and inside(image.point, 0, len(scene.points))
+            )
+        )
+        and inside(scene.triangles, 0, len(scene.vertices))
         and inside(scene.triangle_object, 0, len(scene.objects))
         and inside(scene.lattice, 0, len(scene.points))
         and inside(scene.lattice_back, -1, len(scene.points))

@@ -93,6 +93,32 @@ def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
     assert json.loads(prt("info", one, "--json").stdout)["compressed"] is None
 
 
+def test_images_are_baked_and_written(blend, hdri, tmp_path):
+    output = tmp_path / "i.prt"
+    common = "--resolution", 8, "--tolerance", 0.05, "--caster", "blender"
+    prt("bake", blend, "-o", output, *common, "--camera-pixels", "24x16", "--pixel-samples", 1)
+    prt("relight", output, "--light", hdri("city"), "--image", tmp_path / "c.png")
+    assert (tmp_path / "c.png").stat().st_size > 200
+    bake = prt_core.load(output)
+    found = bake.image(prt_core.api.relight_points(bake, hdri("city")))
+    assert found.shape == (16, 24, 3) and found.max() > 0
+    prt_core.api.open_blend(blend)
+    mesh = bpy.data.objects["floor"].data
+    layer = mesh.uv_layers.active or mesh.uv_layers.new(name="flat")
+    for loop, place in zip(mesh.loops, layer.data, strict=True):
+        place.uv = np.sign(mesh.vertices[loop.vertex_index].co[:2]) / 4 + 0.5
+    prt_core.bake(
+        None, tmp_path / "g.prt", resolution=8, tolerance=0.05, caster="blender",
+        geometry_image=("floor", 8),
+    )  # fmt: skip
+    bake = prt_core.load(tmp_path / "g.prt")
+    place = bake.scene.to_world(bake.scene.points.positions[bake.scene.image.point])
+    corner = np.abs(np.array([v.co[0] for v in mesh.vertices])).max()
+    assert np.abs(place[0] / corner - [-0.75, 0.75, 0]).max() < 0.02
+    wrong = prt("bake", blend, "-o", tmp_path / "w.prt", "--geometry-image", "ball", "x", code=2)
+    assert "OBJECT N" in wrong.stderr
+
+
 def test_colours_reach_the_meshes_exactly(blend, baked, hdri, tmp_path):
     prt(
         "relight", baked, "--light", hdri("city"), "--blend", tmp_path / "o.blend",

@@ -1,0 +1,188 @@
+"""Columns as few quantised terms, and the limit that gives the error or the size asked for."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from prt_core.compress.column_depth import invert_from, transform_to_best
+from prt_core.compress.limit_search import LimitSearch
+from prt_core.compress.parallel import in_parallel
+from prt_core.compress.quantise import dequantise, quantise
+from prt_core.compress.sparse_columns import column_bytes
+from prt_core.errors import expect
+from prt_core.progress import Progress
+
+# Columns, and entries, from which the first limit is found.
+_SAMPLE, _SAMPLE_ENTRIES = 240, 1 << 24
+
+
+@dataclass
+class Column:
+    """Terms of one column: places (sorted) and values, times `size` if they are integers."""
+
+    name: int
+    depth: int
+    size: float
+    places: np.ndarray
+    values: np.ndarray
+    lost: float = 0.0
+
+
+class ColumnCoder:
+    """Cuts columns to their large terms, each at the depth that suits it.
+
+    Parameters
+    ----------
+    transform : ImageWavelet or PointHaar
+    least, most : int
+        Depths that are allowed.
+    bits : int or None
+    scaling : str
+    dither : bool
+        See `quantise`.
+    memory : int
+        Bytes for what is worked on.
+    seed : int
+    """
+
+    def __init__(self, transform, least, most, bits, scaling, dither, memory, seed):
+        self.transform, self.least, self.most = transform, least, most
+        self.bits, self.scaling, self.dither = bits, scaling, dither
+        self.memory, self.seed = memory, seed
+        self._levels, self._weights = cache(transform.scales), cache(transform.weights)
+
+    def encode(self, names, columns, limit):
+        """A `Column` for each of (m, n_points) columns, which are overwritten."""
+        transform = self.transform
+        depths = transform_to_best(transform, columns, limit, self.least, self.most)
+        found = []
+        for name, column, depth in zip(names, columns, depths, strict=True):
+            squares = column * column
+            if not transform.orthonormal:
+                squares *= self._weights(depth)
+            places = np.flatnonzero(squares > np.float32(limit)).astype(np.int32)
+            values, size = column[places], 1.0
+            column[places] = 0
+            if self.bits is not None:
+                rng = np.random.default_rng([self.seed, 8, name]) if self.dither else None
+                levels = self._levels(depth)[places]
+                integers, size = quantise(values, levels, self.bits, self.scaling, rng)
+                column[places] = values - dequantise(integers, levels, size, self.scaling)
+                kept = integers != 0
+                places, values = places[kept], integers[kept]
+            found.append(Column(int(name), int(depth), size, places, values))
+        # What is left of the columns now is what was lost.
+        rest = columns if transform.orthonormal else invert_from(transform, columns, depths)
+        for column, left in zip(found, rest, strict=True):
+            column.lost = float(np.einsum("p,p->", left, left, dtype=np.float64))
+        return found
+
+    def all_steps(self, file, limit):
+        """All columns of a `ColumnFile`; a generator of `Progress`.
+
+        Returns
+        -------
+        found : list of Column
+            Those that keep a term.
+        error : float
+            Relative L2 of the whole matrix.
+        nbytes : int
+        """
+        n_columns, n_points = file.shape
+        total = file.energies.sum()
+        # A column with less energy than the smallest term has no term.
+        some = np.flatnonzero(file.energies > limit * (1 if self.transform.orthonormal else 0.25))
+        lost = total - file.energies[some].sum()
+        per = int(np.clip(self.memory / (96 * n_points), 1, 16))
+
+        def read():
+            for first in range(0, len(some), per):
+                names = some[first : first + per]
+                yield names, file.read(names)
+
+        found, done = [], 0
+        for part in in_parallel(lambda item: self.encode(*item, limit), read()):
+            lost += sum(column.lost for column in part)
+            done += len(part)
+            found += [column for column in part if len(column.places)]
+            yield Progress("columns", done, len(some))
+        error = float(np.sqrt(max(lost, 0.0) / total)) if total else 0.0
+        return found, error, int(self._bytes(found, n_points).sum())
+
+    def fitting_steps(self, file, strata, error, nbytes):
+        """All columns at the limit that gives an error, or so many bytes.
+
+        Parameters
+        ----------
+        file : ColumnFile
+        strata : (n_columns,) int
+            Columns of the same number are alike.
+        error : float
+            0: every term is kept.
+        nbytes : int or None
+            Instead of `error`.
+
+        Returns
+        -------
+        found, error
+            As from `all_steps`.
+        limit : float
+        """
+        total = file.energies.sum()
+        if not total or (error == 0 and nbytes is None):
+            found, reached, _ = yield from self.all_steps(file, 1e-37)
+            return found, reached, 1e-37
+        wanted = error if nbytes is None else nbytes
+        search = _search(self._sampled(file, strata, wanted, nbytes), wanted, nbytes, total)
+        best = None
+        while search.limit is not None:
+            limit = search.limit
+            found, reached, size = yield from self.all_steps(file, limit)
+            if search.tell(reached if nbytes is None else size) and found:
+                best = found, reached, limit
+        expect(
+            best is not None,
+            f"error: {error:g} is out of reach of {self.bits} bits a coefficient; allow more"
+            if nbytes is None
+            else f"nbytes_wanted: {nbytes} is too little for any column; allow more",
+        )
+        return best
+
+    def _sampled(self, file, strata, wanted, nbytes):
+        """The limit that is right for some columns of each stratum."""
+        alive = file.energies > 1e-14 * file.energies.sum()
+        groups = [np.flatnonzero(alive & (strata == value)) for value in np.unique(strata[alive])]
+        each = max(1, min(_SAMPLE, _SAMPLE_ENTRIES // file.shape[1]) // len(groups))
+        rng = np.random.default_rng([self.seed, 9])
+        chosen = [np.sort(rng.choice(g, min(len(g), each), replace=False)) for g in groups]
+        names = np.concatenate(chosen)
+        weights = np.repeat(
+            [len(g) / len(c) for g, c in zip(groups, chosen, strict=True)],
+            [len(c) for c in chosen],
+        )
+        columns = np.concatenate([file.read(part) for part in chosen])
+        total = weights @ file.energies[names]
+        search = _search(total * 1e-8, wanted, nbytes, total, near=0.995, most=30)
+        parts = np.array_split(np.arange(len(names)), -(-len(names) // 16))
+        while search.limit is not None:
+            limit = search.limit
+            tried = in_parallel(
+                lambda part, at=limit: self.encode(names[part], columns[part], at), parts
+            )
+            found = [column for part in tried for column in part]
+            if nbytes is None:
+                lost = weights @ [column.lost for column in found]
+                search.tell(float(np.sqrt(lost / total)))
+            else:
+                search.tell(float(weights @ self._bytes(found, file.shape[1])))
+        return limit
+
+    def _bytes(self, columns, n_points):
+        counts = np.array([len(column.places) for column in columns], np.int64)
+        return column_bytes(counts, n_points, self.bits)[0]
+
+
+def _search(start, wanted, nbytes, total, **options):
+    least = 1e-16 * total if nbytes is None else 1e-37
+    return LimitSearch(start, wanted, rising=nbytes is None, least=least, **options)

@@ -1,0 +1,325 @@
+"""Adaptive 4D wavelets (Cheslack-Postava et al. 2007): rows and columns in wavelets.
+
+Rows are transformed over directions, columns over points. A column of a large wavelet light is a
+smooth picture and is transformed deeply; that of a small one is sparse already and would only
+grow. Each column stops at the depth that needs the fewest terms.
+"""
+
+from itertools import groupby
+
+import numpy as np
+import scipy.sparse as sp
+
+from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, wavelet_rows
+from prt_core.compress.base import Compressor, expect_count
+from prt_core.compress.column_coder import ColumnCoder
+from prt_core.compress.columns import transposed_steps
+from prt_core.compress.mixed_rows import mixed_wavelets
+from prt_core.compress.parallel import in_parallel
+from prt_core.compress.quantise import SCALINGS
+from prt_core.compress.sparse_columns import (
+    SparseColumns,
+    column_bytes,
+    groups_state,
+    unpack_groups,
+)
+from prt_core.compress.state import array_of, expect_state, value_of
+from prt_core.errors import expect
+
+MODES = ("adaptive", "4d", "2d")
+# Terms that are unpacked at once.
+_TERMS = 1 << 18
+
+
+class Wavelet4D(Compressor):
+    """Sparse quantised columns, each at its own depth, and one inverse transform a frame.
+
+    Parameters
+    ----------
+    columns : ImageWavelet or PointHaar, optional
+        The transform of columns: an image's wavelet where the points are its pixels in reading
+        order, the points' own hierarchy on any mesh. Default: none, which leaves `mode` "2d".
+    rows : {"haar", "d4", "d6", "d8"}
+        The transform of rows on cube map faces.
+    error : float
+        Relative L2 error of the matrix, quantisation included: met, and by not more than 2 %.
+        0: every term is kept.
+    nbytes_wanted : int, optional
+        Instead of `error`: the bytes that the columns may take.
+    mode : {"adaptive", "4d", "2d"}
+        Best depth for each column; always all; never any.
+    bits : int or None
+        Of a quantised coefficient, 2 to 16; None: float32.
+    scaling : {"root", "levels", "none"}
+    dither : bool
+        How coefficients are quantised (see `quantise`).
+    n_terms : int or None
+        Wavelets a light is cut to when relighting; None: all.
+    memory : int
+        Bytes that fitting may hold, the result apart. The transformed rows are in a temporary
+        file of 4 bytes an entry.
+    seed : int
+        Of the dithering and of the sample of columns.
+
+    Attributes
+    ----------
+    depths_ : (n_columns,) int
+        Steps of each column; columns are the directions' wavelets, one channel after another
+        (three channels as luminance and two differences).
+    counts_ : (n_columns,) int
+        Terms of each column.
+    n_coefficients_ : int
+    matrix_error_ : float
+        Relative L2 of the matrix, measured on the whole of it.
+    limit_ : float
+        Square of the smallest term that was kept.
+    """
+
+    def __init__(
+        self,
+        columns=None,
+        rows="haar",
+        error=0.02,
+        nbytes_wanted=None,
+        mode="adaptive",
+        bits=9,
+        scaling="root",
+        dither=False,
+        n_terms=None,
+        memory=1 << 29,
+        seed=0,
+    ):
+        self.columns = columns
+        self.rows = rows
+        self.error = error
+        self.nbytes_wanted = nbytes_wanted
+        self.mode = mode
+        self.bits = bits
+        self.scaling = scaling
+        self.dither = dither
+        self.n_terms = n_terms
+        self.memory = memory
+        self.seed = seed
+
+    def fit_steps(self, rows):
+        with (yield from self.columns_steps(rows)) as file:
+            return (yield from self.fit_columns_steps(rows, file))
+
+    def columns_steps(self, rows):
+        """The first half of `fit`: rows in wavelets, and turned.
+
+        Returns
+        -------
+        ColumnFile
+            To be closed. The same for any error, mode and bits.
+        """
+        self._check(rows)
+        if hasattr(rows, "prepare_steps"):
+            yield from rows.prepare_steps()
+        mixed, encode = mixed_wavelets(rows, self.rows)
+        order = self._prepare(rows.n_points, mixed)
+        n_columns = rows.n_directions * len(mixed)
+        return (yield from transposed_steps(encode, n_columns, order, self.memory))
+
+    def fit_columns_steps(self, rows, file):
+        """The second half: columns in wavelets, cut and packed."""
+        self._check(rows)
+        mixed, _ = mixed_wavelets(rows, self.rows)
+        self._prepare(rows.n_points, mixed)
+        most = 0 if self.mode == "2d" else self._transform.depth
+        coder = ColumnCoder(
+            self._transform, most if self.mode == "4d" else 0, most,
+            self.bits, self.scaling, self.dither, self.memory, self.seed,
+        )  # fmt: skip
+        level, _ = haar_areas(rows.resolution)
+        strata = np.arange(len(mixed))[:, None] * (level.max() + 1) + level
+        found, self.matrix_error_, self.limit_ = yield from coder.fitting_steps(
+            file, strata.ravel(), self.error, self.nbytes_wanted
+        )
+        energies = file.energies.reshape(len(mixed), -1).sum(axis=0)
+        self.importance_ = np.sqrt(energies)
+        self._pack(found, file.shape[0])
+        return self._fitted(rows)
+
+    def _check(self, rows):
+        expect(
+            rows.resolution is not None,
+            "rows: 4D wavelets need the texels of a cube map; say its resolution",
+        )
+        n = getattr(self.columns, "n", rows.n_points)
+        expect(
+            n == rows.n_points,
+            f"columns: a transform of {n} points, the rows have {rows.n_points}",
+        )
+        expect(self.mode in MODES, f"mode: expected one of {', '.join(MODES)}, got {self.mode!r}")
+        expect(
+            self.rows in ORTHONORMAL,
+            f"rows: expected one of {', '.join(ORTHONORMAL)}, got {self.rows!r}",
+        )
+        expect(0 <= self.error < 1, f"error: expected a number from 0 to below 1, got {self.error}")
+        expect(
+            self.bits is None or 2 <= self.bits <= 16,
+            f"bits: expected None or 2 to 16, got {self.bits!r}",
+        )
+        expect(
+            self.scaling in SCALINGS,
+            f"scaling: expected one of {', '.join(SCALINGS)}, got {self.scaling!r}",
+        )
+        for name in ("nbytes_wanted", "n_terms"):
+            if getattr(self, name) is not None:
+                expect_count(name, getattr(self, name))
+
+    def _prepare(self, n_points, mixed):
+        self._transform = self.columns or ImageWavelet((1, n_points))
+        self._order = getattr(self._transform, "order", np.arange(n_points))
+        self._mixed = mixed
+        return self._order
+
+    def _pack(self, found, n_columns):
+        names = np.array([column.name for column in found], int)
+        depths = np.array([column.depth for column in found], int)
+        counts = np.array([len(column.places) for column in found], int)
+        _, words = column_bytes(counts, self._transform.n, self.bits)
+        self._groups = []
+        for depth in np.unique(depths):
+            for word in np.unique(words):
+                mine = np.flatnonzero((depths == depth) & (words == word))
+                if len(mine):
+                    part = [found[i] for i in mine]
+                    packed = SparseColumns.pack(
+                        self._transform.n, int(word), self.bits, names[mine],
+                        [c.size for c in part], [c.places for c in part],
+                        [c.values for c in part],
+                    )  # fmt: skip
+                    self._groups.append((int(depth), packed))
+        self._count(n_columns)
+
+    def _count(self, n_columns):
+        self.depths_, self.counts_ = np.zeros(n_columns, int), np.zeros(n_columns, int)
+        for depth, packed in self._groups:
+            self.depths_[packed.names], self.counts_[packed.names] = depth, packed.counts
+        self.n_coefficients_ = int(self.counts_.sum())
+
+    @property
+    def nbytes(self):
+        """Of the columns (places, values, sizes, counts, names), the order of the points, the
+        weights of the wavelets and the gain."""
+        self._expect_fitted()
+        result = sum(packed.nbytes for _, packed in self._groups)
+        result += 4 * self.n_points_ if isinstance(self._transform, PointHaar) else 0
+        result += 4 * self.n_directions_ if self.n_terms is not None else 0
+        return result + (0 if self.gain_ is None else self.gain_.nbytes)
+
+    def choose(self, light, n_terms=None):
+        """The wavelets that a light is cut to: those that weigh most in the colours.
+
+        Parameters
+        ----------
+        light : (n_directions, n_channels) float
+        n_terms : int, optional
+            Default: the estimator's own.
+
+        Returns
+        -------
+        coefficients : (n_directions, n_channels) float32
+            Of the light; zero for all others.
+        """
+        light = np.asarray(light, np.float32)
+        coefficients = wavelet_rows(light.T, self.resolution_, self.rows).T
+        n_terms = n_terms or self.n_terms
+        if n_terms is not None and n_terms < len(coefficients):
+            weight = (coefficients**2).sum(axis=1) * self.importance_**2
+            coefficients[np.argpartition(weight, -n_terms)[:-n_terms]] = 0
+        return coefficients
+
+    def _relight(self, light):
+        coefficients = self.choose(light)
+        weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
+        picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
+        # Equation 8: deepest columns first, one inverse step between two depths.
+        at = 0
+        for depth, product in self._products(weights):
+            self._invert(picture, at, depth)
+            picture += product
+            at = depth
+        self._invert(picture, at, 0)
+        result = np.empty((self.n_points_, self.n_channels_), np.float32)
+        result[self._order] = picture.T
+        return result if self.gain_ is None else result * self.gain_
+
+    def _products(self, weights):
+        """(depth, (n_channels, n_points)) columns times their weights, the deepest first."""
+        pieces = []
+        for depth, packed in sorted(self._groups, key=lambda group: -group[0]):
+            light = weights[packed.names] * packed.sizes[:, None]
+            some = np.flatnonzero(light.any(axis=1))
+            pieces += [
+                (depth, packed, part, light[part]) for part in _parts(some, packed.counts[some])
+            ]
+        # Unpacked beside the products, which hold Python's lock.
+        matrices = in_parallel(lambda piece: piece[1].matrix(piece[2]), pieces)
+        unpacked = zip(pieces, matrices, strict=True)
+        for depth, parts in groupby(unpacked, key=lambda item: item[0][0]):
+            parts = list(parts)
+            light = np.concatenate([piece[3] for piece, _ in parts])
+            matrix = sp.hstack([matrix for _, matrix in parts], format="csc")
+            if self.bits is not None and self.scaling == "root":
+                matrix.data *= np.abs(matrix.data)
+            product = np.ascontiguousarray((matrix @ light).T)
+            if self.bits is not None and self.scaling == "levels":
+                product *= np.exp2(-self._transform.scales(depth).astype(np.float32))
+            yield depth, product
+
+    def _invert(self, picture, before, after):
+        for level in range(before - 1, after - 1, -1):
+            self._transform.inverse_step(picture, level)
+
+    def state(self):
+        state = super().state()
+        # The transform of columns is told by the order of the points, or by the image's size.
+        state["params"] = {key: v for key, v in state["params"].items() if key != "columns"}
+        return state
+
+    def _state(self):
+        state = {
+            "matrix_error": self.matrix_error_,
+            "limit": self.limit_,
+            "importance": self.importance_.astype(np.float32),
+            "mixed": self._mixed.astype(np.float32),
+            **groups_state(self._groups),
+        }
+        if isinstance(self._transform, PointHaar):
+            return {**state, "order": self._order.astype(np.int32)}
+        return {**state, "image": [*map(int, self._transform.shape), self._transform.wavelet]}
+
+    def _restore(self, state):
+        self.matrix_error_ = value_of(state, "matrix_error", float)
+        self.limit_ = value_of(state, "limit", float)
+        expect_state(self.bits is None or self.bits in range(2, 17), "'bits' is out of range")
+        if "order" in state:
+            order = array_of(state, "order", (self.n_points_,), "int32", self.n_points_)
+            self.columns = PointHaar.from_order(order)
+        else:
+            self.columns = value_of(state, "image", _image_wavelet)
+            expect_state(self.columns.n == self.n_points_, "'image' has another size")
+        mixed = array_of(state, "mixed", (None, self.n_channels_), "float32")
+        self._prepare(self.n_points_, mixed)
+        self.importance_ = array_of(state, "importance", (self.n_directions_,), "float32")
+        n_columns = len(mixed) * self.n_directions_
+        self._groups = value_of(
+            state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
+        )
+        deepest = max((depth for depth, _ in self._groups), default=0)
+        expect_state(deepest <= self._transform.depth, "'groups' are too deep")
+        self._count(n_columns)
+
+
+def _image_wavelet(words):
+    height, width, wavelet = words
+    return ImageWavelet((int(height), int(width)), wavelet)
+
+
+def _parts(some, counts):
+    """Pieces of `some` of about _TERMS terms each, for the cache."""
+    ends = np.searchsorted(np.cumsum(counts), np.arange(_TERMS, counts.sum(), _TERMS))
+    return [part for part in np.split(some, np.unique(ends)) if len(part)]

@@ -1,0 +1,77 @@
+"""Whether a bake still belongs to its meshes: a digest of each, and what differs."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+
+def mesh_digests(meshes):
+    """Digest of all that a bake takes from each mesh but its name: {name: hexadecimal}."""
+    digests = {}
+    for mesh in meshes:
+        digest = hashlib.blake2b(digest_size=16)
+        for array in (
+            mesh.vertices,
+            mesh.corner_vertex,
+            mesh.corner_normal,
+            mesh.triangle_corners,
+            mesh.corner_albedo,
+            mesh.corner_material,
+            mesh.face_sizes,
+            np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),
+        ):
+            digest.update(np.ascontiguousarray(array))
+        digests[mesh.name] = digest.hexdigest()
+    return digests
+
+
+@dataclass(frozen=True)
+class Changes:
+    """How meshes differ from those a bake was made from; all empty where it is fresh.
+
+    Attributes
+    ----------
+    renamed : dict of str -> str
+        Unchanged meshes by their name in the bake, and their name now; no change of the light.
+    missing, changed, added : tuple of str
+    """
+
+    renamed: dict
+    missing: tuple
+    changed: tuple
+    added: tuple
+
+    @property
+    def fresh(self):
+        return not (self.missing or self.changed or self.added)
+
+    def __str__(self):
+        parts = [
+            f"{', '.join(names[:3])}{' …' if len(names) > 3 else ''} {what}"
+            for names, what in (
+                (self.changed, "changed"),
+                (self.missing, "gone"),
+                (self.added, "new"),
+            )
+            if names
+        ]
+        return "; ".join(parts) or "nothing changed"
+
+
+def changes(source, digests):
+    """`Changes` from the digests `source` of a bake to the digests of now."""
+    gone = [name for name in source if name not in digests]
+    new = [name for name in digests if name not in source]
+    renamed = {}
+    for name in gone:
+        same = [other for other in new if digests[other] == source[name]]
+        if same:
+            renamed[name] = same[0]
+            new.remove(same[0])
+    return Changes(
+        renamed,
+        tuple(name for name in gone if name not in renamed),
+        tuple(name for name in source if name in digests and source[name] != digests[name]),
+        tuple(new),
+    )

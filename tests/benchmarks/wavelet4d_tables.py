@@ -1,0 +1,292 @@
+"""Adaptive 4D wavelets against 2D and full 4D ones, after Cheslack-Postava et al. (2007).
+
+python tests/benchmarks/wavelet4d_tables.py fit SCENE OBJECT [PART]   compress and keep, untimed
+python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         milliseconds, in one run
+python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
+python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR] column filters on an image
+python tests/benchmarks/wavelet4d_tables.py table                     Markdown of all that is kept
+
+KIND is `camera` (N x N pixels of 2 x 2 points) or `ground` (its geometry image). SCENE is one of
+`sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`. PART is a mode, or
+`bits` (what quantising adds at the same limit). What is found is kept under PRT_CACHE/wavelet4d,
+so that fits and timings may run at different times.
+"""
+
+import json
+import os
+import pickle
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT)]
+
+import prt_core  # noqa: E402
+from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
+from prt_core.bake_image import image_steps  # noqa: E402
+from prt_core.basis import WAVELETS, ImageWavelet, PointHaar, haar_areas  # noqa: E402
+from prt_core.compress import ImageRows, Rows, TransportRows, Wavelet4D  # noqa: E402
+from prt_core.compress.column_coder import ColumnCoder  # noqa: E402
+from prt_core.compress.sparse_columns import column_bytes  # noqa: E402
+from prt_core.errors import PRTError  # noqa: E402
+from prt_core.evaluate.view import auto_camera  # noqa: E402
+from prt_core.light import EnvironmentMap  # noqa: E402
+from prt_core.progress import run  # noqa: E402
+from tests.benchmarks.sampling_scenes import (  # noqa: E402
+    GROUND,
+    _grid,
+    _smooth_mesh,
+    measuring_scene,
+)
+
+CACHE = Path(os.environ.get("PRT_CACHE", "/tmp")) / "wavelet4d"
+ERRORS = (0.05, 0.02, 0.01)
+MODES = ("adaptive", "2d", "4d")
+FRAMES = 15
+
+
+class SomeRows(Rows):
+    """The rows of some points."""
+
+    def __init__(self, rows, points):
+        self.rows, self.points = rows, points
+        self.n_points, self.n_directions = len(points), rows.n_directions
+        self.n_channels, self.resolution = rows.n_channels, rows.resolution
+        self.gain = rows.gain[points]
+
+    def prepare_steps(self):
+        yield from self.rows.prepare_steps()
+
+    @property
+    def code(self):
+        return self.rows.code
+
+    def block(self, points):
+        return self.rows.block(self.points[points])
+
+    def features(self, points):
+        return self.rows.features(self.points[points])
+
+
+def baked(name):
+    """A bake of all bounces at 32 x 32: of a measuring scene, or the one at a path."""
+    if name.endswith(".prt"):
+        return prt_core.load(name)
+    path = CACHE / f"{name}.prt"
+    run(bake_steps(measuring_scene(name), path, BakeSettings(caster="embree")))
+    return prt_core.load(path)
+
+
+def prepared(scene, item):
+    bake = baked(scene)
+    points = bake.scene.points
+    names = [o.name for o in bake.scene.objects]
+    mine = np.arange(len(points))
+    if item != "all":
+        mine = np.flatnonzero(points.object_index == names.index(item))
+    columns = PointHaar(points.positions[mine], points.normals[mine], points.object_index[mine])
+    rows = TransportRows(bake.transport)
+    run(rows.prepare_steps())
+    return bake, mine, SomeRows(rows, mine), columns
+
+
+def fit(scene, item, part=None):
+    _, _, rows, columns = prepared(scene, item)
+    first = Wavelet4D(columns)
+    with run(first.columns_steps(rows)) as file:
+        for mode in MODES if part is None else [m for m in MODES if m == part]:
+            for error in ERRORS:
+                began = time.perf_counter()
+                model = Wavelet4D(columns, error=error, mode=mode)
+                try:
+                    run(model.fit_columns_steps(rows, file))
+                except PRTError as reason:
+                    print(scene, item, mode, error, reason, flush=True)
+                    continue
+                keep(scene, item, f"{mode}_{error}", model, time.perf_counter() - began)
+        if part in (None, "bits"):
+            bits(scene, item, columns, file)
+
+
+def bits(scene, item, columns, file):
+    """The same terms, as floats and quantised in several ways."""
+    found = {}
+    for error in ERRORS:
+        model = pickle.loads(kept(scene, item, f"adaptive_{error}").read_bytes())
+        row = {}
+        for name, settings in {
+            "floats": (None, "root", False),
+            "9 bits": (9, "root", False),
+            "9 bits, dithered": (9, "root", True),
+            "9 bits, by level": (9, "levels", False),
+            "9 bits, by level, dithered": (9, "levels", True),
+            "9 bits, linear": (9, "none", False),
+            "10 bits": (10, "root", False),
+            "8 bits": (8, "root", False),
+        }.items():
+            coder = ColumnCoder(columns, 0, columns.depth, *settings, 1 << 29, 0)
+            _, row[name], _ = run(coder.all_steps(file, model["limit"]))
+        found[error] = row
+        print(scene, item, error, {k: f"{v:.4%}" for k, v in row.items()}, flush=True)
+    kept(scene, item, "bits", "json").write_text(json.dumps(found))
+
+
+def filters(scene, item):
+    """Bytes at 2 % with each row filter."""
+    _, _, rows, columns = prepared(scene, item)
+    for name in ("haar", "d4", "d6", "d8"):
+        model = Wavelet4D(columns, rows=name, error=0.02).fit(rows)
+        print(f"{scene} {item} rows {name}: {model.nbytes / 1e6:.2f} MB", flush=True)
+
+
+def image(name, kind, size, error="0.02"):
+    """Bytes of an image in each column transform, the pixels' own hierarchy among them."""
+    path = CACHE / f"{name}-{kind}{size}.prt"
+    scene = measuring_scene(name)
+    ground = flat_ground()
+    asked = ((int(size),) * 2, 2, None) if kind == "camera" else (None, 1, ("ground", int(size)))
+    scene = run(image_steps(scene, [ground], auto_camera(scene), "embree", *asked))
+    run(bake_steps(scene, path, BakeSettings(caster="embree")))
+    bake = prt_core.load(path)
+    shown, points = bake.scene.image, bake.scene.points
+    rows = ImageRows(TransportRows(bake.transport), shown)
+    shape = shown.height, shown.width
+    columns = {name: ImageWavelet(shape, name) for name in WAVELETS}
+    place = [shown.pixels(a).reshape(-1, 3) for a in (points.positions, points.normals)]
+    columns["hierarchy"] = PointHaar(*place)
+    for name, transform in columns.items():
+        for mode in ("adaptive", "4d") + (("2d",) if name == "haar" else ()):
+            model = Wavelet4D(transform, error=float(error), mode=mode).fit(rows)
+            size = model.nbytes - (4 * rows.n_points if name == "hierarchy" else 0)
+            print(
+                f"{path.stem} {name} {mode}: {size / 1e6:.3f} MB, "
+                f"{model.n_coefficients_:,} terms, error {model.matrix_error_:.3%}",
+                flush=True,
+            )
+
+
+def flat_ground():
+    """The ground of the measuring scenes with the texture coordinates of its square."""
+    mesh = _smooth_mesh("ground", *_grid(GROUND), (0.5, 0.5, 0.5))
+    return replace(mesh, corner_uv=mesh.vertices[mesh.corner_vertex][:, :2] / 4 + 0.5)
+
+
+def kept(scene, item, name, kind="pkl"):
+    CACHE.mkdir(parents=True, exist_ok=True)
+    return CACHE / f"{Path(scene).stem}-{item}-{name}.{kind}"
+
+
+def keep(scene, item, name, model, seconds):
+    state = {**model.state(), "limit": model.limit_}
+    kept(scene, item, name).write_bytes(pickle.dumps(state))
+    row = {
+        "bytes": model.nbytes - (0 if model.gain_ is None else model.gain_.nbytes),
+        "terms": model.n_coefficients_,
+        "error": model.matrix_error_,
+        "seconds": seconds,
+        "levels": levels(model),
+    }
+    kept(scene, item, name, "json").write_text(json.dumps(row))
+    print(scene, item, name, {k: v for k, v in row.items() if k != "levels"}, flush=True)
+
+
+def levels(model):
+    """(mean depth, mean bytes, share of columns with terms) of luminance, by level of rows."""
+    level, _ = haar_areas(model.resolution_)
+    counts, depths = model.counts_[: len(level)], model.depths_[: len(level)]
+    sizes, _ = column_bytes(counts, model.n_points_, model.bits)
+    return [
+        (
+            float(depths[(level == k) & (counts > 0)].mean()) if counts[level == k].any() else 0.0,
+            float(sizes[level == k].mean()),
+            float((counts[level == k] > 0).mean()),
+        )
+        for k in range(level.max() + 1)
+    ]
+
+
+def times(scene, item):
+    """Median milliseconds a frame: a turning courtyard, every wavelet and the best 256 of them."""
+    import bpy
+
+    folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
+    bake = baked(scene)
+    environment = EnvironmentMap.read(folder / "courtyard.exr")
+    lights = [environment.to_cube_map(bake.cube_map, rotation=24.0 * k) for k in range(FRAMES)]
+    points = bake.scene.points
+    mine = np.arange(len(points))
+    if item != "all":
+        names = [o.name for o in bake.scene.objects]
+        mine = np.flatnonzero(points.object_index == names.index(item))
+    truth = bake.transport.relight(lights[0])[mine]
+    models = {}
+    for mode in MODES:
+        for error in ERRORS:
+            state = pickle.loads(kept(scene, item, f"{mode}_{error}").read_bytes())
+            models[f"{mode}_{error}"] = Wavelet4D.from_state(state)
+    spent = {name: {"all": [], "256": []} for name in models}
+    # Frame by frame and method by method: what else the machine does hits all alike.
+    for light in [lights[0], *lights]:
+        for name, model in models.items():
+            for terms in ("all", "256"):
+                model.n_terms = None if terms == "all" else int(terms)
+                began = time.perf_counter()
+                model.relight(light)
+                spent[name][terms].append(1e3 * (time.perf_counter() - began))
+    for name, model in models.items():
+        row = {f"ms_{k}": float(np.median(v[1:])) for k, v in spent[name].items()}
+        for terms in ("all", "256"):
+            model.n_terms = None if terms == "all" else int(terms)
+            found = model.relight(lights[0])
+            row[f"relit_{terms}"] = float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
+        kept(scene, item, name, "ms.json").write_text(json.dumps(row))
+        print(scene, item, name, row, flush=True)
+
+
+def table():
+    files = sorted(CACHE.glob("*-adaptive_0.02.json"))
+    names = [f.name.removesuffix("-adaptive_0.02.json") for f in files]
+    print("| scene | error | adaptive MB | 2D MB | 4D MB | 2D / adaptive | 4D / adaptive "
+          "| ms, all: adaptive, 2D, 4D | ms, 256 wavelets: adaptive, 2D, 4D |")  # fmt: skip
+    print("|---" * 9 + "|")
+    for name in names:
+        for error in ERRORS:
+            rows = [read(name, f"{mode}_{error}", "json") for mode in MODES]
+            ms = [read(name, f"{mode}_{error}", "ms.json") for mode in MODES]
+            if not all(rows):
+                continue
+            sizes = [row["bytes"] / 1e6 for row in rows]
+            told = " | ".join(f"{size:.2f}" for size in sizes)
+            cells = [
+                ", ".join(f"{m[k]:.0f}" for m in ms) if all(ms) else ""
+                for k in ("ms_all", "ms_256")
+            ]
+            print(f"| {name.replace('-', ', ')} | {error:.0%} | {told} | {sizes[1] / sizes[0]:.2f} "
+                  f"| {sizes[2] / sizes[0]:.3f} | {cells[0]} | {cells[1]} |")  # fmt: skip
+    print("\nBy level of the row's wavelet, coarsest first, at 2 %: mean depth; bytes a column")
+    for name in names:
+        for mode in ("adaptive", "2d"):
+            row = read(name, f"{mode}_0.02", "json")
+            if row:
+                depths, sizes, _ = zip(*row["levels"], strict=True)
+                print(f"| {name} {mode} | {', '.join(f'{d:.1f}' for d in depths)} "
+                      f"| {', '.join(f'{s:,.0f}' for s in sizes)} |")  # fmt: skip
+    print("\nThe error of the same terms, quantised")
+    for name in names:
+        for error, row in (read(name, "bits", "json") or {}).items():
+            added = {k: f"{v / row['floats'] - 1:+.1%}" for k, v in row.items() if k != "floats"}
+            print(f"| {name} | {float(error):.0%} | {row['floats']:.3%} | {added} |")
+
+
+def read(name, setting, kind):
+    path = CACHE / f"{name}-{setting}.{kind}"
+    return json.loads(path.read_text()) if path.exists() else None
+
+
+if __name__ == "__main__":
+    known = {"fit": fit, "time": times, "filters": filters, "image": image, "table": table}
+    known[sys.argv[1]](*sys.argv[2:])

@@ -7,12 +7,14 @@ from prt_core.rays import shared
 
 # Rays prepared at once, at most (but for one point's).
 _RAYS = 1 << 21
-COUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
+_COUNT = np.array([value.bit_count() for value in range(1 << 16)], np.uint8)
 
 
 def count_bits(bits, axis=None):
-    """Number of set bits of a uint8 array, int64."""
-    return COUNT[bits].sum(axis=axis, dtype=np.int64)
+    """Number of set bits of a uint8 array, int64: of all, or along its last axis."""
+    if bits.ndim and bits.shape[-1] % 2 == 0 and bits.flags.c_contiguous:
+        bits = bits.view(np.uint16)
+    return _COUNT[bits].sum(axis=axis, dtype=np.int64)
 
 
 class Tracer:

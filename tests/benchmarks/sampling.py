@@ -1,6 +1,7 @@
 """The section "Sampling" of RESULTS.md, a part at a time.
 
 python tests/benchmarks/sampling.py objects [SCENE ...]   entries and errors against every entry
+python tests/benchmarks/sampling.py curve                 errors against entries, with the rivals
 python tests/benchmarks/sampling.py time [BACK_END ...]   seconds against every entry traced
 python tests/benchmarks/sampling.py growth                rays and seconds against points
 python tests/benchmarks/sampling.py hard                  leaves, bench, thin sheets, a hard sun
@@ -29,6 +30,7 @@ from prt_core.evaluate.bench_sampling import (  # noqa: E402
     matrix_errors,
     parse_method,
 )
+from prt_core.evaluate.sampling_report import error_plot  # noqa: E402
 from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
 from prt_core.rays import make_caster  # noqa: E402
 from prt_core.sampling import sampler_named  # noqa: E402
@@ -47,6 +49,10 @@ KEPT = ROOT / "build" / "bench" / "sampling.json"
 CUBE = CubeMap(32)
 CAREFUL = "agreement:neighbours=4,checks=4,edge_halvings=2,looks=2,look_share=1"
 METHODS = ("agreement", CAREFUL, "huang")
+CURVE = ("agreement:neighbours=2,looks=0", "agreement",
+         "agreement:neighbours=4,checks=4,edge_halvings=3,look_share=1", CAREFUL,
+         "huang:features=60", "huang", "huang:features=700", "huang:columns=hasan",
+         "huang:columns=wang")  # fmt: skip
 # Errors (per cent) of Huang & Ramamoorthi (2010), figures 9 and 10, at about 12 % of the entries.
 PAPER = {("dancer", "model"): 7.43, ("dancer", "ground"): 1.72,
          ("bunny", "model"): 2.86, ("bunny", "ground"): 0.79}  # fmt: skip
@@ -80,6 +86,17 @@ def objects(names):
                     },
                 )
         caster.close()
+
+
+def curve(_):
+    """Errors of one scene at many settings of all samplers."""
+    scene = measuring_scene("dancer" if data_folder() else "suzanne")
+    caster = make_caster("embree", scene.vertices, scene.triangles)
+    methods = [parse_method(text) for text in CURVE]
+    rows, _ = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, "dancer"))
+    caster.close()
+    for row in rows:
+        yield f"{row['label']} {row['object']}", row
 
 
 def available():
@@ -183,6 +200,7 @@ def lines(kept):
         "6 x 32 x 32 directions, Embree where nothing else is said; `tests/benchmarks/` has "
         "`sampling.py`, `huang_tables.py`, `l1_solvers.py`, `certificate_coverage.py`.",
         *(_objects(kept["objects"]) if "objects" in kept else ()),
+        *(_curve(kept["curve"]) if "curve" in kept else ()),
         *(_times(kept["time"]) if "time" in kept else ()),
         *(_growth(kept["growth"]) if "growth" in kept else ()),
         *(_hard(kept["hard"]) if "hard" in kept else ()),
@@ -208,6 +226,26 @@ def _objects(rows):
                 cells = [f"{rows[k]['entries']:.2f}, **{rows[k]['error']:.2f}**" for k in keys]
                 paper = PAPER.get((name, item), "")
                 yield f"| {name} | {item} | {' | '.join(cells)} | {paper} |"
+
+
+def _curve(rows):
+    rows = [row for row in rows.values() if row["method"] != "exhaustive"]
+    picture = error_plot(rows, ["entries_percent"])
+    (ROOT / "docs" / "sampling_dancer.png").write_bytes(picture)
+    yield from (
+        "", "### Against the rivals",
+        "The dancer on the ground; `hasan` and `wang` are the sparse method with the columns of "
+        "Hasan et al. (2007) and Wang et al. (2009) (`sampling.py curve`).",
+        "", "![Errors against entries](docs/sampling_dancer.png)",
+        "", "| method | model: entries, error % | ground: entries, error % |", "|---|---|---|",
+    )  # fmt: skip
+    for label in dict.fromkeys(row["label"] for row in rows):
+        mine = {row["object"]: row for row in rows if row["label"] == label}
+        cells = [
+            f"{mine[k]['entries_percent']:.2f}, {100 * mine[k]['matrix_l2']:.2f}"
+            for k in ("model", "ground")
+        ]
+        yield f"| {label} | {' | '.join(cells)} |"
 
 
 def _times(rows):
@@ -292,8 +330,15 @@ def _tables(printed):
         yield from (f"`{command}`", "", "```", *shown, "```", "")
 
 
-PARTS = {"objects": objects, "time": time_, "growth": growth, "hard": hard, "coverage": coverage_,
-         "tables": tables}  # fmt: skip
+PARTS = {
+    "objects": objects,
+    "curve": curve,
+    "time": time_,
+    "growth": growth,
+    "hard": hard,
+    "coverage": coverage_,
+    "tables": tables,
+}
 
 
 def keep(part, names):

@@ -1,9 +1,12 @@
 """The report of `bench_sampling`: curves, relit images beside the truth, where rays were cast."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from prt_core.evaluate.report import Report, curve_plot, flattened, heat_colours
 from prt_core.evaluate.view import CameraRays, auto_camera, to_srgb
+from prt_core.sampling import sampler_named
 from prt_core.sampling.tracer import count_bits
 from prt_core.transport import received_light
 
@@ -56,14 +59,7 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
     -------
     Report
     """
-    flat = [{**flattened(row), "object": _panel(row)} for row in rows]
-    largest = sorted({(row["points"], row["object"]) for row in rows}, reverse=True)[:_PANELS]
-    largest = {name for _, name in largest}
-    flat = [row for row, whole in zip(flat, rows, strict=True) if whole["object"] in largest]
-    # Settings of one sampler make one curve.
-    plot = curve_plot(
-        flat, ["entries_percent", "seconds"], "matrix_l2", "object", "method", _LABELS
-    )
+    plot = error_plot(rows)
     # What is worth a look stands in the middle.
     camera = {**auto_camera(scene, _WIDTH, _HEIGHT), "tangent": _TANGENT}
     rays = CameraRays(scene, caster, camera, _WIDTH, _HEIGHT)
@@ -85,8 +81,26 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
     return Report(f"Sampling {rows[0]['scene']}", rows, _COLUMNS, notes, {"error": plot}, pictures)
 
 
+def error_plot(rows, x=("entries_percent", "seconds")):
+    """PNG of errors against entries and seconds: panels for each of the largest objects."""
+    flat = [{**flattened(row), "object": _panel(row), "curve": _curve(row)} for row in rows]
+    largest = sorted({(row["points"], row["object"]) for row in rows}, reverse=True)[:_PANELS]
+    largest = {name for _, name in largest}
+    flat = [row for row, whole in zip(flat, rows, strict=True) if whole["object"] in largest]
+    return curve_plot(flat, list(x), "matrix_l2", "object", "curve", _LABELS)
+
+
 def _panel(row):
     return f"{row['object']}, {row['back_end']}"
+
+
+def _curve(row):
+    """Numbers among a sampler's settings make one curve, words (ways to go) one each."""
+    if row["method"] == "exhaustive":
+        return row["method"]
+    usual = asdict(sampler_named(row["method"])[1]())
+    words = {k: v for k, v in row["settings"].items() if isinstance(v, str) and v != usual[k]}
+    return " ".join([row["method"], *words.values()])
 
 
 def _relit(scene, cube_map, rays, results, light_name, light):

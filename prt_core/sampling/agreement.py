@@ -9,28 +9,26 @@ the neighbours, the texels around it are traced, and around those that contradic
 what was missed is surrounded; and all boundaries of that point are checked.
 """
 
-import os
 import time
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler
 from prt_core.sampling.tracer import Tracer, count_bits
+from prt_core.sampling.votes import Asked, coin, on_rows
 from prt_core.transport.gather import _frames
 from prt_core.transport.visibility import horizon_bits
 
-# Points worked on together: their random numbers are drawn together too. Rows a thread takes.
-_BLOCK, _ROWS = 16384, 256
+# Points worked on together: their random numbers are drawn together too.
+_BLOCK = 16384
 # Steps of following what the neighbours had missed: nearly all ends within the first, by one
 # texel each; the few large parts that are left are followed by more texels at once.
 _MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
-_SEED_STAGE, _REFINE = 4, 1000
+_SEED_STAGE, _REFINE, _LOOK = 4, 1000, 2000
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,17 @@ class AgreementSettings:
     checks : int
         Rays of each point at random, where its neighbours agree.
     edge_halvings : int
-        One in 2^edge_halvings of the texels beside a boundary is checked, at the last level; at
-        levels where fewer points are known, on which more depends, as many more.
+        One in 2^edge_halvings of the texels beside a boundary is checked, at the last level; the
+        fewer points are known, the more depends on them, and the more are checked.
+    boundaries : bool
+        Whether all boundaries of a point are checked as soon as it contradicts its neighbours.
+    looks : int
+        How many times points are asked again in the end.
+    look_neighbours : int
+        Neighbours that must agree then.
+    look_share : float
+        Only objects of whose entries at most this share is traced by then: where more was needed
+        points are far apart, and to look again costs much and finds little.
     first : int
         One point in `first` is traced whole, to begin with; at least 64 points.
     growth : float
@@ -55,17 +62,22 @@ class AgreementSettings:
     seed : int
     """
 
-    neighbours: int = 4
+    neighbours: int = 3
     candidates: int = 8
-    checks: int = 4
-    edge_halvings: int = 3
+    checks: int = 2
+    edge_halvings: int = 5
     first: int = 400
-    growth: float = 1.8
+    boundaries: bool = False
+    looks: int = 1
+    look_neighbours: int = 8
+    look_share: float = 0.03
+    growth: float = 1.5
     seed: int = 0
 
     def __post_init__(self):
-        least = {"neighbours": 1, "candidates": self.neighbours, "first": 1}
-        for name in ("neighbours", "candidates", "checks", "edge_halvings", "first", "seed"):
+        least = {"neighbours": 1, "candidates": self.neighbours, "first": 1, "look_neighbours": 1}
+        for name in ("neighbours", "candidates", "checks", "edge_halvings", "first", "looks",
+                     "look_neighbours", "seed"):  # fmt: skip
             value, low = getattr(self, name), least.get(name, 0)
             expect(
                 isinstance(value, int | np.integer) and value >= low,
@@ -74,6 +86,10 @@ class AgreementSettings:
         expect(
             np.isfinite(self.growth) and self.growth > 1,
             f"growth: expected a number above 1, got {self.growth!r}",
+        )
+        expect(
+            0 <= self.look_share <= 1,
+            f"look_share: expected a number between 0 and 1, got {self.look_share!r}",
         )
 
 
@@ -110,10 +126,16 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
         share = (len(known) + len(level)) / max(len(scene.points), 1)
         halvings = max(0, round(settings.edge_halvings + np.log2(share)))
         if index == 0:
-            yield from work.trace_whole(level)
+            yield from work.trace_whole("first", level)
         else:
             yield from work.ask(level, known, settings, halvings, (index,))
         known = np.concatenate([known, level])
+    most = settings.look_neighbours
+    look = replace(settings, neighbours=most, candidates=most, checks=0)
+    ordered = _in_order(scene)
+    for turn in range(settings.looks):
+        again = ordered[work.cheap(settings.look_share)[ordered]]
+        yield from work.ask(again, ordered, look, None, (_LOOK + turn,))
     return work.result([len(level) for level in levels])
 
 
@@ -139,10 +161,9 @@ def refine_agreement(
     """
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed, sampled)
     yield from work.begin()
-    level = surface_levels(scene.points, len(scene.points), 2.0, np.random.default_rng(0))[0]
-    everyone = np.arange(len(scene.points))
-    level = level[points[level] & ~work.open[level]]
-    yield from work.ask(level, everyone, settings, settings.edge_halvings, (_REFINE + turn,))
+    ordered = _in_order(scene)
+    level = ordered[points[ordered] & ~work.open[ordered]]
+    yield from work.ask(level, ordered, settings, settings.edge_halvings, (_REFINE + turn,))
     return work.result(sampled.facts.get("levels", []))
 
 
@@ -153,10 +174,13 @@ def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
     wanted = np.flatnonzero(points & ~work.open)
     for first in range(0, len(wanted), _BLOCK):
         some = wanted[first : first + _BLOCK]
-        bits, traced = work.bits[some], work.traced[some]
-        yield from work.trace("rest", some, work.above[some] & ~traced, bits, traced)
-        work.bits[some], work.traced[some] = bits, traced
+        yield from work.trace_whole("rest", some)
     return work.result(sampled.facts.get("levels", []))
+
+
+def _in_order(scene):
+    """All points along a curve through the scene."""
+    return surface_levels(scene.points, len(scene.points), 2.0, np.random.default_rng(0))[0]
 
 
 class _Work:
@@ -191,15 +215,28 @@ class _Work:
         self.bits[self.open] = self.above[self.open]
         self._spent("horizon", start)
 
-    def trace_whole(self, points):
-        start = time.perf_counter()
-        self.bits[points] = yield from self._tracer.trace(points, self.above[points])
-        self.traced[points] = self.above[points]
-        self._counts["first"] += self._tracer.rays
+    def cheap(self, share):
+        """(n_points,) bool: points in objects of whose entries at most `share` were traced."""
+        index = self._scene.points.object_index
+        counts = np.bincount(index, count_bits(self.traced, axis=1))
+        entries = np.bincount(index) * self._cube_map.n_directions
+        return (counts <= share * entries)[index] & ~self.open
+
+    def trace_whole(self, reason, points):
+        """Trace all that is left in some points."""
+        start, before = time.perf_counter(), self._tracer.rays
+        wanted = self.above[points] & ~self.traced[points]
+        yield from self._tracer.trace_into(
+            np.arange(len(self.bits)), points, wanted, self.bits, self.traced
+        )
+        self._counts[reason] += self._tracer.rays - before
         self._spent("rays", start)
 
     def ask(self, points, known, settings, halvings, key):
-        """One level: what the neighbours say, rays where they disagree, checks, and repair."""
+        """One level: what the neighbours say, rays where they disagree, checks, and repair.
+
+        One in 2^halvings of the boundary texels is checked; None: no one is.
+        """
         start = time.perf_counter()
         around = self._neighbours.around(
             known, points, settings.neighbours, settings.candidates, len(known) == len(self.bits)
@@ -208,54 +245,43 @@ class _Work:
         for index, first in enumerate(range(0, len(points), _BLOCK)):
             part = slice(first, first + _BLOCK)
             rng = np.random.default_rng([self._seed, _SEED_STAGE, *key, index])
-            yield from self._ask_block(points[part], around[part], settings.checks, halvings, rng)
+            yield from self._ask_block(points[part], around[part], settings, halvings, rng)
             self._tracer.done = len(known) + first
             yield self._tracer.progress()
 
-    def _ask_block(self, points, around, n_checks, halvings, rng):
-        above, traced = self.above[points], self.traced[points]
-        agreed, said = self._timed(_on_rows, _vote, len(points), self, points, around)
-        bits = said & ~traced | self.bits[points] & traced
-        contested = above & ~agreed & ~traced
-        every_other = contested & chequer(self._cube_map.resolution)
-        yield from self.trace("disagree", points, every_other, bits, traced)
-        checks = self._timed(self._random_entries, points, n_checks, rng)
-        yield from self.trace("check", points, checks & agreed & ~traced, bits, traced)
-        between, lit = self._timed(
-            _on_rows, _between, len(points), contested & ~every_other, above, bits
-        )
-        agreed |= between
-        bits = bits & ~between | lit
-        said = said & ~between | lit
-        rest = contested & ~every_other & ~between
-        yield from self.trace("disagree", points, rest, bits, traced)
-        surprise = agreed & traced & (bits ^ said)
-        rows, coin, reason = np.arange(len(points)), _coin(rng, above.shape, halvings), "check"
+    def _ask_block(self, points, around, settings, halvings, rng):
+        checks = self._timed(self._random_entries, points, settings.checks, rng)
+        asked, n_points = Asked(points, checks, self._cube_map.resolution), len(points)
+        everyone = np.arange(n_points)
+        self._timed(on_rows, asked.vote, n_points, around, self.above, self.traced, self.bits)
+        n_checks = int(count_bits(checks[checks != 0]))
+        yield from self.trace("disagree", asked, everyone, asked.wanted)
+        self._counts["disagree"] -= n_checks
+        self._counts["check"] += n_checks
+        self._timed(on_rows, asked.settle, n_points)
+        yield from self.trace("disagree", asked, everyone, asked.contested)
+        rows, fresh, reason, some = everyone, None, "follow", None
+        if halvings is not None:
+            some, reason = coin(rng, checks.shape, halvings), "check"
         for step in range(_MOST_STEPS):
             reach = 1 if step < _NEAR_STEPS else _FAR
-            some = agreed[rows], traced[rows], bits[rows]
-            mask = self._timed(_on_rows, _follow, len(rows), surprise, *some, coin, reach)
-            fresh = mask.any(axis=1)
-            rows, mask = rows[fresh], mask[fresh]
+            mask = np.empty((len(rows), checks.shape[1]), np.uint8)
+            self._timed(
+                on_rows, asked.follow, len(rows),
+                rows, fresh, some, reach, settings.boundaries, mask,
+            )  # fmt: skip
+            found = mask.any(axis=1)
+            rows, fresh = rows[found], mask[found]
             if not len(rows):
                 break
-            some_bits, some_traced = bits[rows], traced[rows]
-            yield from self.trace(reason, points[rows], mask, some_bits, some_traced)
-            bits[rows], traced[rows] = some_bits, some_traced
-            surprise = mask & (some_bits ^ said[rows])
-            found = surprise.any(axis=1)
-            rows, surprise, coin, reason = rows[found], surprise[found], None, "follow"
-            if not len(rows):
-                break
-        self.bits[points], self.traced[points] = bits, traced
+            yield from self.trace(reason, asked, rows, fresh)
+            some, reason = None, "follow"
+        self.bits[points], self.traced[points] = asked.bits, asked.traced
 
-    def trace(self, reason, points, mask, bits, traced):
-        """Trace a mask into `bits` and `traced`, in place."""
+    def trace(self, reason, asked, rows, mask):
+        """Trace a mask of some rows into `asked`."""
         start, before = time.perf_counter(), self._tracer.rays
-        free = yield from self._tracer.trace(points, mask)
-        bits &= ~mask
-        bits |= free
-        traced |= mask
+        yield from self._tracer.trace_into(asked.points, rows, mask, asked.bits, asked.traced)
         self._counts[reason] += self._tracer.rays - before
         self._spent("rays", start)
 
@@ -293,73 +319,6 @@ class _Work:
             **self._counts,
         }
         return Sampled(self.bits, self.traced, rays, self._seconds, facts)
-
-
-def _on_rows(function, n_rows, *arguments):
-    """Arithmetic on all cores, in blocks of rows that stay in the cache."""
-    parts = [slice(first, first + _ROWS) for first in range(0, n_rows, _ROWS)]
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        done = list(pool.map(lambda part: function(part, *arguments), parts))
-    if isinstance(done[0], tuple):
-        return tuple(np.concatenate(arrays) for arrays in zip(*done, strict=True))
-    return np.concatenate(done)
-
-
-def _vote(part, work, points, around):
-    """Entries on which all neighbours agree that can say, and what the nearest of them says."""
-    above = work.above[points[part]]
-    lit, dark = np.zeros_like(above), np.zeros_like(above)
-    said, decided = np.zeros_like(above), np.zeros_like(above)
-    for neighbour in around[part].T:
-        there = (neighbour >= 0)[:, None].astype(np.uint8) * np.uint8(255)
-        bits = work.bits[neighbour] & there
-        blocked = work.above[neighbour] & there & ~bits
-        said |= bits & ~decided
-        decided |= bits | blocked
-        lit |= bits
-        dark |= blocked
-    return above & (lit ^ dark), said & above
-
-
-def _between(part, open_entries, above, bits):
-    """Contested entries whose known neighbours on the cube map all say the same; those lit."""
-    open_entries, bits = open_entries[part], bits[part]
-    known = above[part] & ~open_entries
-    resolution = round((bits.shape[1] * 8 / 6) ** 0.5)
-    lit = dilate(known & bits, resolution)
-    dark = dilate(known & ~bits, resolution)
-    between = open_entries & (lit ^ dark)
-    return between, between & lit
-
-
-def _follow(part, surprise, agreed, traced, bits, coin, reach):
-    """Entries to trace next: around what contradicts the neighbours, and beside boundaries.
-
-    `coin` picks the boundary texels that are checked in points without a contradiction; None
-    where all points have one. `reach` is how many texels around are traced.
-    """
-    surprise, traced, bits = surprise[part], traced[part], bits[part]
-    resolution = round((traced.shape[1] * 8 / 6) ** 0.5)
-    edges = dilate(traced & ~bits, resolution) & bits
-    edges |= dilate(traced & bits, resolution) & ~bits
-    follow = np.zeros_like(edges)
-    contradicted = surprise.any(axis=1)
-    if contradicted.any():
-        around = surprise[contradicted]
-        for _ in range(reach):
-            around = dilate(around, resolution)
-        follow[contradicted] = around | edges[contradicted]
-    if coin is not None:
-        follow |= edges & coin[part]
-    return follow & agreed[part] & ~traced
-
-
-def _coin(rng, shape, halvings):
-    """Random bytes in which one bit in 2^halvings is set."""
-    coin = np.full(shape, 255, np.uint8)
-    for _ in range(halvings):
-        coin &= rng.integers(0, 256, shape, np.uint8)
-    return coin
 
 
 register_sampler("agreement", sample_agreement, AgreementSettings)

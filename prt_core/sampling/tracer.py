@@ -7,12 +7,14 @@ from prt_core.rays import shared
 
 # Rays prepared at once, at most (but for one point's).
 _RAYS = 1 << 21
-COUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
+_COUNT = np.array([value.bit_count() for value in range(1 << 16)], np.uint8)
 
 
 def count_bits(bits, axis=None):
-    """Number of set bits of a uint8 array, int64."""
-    return COUNT[bits].sum(axis=axis, dtype=np.int64)
+    """Number of set bits of a uint8 array, int64: of all, or along its last axis."""
+    if bits.ndim and bits.shape[-1] % 2 == 0 and bits.flags.c_contiguous:
+        bits = bits.view(np.uint16)
+    return _COUNT[bits].sum(axis=axis, dtype=np.int64)
 
 
 class Tracer:
@@ -63,23 +65,43 @@ class Tracer:
             Set where the mask is and nothing is in the way.
         """
         free = np.zeros_like(mask)
+        yield from self.trace_into(points, np.arange(len(points)), mask, free)
+        return free
+
+    def trace_into(self, points, rows, mask, bits, traced=None):
+        """Trace the entries of a mask and put the answers where they belong, in place.
+
+        Parameters
+        ----------
+        points : (n,) int
+        rows : (m,) int
+            Of `points`, `bits` and `traced`.
+        mask : (m, n_bytes) uint8
+        bits : (n, n_bytes) uint8
+            Entries of the mask become 1 where nothing is in the way, else 0.
+        traced : (n, n_bytes) uint8, optional
+            Entries of the mask become 1.
+        """
         # Eight rays a byte at most: to count the bits would take longer.
         ends = 8 * np.cumsum(np.count_nonzero(mask, axis=1))
         first = 0
-        while first < len(points):
+        while first < len(rows):
             before = ends[first - 1] if first else 0
             stop = max(first + 1, int(np.searchsorted(ends, before + _RAYS, "right")))
-            rows = slice(first, stop)
-            free[rows] = yield from self._trace_some(points[rows], mask[rows])
+            part = slice(first, stop)
+            yield from self._trace_some(points, rows[part], mask[part], bits, traced)
             first = stop
-        return free
 
-    def _trace_some(self, points, mask):
-        row, direction, bytes_used, spread, entry = _entries(mask)
-        free = np.zeros_like(mask)
-        spread.reshape(-1)[entry] = yield from self.trace_pairs(points[row], direction)
-        free.reshape(-1)[bytes_used] = np.packbits(spread, axis=1, bitorder="little")[:, 0]
-        return free
+    def _trace_some(self, points, rows, mask, bits, traced):
+        row, direction, (byte_row, byte), chosen, spread, entry = _entries(mask)
+        spread.reshape(-1)[entry] = yield from self.trace_pairs(points[rows[row]], direction)
+        free = np.packbits(spread, axis=1, bitorder="little")[:, 0]
+        place = rows[byte_row] * np.int64(mask.shape[1]) + byte
+        flat = bits.reshape(-1)
+        flat[place] = flat[place] & ~chosen | free
+        if traced is not None:
+            flat = traced.reshape(-1)
+            flat[place] |= chosen
 
     def trace_pairs(self, point, direction):
         """Trace single entries; a generator of `Progress`.
@@ -113,11 +135,12 @@ class Tracer:
 
 def _entries(mask):
     """Row and direction of every set bit; the bytes that hold them, spread into bits."""
-    n_bytes = mask.shape[1]
-    bytes_used = np.flatnonzero(mask.reshape(-1) != 0)
-    spread = np.unpackbits(mask.reshape(-1)[bytes_used, None], axis=1, bitorder="little")
+    flat = mask.reshape(-1)
+    used = np.flatnonzero(flat != 0)
+    chosen = flat[used]
+    spread = np.unpackbits(chosen[:, None], axis=1, bitorder="little")
     entry = np.flatnonzero(spread.view(bool))
-    row, byte = np.divmod(bytes_used.astype(np.int32), np.int32(n_bytes))
+    row, byte = np.divmod(used.astype(np.int32), np.int32(mask.shape[1]))
     slot = entry >> 3
     direction = byte[slot] * np.int32(8) + (entry & 7).astype(np.int32)
-    return row[slot], direction, bytes_used, spread, entry
+    return row[slot], direction, (row, byte), chosen, spread, entry

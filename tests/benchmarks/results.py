@@ -1,6 +1,8 @@
 """`make bench`: measure and write RESULTS.md with its pictures.
 
-python tests/benchmarks/results.py [--truth FOLDER] [--only rays bake large truth compression]
+python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
+
+Each part (rays, bake, large, sampling, compression, truth) replaces its own section.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -27,9 +29,10 @@ import prt_core.blender  # noqa: E402, F401
 from prt_core.blender.colours import corners_to_vertices  # noqa: E402
 from prt_core.evaluate import colour_error, contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
+from tests.benchmarks import sampling  # noqa: E402
+from tests.benchmarks.sections import write_section  # noqa: E402
 
 WORK = ROOT / "build" / "bench"
-PARTS = ["rays", "bake", "large", "truth", "compression"]
 LIGHTS = ("courtyard", "city", "sunset")
 TRUTH, NOISY = 2048, 256
 # Resolution of the cube map, and whether the image's sun gets shadow rays (--sharp-sun).
@@ -252,29 +255,33 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--truth", type=Path, default=ROOT / "build" / "truth")
     parser.add_argument("--skip-missing", action="store_true", help="do not run Cycles for truth")
-    parser.add_argument("--only", nargs="+", default=PARTS)
+    parts = {
+        "rays": rays_table,
+        "bake": bake_table,
+        "large": large_table,
+        "sampling": sampling.section,
+        "compression": compression_tables,
+        "truth": lambda: truth_table(options.truth),
+    }
+    parser.add_argument("--only", nargs="+", default=list(parts), choices=list(parts))
     options = parser.parse_args()
     SKIP = options.skip_missing
     WORK.mkdir(parents=True, exist_ok=True)
-    made = (rays_table, bake_table, large_table, lambda: truth_table(options.truth),
-            compression_tables)  # fmt: skip
-    parts = dict(zip(PARTS, made, strict=True))
-    kept = WORK / "parts.json"
-    done = json.loads(kept.read_text()) if kept.exists() else {}
+    path = ROOT / "RESULTS.md"
     for name in options.only:
-        done[name] = parts[name]()
-        kept.write_text(json.dumps(done))
+        title, *lines = parts[name]()
+        write_section(path, title, lines)
     about = Path("/proc/cpuinfo").read_text().splitlines()
     names = [line.split(":")[1].strip() for line in about if line.startswith("model name")]
     cpu = names[0] if names else platform.processor()
-    head = [
-        "# Results",
+    head = (
+        "# Results\n"
         f"Made by `make bench` on {time.strftime('%Y-%m-%d')}: {cpu}, {os.cpu_count()} cores, "
         f"Python {platform.python_version()}, bpy {bpy.app.version_string}, "
-        f"prt_core {prt_core.__version__}. Pictures are in docs/.",
-    ]
-    text = "\n\n".join("\n".join(p) for p in [head] + [done[k] for k in parts if k in done])
-    (ROOT / "RESULTS.md").write_text(text + "\n")
+        f"prt_core {prt_core.__version__}. Pictures are in docs/."
+    )
+    text = path.read_text()
+    path.write_text(head + text[text.index("\n\n## ") :])
 
 
 if __name__ == "__main__":

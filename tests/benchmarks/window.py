@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-import re
 import shutil
 import sys
 import tempfile
@@ -12,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "window"))
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "window")]
 
 from conftest import RealBlender  # noqa: E402
+
+from tests.benchmarks.sections import write_section  # noqa: E402
 
 SCENES = ("02_model_on_ground_small", "01_model_on_ground")
 TITLE = "## In the window"
@@ -85,18 +86,6 @@ def table(rows):
     installed = max(row["install"] for row in rows)
     lines += ["", f"To install the zip takes {installed:.1f} s at most."]
     return lines
-
-
-def write_section(path, title, lines):
-    """Replace a section of a Markdown file, or add it at the end."""
-    text = path.read_text() if path.exists() else ""
-    section = "\n".join([title, *lines]) + "\n"
-    pattern = re.compile(rf"^{re.escape(title)}$.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
-    if pattern.search(text):
-        text = pattern.sub(lambda _: section + "\n", text).rstrip() + "\n"
-    else:
-        text = text.rstrip() + "\n\n" + section
-    path.write_text(text)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 import csv
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from prt_core.evaluate.bench_sampling import (
     matrix_errors,
     parse_method,
 )
+from prt_core.evaluate.sampling_report import _curve
 from prt_core.light import CubeMap
 from prt_core.progress import run
-from prt_core.sampling import probe_lights
+from prt_core.sampling import HuangSettings, probe_lights
 from prt_core.scene import Scene
 from prt_core.transport import Transport, visibility_bits
 from prt_core.transport.visibility import horizon_bits, unpack
@@ -158,3 +160,13 @@ def test_methods_by_text():
         with pytest.raises(PRTError, match=message) as caught:
             parse_method(text).made_settings(0)
         assert "\n" not in str(caught.value)
+
+
+def test_other_ways_of_a_sampler_are_curves_of_their_own():
+    def row(method, **settings):
+        return {"method": method, "settings": {**settings}}
+
+    usual = asdict(HuangSettings())
+    rows = [row("huang", **usual), row("huang", **{**usual, "features": 7}),
+            row("huang", **{**usual, "columns": "wang"}), row("exhaustive")]  # fmt: skip
+    assert [_curve(r) for r in rows] == ["huang", "huang", "huang wang", "exhaustive"]

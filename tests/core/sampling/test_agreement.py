@@ -57,11 +57,32 @@ def test_what_was_traced_is_true_and_nothing_is_below_the_horizon(scene, truth):
     assert not (sampled.bits & ~above).any() and not (sampled.traced & ~above).any()
 
 
+def errors_of(scene, truth, *variants):
+    return [
+        matrix_error(scene, CubeMap(16), truth, sample(scene, **settings).bits)
+        for settings in variants
+    ]
+
+
 def test_checks_and_following_find_what_no_neighbour_saw(scene, truth):
-    blind = sample(scene, checks=0, edge_halvings=30)
-    careful = sample(scene)
-    errors = [matrix_error(scene, CubeMap(16), truth, s.bits) for s in (blind, careful)]
+    blind = {"checks": 0, "edge_halvings": 30, "looks": 0}
+    careful = {"checks": 4, "edge_halvings": 3, "boundaries": True, "looks": 0}
+    errors = errors_of(scene, truth, blind, careful)
     assert errors[1] < errors[0] / 2
+
+
+def test_all_boundaries_of_what_contradicts(scene, truth):
+    errors = errors_of(scene, truth, {"looks": 0}, {"looks": 0, "boundaries": True})
+    assert errors[1] < errors[0]
+
+
+def test_a_last_look_hears_of_what_others_found(scene, truth):
+    base = {"checks": 2, "edge_halvings": 3, "look_share": 1.0}
+    errors = errors_of(scene, truth, *({**base, "looks": looks} for looks in (0, 1, 2)))
+    assert errors[1] < 0.7 * errors[0] and errors[2] <= errors[1]
+    # None where everything was dear.
+    dear, none = sample(scene, look_share=0.0), sample(scene, looks=0)
+    np.testing.assert_array_equal(dear.traced, none.traced)
 
 
 def test_more_neighbours_leave_a_smaller_error(scene, truth):

@@ -3,6 +3,7 @@ import pytest
 
 from prt_core.light import CubeMap
 from prt_core.sampling.dilate import chequer, dilate
+from prt_core.sampling.tracer import count_bits
 
 
 def around(resolution):
@@ -50,3 +51,12 @@ def test_a_chequerboard_holds_every_other_texel_of_each_face():
     board = np.unpackbits(chequer(6), count=216, bitorder="little").reshape(6, 6, 6)
     assert board[:, 0, 0].all() and not (board[:, 1:] & board[:, :-1]).any()
     assert board.sum() == 108
+
+
+@pytest.mark.parametrize("shape", [(3, 8), (3, 7), (1, 5), (0, 4)])
+def test_bits_are_counted(shape):
+    bits = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    spread = np.unpackbits(bits, axis=-1)
+    assert count_bits(bits) == spread.sum()
+    np.testing.assert_array_equal(count_bits(bits, axis=-1), spread.sum(axis=-1))
+    np.testing.assert_array_equal(count_bits(bits[::2], axis=-1), spread[::2].sum(axis=-1))

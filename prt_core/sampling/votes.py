@@ -1,0 +1,126 @@
+"""The bit arithmetic of sampling by agreement: what neighbours say, and what to trace next.
+
+All work on rows of packed bits, in place, for a block of rows that stays in the cache; `on_rows`
+runs the blocks on all cores.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from prt_core.sampling.dilate import chequer, dilate
+
+# Rows a thread takes at once.
+_ROWS = 256
+
+
+def on_rows(function, n_rows, *arguments):
+    """Call `function(part, *arguments)` for slices of all rows, on all cores."""
+    parts = [slice(first, first + _ROWS) for first in range(0, n_rows, _ROWS)]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for _ in pool.map(lambda part: function(part, *arguments), parts):
+            pass
+
+
+class Asked:
+    """Some points that are asked about, and what is known of them; all (n, n_bytes) uint8.
+
+    Attributes
+    ----------
+    above, traced, bits
+        As those of all points; where nothing was traced `bits` is what the neighbours say.
+    agreed, said
+        Entries on which all neighbours agree that can say, and what the nearest of them says.
+    contested
+        Entries that the neighbours do not settle.
+    wanted
+        What to trace first: the contested entries on a chequerboard, and checks.
+    """
+
+    def __init__(self, points, checks, resolution):
+        self.points, self.checks, self.resolution = points, checks, resolution
+        for name in ("above", "traced", "bits", "agreed", "said", "contested", "wanted"):
+            setattr(self, name, np.empty_like(checks))
+
+    def vote(self, part, around, above, traced, bits):
+        """Ask the neighbours `around`; the other arrays are those of all points."""
+        points = self.points[part]
+        horizon, done = above[points], traced[points]
+        lit, dark, said, decided = np.zeros((4, *horizon.shape), np.uint8)
+        for neighbour in around[part].T:
+            there = (neighbour >= 0)[:, None].astype(np.uint8) * np.uint8(255)
+            free = bits[neighbour] & there
+            blocked = above[neighbour] & there & ~free
+            said |= free & ~decided
+            decided |= free | blocked
+            lit |= free
+            dark |= blocked
+        agreed = horizon & (lit ^ dark)
+        said &= horizon
+        open_entries = horizon & ~agreed & ~done
+        self.checks[part] &= agreed & ~done
+        every_other = open_entries & chequer(self.resolution)
+        self.above[part], self.traced[part], self.agreed[part] = horizon, done, agreed
+        self.said[part], self.bits[part] = said, said & ~done | bits[points] & done
+        self.contested[part] = open_entries & ~every_other
+        self.wanted[part] = every_other | self.checks[part]
+
+    def settle(self, part):
+        """Settle contested entries whose known neighbours on the cube map all say the same."""
+        contested, bits = self.contested[part], self.bits[part]
+        known = self.above[part] & ~contested
+        lit = dilate(known & bits, self.resolution)
+        dark = dilate(known & ~bits, self.resolution)
+        between = contested & (lit ^ dark)
+        self.agreed[part] |= between
+        for said in (bits, self.said[part]):
+            said &= ~between
+            said |= between & lit
+        contested &= ~between
+
+    def follow(self, part, rows, fresh, coin, reach, boundaries, mask):
+        """Entries to trace next: around what contradicts the neighbours, and beside boundaries.
+
+        Parameters
+        ----------
+        rows : (m,) int
+        fresh : (m, n_bytes) uint8
+            What was traced last; None: everything.
+        coin : (n, n_bytes) uint8
+            Boundary texels that are checked; None where that is done.
+        reach : int
+            Texels traced around a contradiction.
+        boundaries : bool
+            Whether all those of the rows that contradict are checked.
+        mask : (m, n_bytes) uint8
+            The result.
+        """
+        some = rows[part]
+        traced, bits, agreed = self.traced[some], self.bits[some], self.agreed[some]
+        new = agreed & traced if fresh is None else fresh[part]
+        surprise = new & (bits ^ self.said[some])
+        wrong = surprise.any(axis=1)
+        follow = np.zeros_like(surprise)
+        if coin is not None or (boundaries and wrong.any()):
+            edges = dilate(traced & ~bits, self.resolution) & bits
+            edges |= dilate(traced & bits, self.resolution) & ~bits
+            if coin is not None:
+                follow |= edges & coin[some]
+            if boundaries:
+                follow[wrong] |= edges[wrong]
+        if wrong.any():
+            around = surprise[wrong]
+            for _ in range(reach):
+                around = dilate(around, self.resolution)
+            follow[wrong] |= around
+        mask[part] = follow & agreed & ~traced
+
+
+def coin(rng, shape, halvings):
+    """Random bytes in which one bit in 2^halvings is set."""
+    size = shape[0] * shape[1]
+    words = np.full(-(-size // 8), np.uint64(2**64 - 1))
+    for _ in range(halvings):
+        words &= rng.integers(0, 2**64 - 1, len(words), np.uint64, endpoint=True)
+    return words.view(np.uint8)[:size].reshape(shape)

@@ -1,0 +1,358 @@
+"""The section "Sampling" of RESULTS.md, a part at a time.
+
+python tests/benchmarks/sampling.py objects [SCENE ...]   entries and errors against every entry
+python tests/benchmarks/sampling.py curve                 errors against entries, with the rivals
+python tests/benchmarks/sampling.py time [BACK_END ...]   seconds against every entry traced
+python tests/benchmarks/sampling.py growth                rays and seconds against points
+python tests/benchmarks/sampling.py hard                  leaves, bench, thin sheets, a hard sun
+python tests/benchmarks/sampling.py coverage [SCENE METHOD]   the certificate's interval, 200 seeds
+python tests/benchmarks/sampling.py tables [COMMAND]      what the other benchmarks print
+
+Scenes are those of `sampling_scenes`. Each part adds its rows to build/bench/sampling.json and
+writes the section anew; `make bench` runs all of them.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT)]
+
+from prt_core import BakeSettings, bake_steps, run  # noqa: E402
+from prt_core.evaluate.bench_sampling import (  # noqa: E402
+    bench_sampling_steps,
+    matrix_errors,
+    parse_method,
+)
+from prt_core.evaluate.sampling_report import error_plot  # noqa: E402
+from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
+from prt_core.rays import make_caster  # noqa: E402
+from prt_core.sampling import sampler_named  # noqa: E402
+from prt_core.sampling.tracer import count_bits  # noqa: E402
+from tests.benchmarks.certificate_coverage import coverage, scene_named  # noqa: E402
+from tests.benchmarks.sampling_scenes import (  # noqa: E402
+    GROUND,
+    MODELS,
+    data_folder,
+    exhaustive_bits,
+    measuring_scene,
+)
+from tests.benchmarks.sections import write_section  # noqa: E402
+
+KEPT = ROOT / "build" / "bench" / "sampling.json"
+CUBE = CubeMap(32)
+CAREFUL = "agreement:neighbours=4,checks=4,edge_halvings=2,looks=2,look_share=1"
+METHODS = ("agreement", CAREFUL, "huang")
+CURVE = ("agreement:neighbours=2,looks=0", "agreement",
+         "agreement:neighbours=4,checks=4,edge_halvings=3,look_share=1", CAREFUL,
+         "huang:features=60", "huang", "huang:features=700", "huang:columns=hasan",
+         "huang:columns=wang")  # fmt: skip
+# Errors (per cent) of Huang & Ramamoorthi (2010), figures 9 and 10, at about 12 % of the entries.
+PAPER = {("dancer", "model"): 7.43, ("dancer", "ground"): 1.72,
+         ("bunny", "model"): 2.86, ("bunny", "ground"): 0.79}  # fmt: skip
+# (Subdivisions of Suzanne, vertices along an edge of the ground): 15, 60 and 240 k points.
+SIZES = ((2, 86), (3, GROUND), (4, 341))
+HARD = ("04_sheets_and_leaves", "05_street_bench", "07_hard_cases")
+N_SEEDS = 200
+TABLES = ("l1_solvers.py", "huang_tables.py radius dancer", "huang_tables.py rivals dancer",
+          "huang_tables.py indirect")  # fmt: skip
+TITLE = "## Sampling"
+
+
+def objects(names):
+    """Entries traced and errors of samplers, object by object."""
+    for name in names or available():
+        scene = measuring_scene(name)
+        truth = exhaustive_bits(name, scene, CUBE)
+        caster = make_caster("embree", scene.vertices, scene.triangles)
+        for text in METHODS:
+            method = parse_method(text)
+            sampler = sampler_named(method.name)[0]
+            found = run(sampler(scene, CUBE, caster, method.made_settings(0)))
+            errors, sizes = matrix_errors(scene, CUBE, found.bits, truth)
+            for index, item in enumerate(scene.objects):
+                mine = scene.points.object_index == index
+                yield (
+                    f"{name} {text} {item.name}",
+                    {
+                        "entries": _entries(found.traced[mine]),
+                        "error": _relative(errors[mine], sizes[mine]),
+                    },
+                )
+        caster.close()
+
+
+def curve(_):
+    """Errors of one scene at many settings of all samplers."""
+    scene = measuring_scene("dancer" if data_folder() else "suzanne")
+    caster = make_caster("embree", scene.vertices, scene.triangles)
+    methods = [parse_method(text) for text in CURVE]
+    rows, _ = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, "dancer"))
+    caster.close()
+    for row in rows:
+        yield f"{row['label']} {row['object']}", row
+
+
+def available():
+    """Measuring scenes whose meshes are here."""
+    return [name for name, file in MODELS.items() if file is None or data_folder()]
+
+
+def _entries(traced):
+    return 100 * int(count_bits(traced)) / (len(traced) * CUBE.n_directions)
+
+
+def _relative(errors, sizes):
+    return 100 * float(np.sqrt(errors.sum() / max(sizes.sum(), 1e-300)))
+
+
+def time_(back_ends):
+    """Seconds of agreement and of every entry traced, in one run."""
+    for back_end in back_ends or ("embree", "blender"):
+        if back_end == "blender":
+            import bpy  # noqa: F401
+
+            import prt_core.blender  # noqa: F401
+        scene = measuring_scene("suzanne")
+        caster = make_caster(back_end, scene.vertices, scene.triangles)
+        methods = [parse_method("agreement")]
+        rows, results = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, "suzanne"))
+        caster.close()
+        ours, whole = results["agreement"], results["exhaustive"]
+        yield back_end, {
+            "whole": whole.seconds["total"], "whole_rays": int(whole.rays), "rays": int(ours.rays),
+            "seconds": ours.seconds, "ratio": rows[-1]["time_ratio"],
+        }  # fmt: skip
+
+
+def growth(_):
+    """Rays and seconds of the same scene, ever finer."""
+    for levels, ground in SIZES:
+        scene = measuring_scene("suzanne", ground, levels)
+        caster = make_caster("embree", scene.vertices, scene.triangles)
+        caster.occluded(scene.ray_origins[:1], CUBE.samples[:1].astype(np.float32))
+        start = time.perf_counter()
+        found = run(sampler_named("agreement")[0](scene, CUBE, caster))
+        yield str(ground), {
+            "points": len(scene.points), "rays": int(found.rays),
+            "seconds": time.perf_counter() - start,
+        }  # fmt: skip
+        caster.close()
+
+
+def hard(_):
+    """Scenes that are not kind to sampling, baked with what `prt bake` takes."""
+    skies = {"": None}
+    if data_folder():
+        image = EnvironmentMap.read(data_folder() / "probes" / "openexr_KernerEnvLatLong.exr")
+        skies["under a hard sun"] = {"sun": image.to_cube_map(CUBE, 0)}
+    for name in HARD:
+        scene = scene_named(name)
+        for light, lights in skies.items():
+            with tempfile.TemporaryDirectory() as folder:
+                settings = BakeSettings(caster="embree", bounces=0, method="agreement")
+                report = run(bake_steps(scene, Path(folder) / "a.prt", settings, lights=lights))
+            yield f"{name} {light}".strip(), {
+                "points": len(scene.points), "entries": report["entries_percent"],
+                "error": 100 * report["visibility_error"], "met": report["tolerance_met"],
+                "turns": report["sampling"]["turns"],
+            }  # fmt: skip
+
+
+def coverage_(names):
+    """How often the certificate's interval holds the truth."""
+    pairs = [names] if names else [(s, m) for s in ("balls", "04", "05")
+                                   for m in ("agreement", "huang")]  # fmt: skip
+    for name, method in pairs:
+        rows = coverage(scene_named(name), method, CubeMap(16), N_SEEDS)
+        for row in rows:
+            yield f"{name} {method} {row['object']} {row['what']}", row
+
+
+def tables(commands):
+    """What the benchmarks of the sparse method and of its solver print."""
+    for command in commands or TABLES:
+        script, *arguments = command.split()
+        done = subprocess.run(
+            [sys.executable, Path(__file__).with_name(script), *arguments],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        shown = [line for line in done.stdout.splitlines() if "import of" not in line]
+        yield command, shown
+
+
+def section():
+    """Measure all parts; the section with its title."""
+    for part in PARTS:
+        keep(part, ())
+    return [TITLE, *lines(json.loads(KEPT.read_text()))]
+
+
+def lines(kept):
+    """The section's lines."""
+    return [
+        "6 x 32 x 32 directions, Embree where nothing else is said; `tests/benchmarks/` has "
+        "`sampling.py`, `huang_tables.py`, `l1_solvers.py`, `certificate_coverage.py`.",
+        *(_objects(kept["objects"]) if "objects" in kept else ()),
+        *(_curve(kept["curve"]) if "curve" in kept else ()),
+        *(_times(kept["time"]) if "time" in kept else ()),
+        *(_growth(kept["growth"]) if "growth" in kept else ()),
+        *(_hard(kept["hard"]) if "hard" in kept else ()),
+        *(_coverage(kept["coverage"]) if "coverage" in kept else ()),
+        *_tables(kept.get("tables", {})),
+    ]
+
+
+def _objects(rows):
+    yield from (
+        "", "### Entries and errors",
+        "Per cent of all n x 6,144 entries of the object that were traced, and the relative L2 "
+        f"error of its matrix in per cent. Careful: `{CAREFUL}`. Sparse: `huang`, rebuilt after "
+        "Huang and Ramamoorthi (2010) with a quarter of the points dense, 350 features and L1; "
+        "published: their own figures.",
+        "", "| scene | object | default: entries, error | careful: entries, error "
+        "| sparse: entries, error | published error |", "|---|---|---|---|---|---|",
+    )  # fmt: skip
+    for name in MODELS:
+        for item in ("model", "ground"):
+            keys = [f"{name} {method} {item}" for method in METHODS]
+            if all(key in rows for key in keys):
+                cells = [f"{rows[k]['entries']:.2f}, **{rows[k]['error']:.2f}**" for k in keys]
+                paper = PAPER.get((name, item), "")
+                yield f"| {name} | {item} | {' | '.join(cells)} | {paper} |"
+
+
+def _curve(rows):
+    rows = [row for row in rows.values() if row["method"] != "exhaustive"]
+    picture = error_plot(rows, ["entries_percent"])
+    (ROOT / "docs" / "sampling_dancer.png").write_bytes(picture)
+    yield from (
+        "", "### Against the rivals",
+        "The dancer on the ground; `hasan` and `wang` are the sparse method with the columns of "
+        "Hasan et al. (2007) and Wang et al. (2009) (`sampling.py curve`).",
+        "", "![Errors against entries](docs/sampling_dancer.png)",
+        "", "| method | model: entries, error % | ground: entries, error % |", "|---|---|---|",
+    )  # fmt: skip
+    for label in dict.fromkeys(row["label"] for row in rows):
+        mine = {row["object"]: row for row in rows if row["label"] == label}
+        cells = [
+            f"{mine[k]['entries_percent']:.2f}, {100 * mine[k]['matrix_l2']:.2f}"
+            for k in ("model", "ground")
+        ]
+        yield f"| {label} | {' | '.join(cells)} |"
+
+
+def _times(rows):
+    yield from (
+        "", "### Seconds",
+        "Suzanne on the ground, 60,899 points: sampling by agreement against every entry traced, "
+        "both without the bounces, in one run (`sampling.py time`).",
+        "", "| back-end | every entry s | rays | agreement s | rays | ratio | of it rays s "
+        "| arithmetic s | neighbours s | horizons s |", "|---|---|---|---|---|---|---|---|---|---|",
+    )  # fmt: skip
+    for back_end, row in rows.items():
+        spent = row["seconds"]
+        rays = f"{row['rays'] / 1e6:.1f} M"
+        stages = " | ".join(
+            f"{spent[s]:.2f}" for s in ("rays", "agreement", "neighbours", "horizon")
+        )
+        yield (
+            f"| {back_end} | {row['whole']:.1f} | {row['whole_rays'] / 1e6:.0f} M | "
+            f"{spent['total']:.1f} | {rays} | **{row['ratio']:.3f}** | {stages} |"
+        )
+
+
+def _growth(rows):
+    rows = sorted(rows.values(), key=lambda row: row["points"])
+    logs = {key: np.log([row[key] for row in rows]) for key in ("points", "rays", "seconds")}
+    slopes = {k: np.polyfit(logs["points"], logs[k], 1)[0] for k in ("rays", "seconds")}
+    yield from (
+        "", "### Growth",
+        "The same scene ever finer (`sampling.py growth`). Rays grow with the power "
+        f"**{slopes['rays']:.2f}** of the points, seconds with {slopes['seconds']:.2f}.",
+        "", "| points | rays | rays a point | seconds |", "|---|---|---|---|",
+    )  # fmt: skip
+    for row in rows:
+        each = row["rays"] / row["points"]
+        yield (
+            f"| {row['points']:,} | {row['rays'] / 1e6:.2f} M | {each:.0f} | {row['seconds']:.1f} |"
+        )
+
+
+def _hard(rows):
+    yield from (
+        "", "### Hard scenes",
+        "As `prt bake --method agreement` bakes them: tolerance 1 % of the light that every object "
+        "receives; under probe lights, and under a photographed sky with a hard sun "
+        "(`sampling.py hard`). Turns: how often what missed the tolerance was asked again.",
+        "", "| scene | points | entries % | certified error % | tolerance met | turns |",
+        "|---|---|---|---|---|---|",
+    )  # fmt: skip
+    for name, row in rows.items():
+        yield (
+            f"| {name} | {row['points']:,} | {row['entries']:.2f} | {row['error']:.2f} | "
+            f"{'yes' if row['met'] else 'no'} | {row['turns']} |"
+        )
+
+
+def _coverage(rows):
+    yield from (
+        "", "### The certificate",
+        f"How often of {N_SEEDS} seeds the 95 % interval holds the true error, 6 x 16 x 16 "
+        "directions (`sampling.py coverage`): the least and the most over objects, matrix and "
+        "lights.", "",
+        "| scene | method | matrix: held % | relit: held % | true errors of the matrix % |",
+        "|---|---|---|---|---|",
+    )  # fmt: skip
+    for name, method in sorted({tuple(key.split()[:2]) for key in rows}):
+        mine = [row for key, row in rows.items() if key.startswith(f"{name} {method} ")]
+        # Nothing is certified where every entry was traced.
+        mine = [row for row in mine if row["true"] > 0 or row["mean_high"] > 0]
+        held = {
+            kind: [100 * r["held"] / r["seeds"] for r in mine if (r["what"] == "matrix") == kind]
+            for kind in (True, False)
+        }
+        cells = [f"{min(h):.1f} to {max(h):.1f}" for h in (held[True], held[False])]
+        true = [100 * row["true"] for row in mine if row["what"] == "matrix"]
+        yield f"| {name} | {method} | {' | '.join(cells)} | {min(true):.2f} to {max(true):.2f} |"
+
+
+def _tables(printed):
+    if printed:
+        yield from ("", "### The sparse method and its solver")
+    for command, shown in printed.items():
+        yield from (f"`{command}`", "", "```", *shown, "```", "")
+
+
+PARTS = {
+    "objects": objects,
+    "curve": curve,
+    "time": time_,
+    "growth": growth,
+    "hard": hard,
+    "coverage": coverage_,
+    "tables": tables,
+}
+
+
+def keep(part, names):
+    """Run a part; each row is kept as soon as it is there."""
+    KEPT.parent.mkdir(parents=True, exist_ok=True)
+    for key, row in PARTS[part](list(names)):
+        kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+        kept.setdefault(part, {})[key] = row
+        KEPT.write_text(json.dumps(kept, indent=1))
+        print(key, json.dumps(row), flush=True)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2 or sys.argv[1] not in PARTS:
+        sys.exit(__doc__)
+    keep(sys.argv[1], sys.argv[2:])
+    write_section(ROOT / "RESULTS.md", TITLE, lines(json.loads(KEPT.read_text())))

@@ -99,6 +99,9 @@ class EnvironmentMap:
             f"strength: expected a finite number >= 0, got {strength}",
         )
         matrix = rotation_matrix(rotation)
+        if self.pixels.shape[:2] == (1, 1):
+            light = np.repeat(self.pixels[0].astype(np.float64), cube_map.n_directions, axis=0)
+            return (light * strength).astype(np.float32)
         even, bright = self.layers
         light, covered = sums_on_texels(cube_map, matrix, *even, _EVEN_SAMPLES)
         light /= np.maximum(covered, 1e-30)[:, None]

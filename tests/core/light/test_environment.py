@@ -95,6 +95,13 @@ def test_a_surface_that_faces_the_sun_gets_its_irradiance(angle):
     np.testing.assert_allclose(received, [3, 2, 1], rtol=2e-3)
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (2, 4)])
+def test_one_colour_is_the_same_from_everywhere(shape):
+    pixels = np.full((*shape, 3), (3, 0, 1e5), np.float32)
+    found = EnvironmentMap(pixels).to_cube_map(CubeMap(8), (10, 20, 30), 0.5)
+    np.testing.assert_allclose(found, np.full((384, 3), (1.5, 0, 5e4)), rtol=1e-6)
+
+
 def test_bad_pixels_are_refused():
     with pytest.raises(PRTError, match="NaN or infinite"):
         EnvironmentMap(np.full((2, 4, 3), np.nan, np.float32))

@@ -32,7 +32,19 @@ def story(hand, report):
     for caster in CASTERS:
         yield from bake(hand, report["bake"], caster)
     yield from stops(hand, report)
-    yield from slider(hand, report)
+    scene = bpy.context.scene
+    scene.prt.name, scene.prt.caster = "embree", "embree"
+    bpy.ops.prt.load("INVOKE_DEFAULT", filepath=str(FOLDER / "prt" / "embree.prt"))
+    yield Until("it is loaded", lambda: not status().running)
+    # An image of 1024 x 512, not a world of one colour.
+    scene.prt.light, scene.prt.studio = "STUDIO", "city.exr"
+    yield 1.0
+    report["delays"] = yield from slider(hand)
+    hand.picture("measured")
+    bpy.ops.prt.compress("INVOKE_DEFAULT")
+    yield Until("it is compressed", lambda: not status().running, 300)
+    report["quick"] = yield from slider(hand)
+    report["points"] = part("preview").held(scene).bake.transport.n_points
 
 
 def bake(hand, report, caster):
@@ -71,13 +83,9 @@ def stops(hand, report):
         yield 0.3
 
 
-def slider(hand, report):
-    """From a new rotation to the first picture of the view that has its colours."""
+def slider(hand):
+    """Seconds from a new rotation to its colours, and to the first picture that has them."""
     scene, live = bpy.context.scene, part("live")
-    scene.prt.name, scene.prt.caster = "embree", "embree"
-    bpy.ops.prt.load("INVOKE_DEFAULT", filepath=str(FOLDER / "prt" / "embree.prt"))
-    yield Until("it is loaded", lambda: not status().running)
-    yield 1.0
     yield Until("the preview has settled", settled)
     drawn, written, preview = [], [], part("preview")
     write = preview.write
@@ -104,6 +112,4 @@ def slider(hand, report):
         yield 0.3
     preview.write = write
     bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
-    report["delays"] = delays
-    report["points"] = preview.held(scene).bake.transport.n_points
-    hand.picture("measured")
+    return delays

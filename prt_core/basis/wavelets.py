@@ -8,10 +8,9 @@ with small matrices, so that stacks of images are transformed at the speed of BL
 from functools import lru_cache
 
 import numpy as np
-import pywt
 
 from prt_core.basis.haar import haar_levels, haar_rows
-from prt_core.errors import expect
+from prt_core.errors import PRTError, expect
 
 # Our name: PyWavelets' name.
 WAVELETS = {
@@ -148,6 +147,7 @@ def step_matrices(n, wavelet):
         wavelet in WAVELETS,
         f"wavelet: expected one of {', '.join(WAVELETS)}, got {wavelet!r}",
     )
+    pywt = _pywavelets(wavelet)
     filters = pywt.Wavelet(WAVELETS[wavelet])
     if wavelet in ORTHONORMAL:
         low, high = (_periodic(np.array(f), n) for f in (filters.dec_lo, filters.dec_hi))
@@ -196,3 +196,14 @@ def _all_steps(transform, vectors, depth, inverse):
     for level in reversed(range(depth)) if inverse else range(depth):
         (transform.inverse_step if inverse else transform.forward_step)(flat, level)
     return result
+
+
+def _pywavelets(wavelet):
+    # The add-on does without it: a hierarchy of points needs no filters.
+    try:
+        import pywt
+    except ImportError as error:
+        raise PRTError(
+            f"wavelet: '{wavelet}' needs PyWavelets; run 'pip install PyWavelets'"
+        ) from error
+    return pywt

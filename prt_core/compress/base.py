@@ -3,15 +3,15 @@
 from abc import ABC, abstractmethod
 
 import numpy as np
-from sklearn.base import BaseEstimator
 
+from prt_core.compress.parameters import Parameters
 from prt_core.compress.rows import ArrayRows, Rows
 from prt_core.compress.state import array_of, value_of
 from prt_core.errors import expect, expect_array
 from prt_core.progress import run
 
 
-class Compressor(BaseEstimator, ABC):
+class Compressor(Parameters, ABC):
     """Base of the compressors: parameters in `__init__`, results with a trailing underscore.
 
     A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes,

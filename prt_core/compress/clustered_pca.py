@@ -4,8 +4,9 @@ import numpy as np
 
 from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor, expect_tolerance
+from prt_core.compress.kmeans import kmeans_steps
 from prt_core.compress.lbg import lbg_steps
-from prt_core.compress.sketch import cluster_steps, sketch_steps
+from prt_core.compress.sketch import sketch_steps
 from prt_core.errors import expect
 
 # Points a cluster has on average where their number is not given.
@@ -62,7 +63,7 @@ class ClusteredPCA(ClusterCompressor):
         n_sketch = self.n_sketch or (256 if iterative else 64)
         sketch = yield from sketch_steps(rows, n_sketch, self.seed)
         first = np.ascontiguousarray(sketch.coordinates[:, :64])
-        labels = yield from cluster_steps(first, n_clusters, self.seed)
+        labels = yield from kmeans_steps(first, n_clusters, self.seed)
         if iterative:
             labels = yield from lbg_steps(sketch.coordinates, labels, rank)
         return (yield from self._fit_clusters(rows, labels, rank, tolerance))

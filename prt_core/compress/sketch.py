@@ -1,10 +1,8 @@
-"""Rows in few coordinates that keep their distances, and k-means on them."""
+"""Rows in few coordinates that keep their distances."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from sklearn.cluster import MiniBatchKMeans
-from threadpoolctl import threadpool_limits
 
 from prt_core.compress.linalg import principal_rows
 from prt_core.compress.parallel import in_parallel
@@ -66,22 +64,3 @@ def sketch_coordinates(rows, basis, points):
         yield Progress("sketch", done, len(points))
     coordinates, rest = (np.concatenate(values) for values in zip(*parts, strict=True))
     return Sketch(basis, coordinates, rest)
-
-
-def cluster_steps(coordinates, n_clusters, seed=0):
-    """Labels (n,) int32 by mini-batch k-means (Sculley 2010); a generator of `Progress`."""
-    n_clusters = min(n_clusters, len(coordinates))
-    if coordinates.shape[1] == 0 or n_clusters == 1:
-        return np.zeros(len(coordinates), np.int32)
-    if n_clusters == len(coordinates):
-        return np.arange(n_clusters, dtype=np.int32)
-
-    def cluster():
-        # One thread: sums in one order, so that a seed gives the same clusters everywhere.
-        with threadpool_limits(1):
-            model = MiniBatchKMeans(
-                n_clusters, batch_size=4096, n_init=1, random_state=seed, max_iter=30
-            )
-            return model.fit_predict(coordinates).astype(np.int32)
-
-    return (yield from beside("clusters", cluster))

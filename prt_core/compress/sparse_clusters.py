@@ -4,8 +4,9 @@ import numpy as np
 
 from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor, expect_tolerance
+from prt_core.compress.kmeans import kmeans_steps
 from prt_core.compress.lbg import lbg_steps
-from prt_core.compress.sketch import Sketch, cluster_steps, sketch_basis, sketch_coordinates
+from prt_core.compress.sketch import Sketch, sketch_basis, sketch_coordinates
 from prt_core.errors import expect, expect_array
 
 
@@ -66,7 +67,7 @@ class SparseClusteredPCA(ClusterCompressor):
             yield from rows.prepare_steps()
         basis = yield from sketch_basis(rows, dense, self.n_sketch, self.seed)
         some: Sketch = yield from sketch_coordinates(rows, basis, dense)
-        labels = yield from cluster_steps(some.coordinates[:, :64], n_clusters, self.seed)
+        labels = yield from kmeans_steps(some.coordinates[:, :64], n_clusters, self.seed)
         # Components two, four, eight ... at a time: as good as one by one, in fewer rounds.
         ranks = sorted({min(rank, 2**i) for i in range(12)})
         labels = yield from lbg_steps(some.coordinates, labels, rank, rounds=2, ranks=ranks)

@@ -2,7 +2,8 @@
 
 from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor
-from prt_core.compress.sketch import cluster_steps, sketch_steps
+from prt_core.compress.kmeans import kmeans_steps
+from prt_core.compress.sketch import sketch_steps
 
 
 class VectorQuantisation(ClusterCompressor):
@@ -24,5 +25,5 @@ class VectorQuantisation(ClusterCompressor):
     def fit_steps(self, rows):
         n_clusters = expect_count("n_clusters", self.n_clusters)
         sketch = yield from sketch_steps(rows, self.n_sketch, self.seed)
-        labels = yield from cluster_steps(sketch.coordinates, n_clusters, self.seed)
+        labels = yield from kmeans_steps(sketch.coordinates, n_clusters, self.seed)
         return (yield from self._fit_clusters(rows, labels, 0))

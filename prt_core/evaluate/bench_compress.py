@@ -4,7 +4,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from sklearn.base import clone
 
 from prt_core.compress import Irradiance, Task, border_pairs, method_named, neighbour_pairs, seam
 from prt_core.compress.choose import describe, relative_l2
@@ -183,7 +182,7 @@ def _matrix(model, truth, task):
     The mean square of a matrix times white noise is the square of its Frobenius norm.
     """
     if getattr(model, "n_terms", None) is not None:
-        every = clone(model)
+        every = model.clone()
         every.__dict__.update({**model.__dict__, "n_terms": None})
         model = every
     lost = kept = 0.0

@@ -37,6 +37,12 @@ def main(zip_path, blend, folder):
             ["relight", bake, "--light", str(lights / "city.exr"), "--rotate", "30",
              "--png", picture, "--size", "64x36", "--output", colours]
         ),
+        "compress": command(["compress", bake, "--tolerance", "0.05"]),
+        "wavelets": command(["compress", bake, "--method", "wavelet4d", "--tolerance", "0.1"]),
+        "quick": command(
+            ["relight", bake, "--light", str(lights / "city.exr"), "--output",
+             str(folder / "quick.npz"), "--transport", "compressed"]
+        ),
         "info": command(["info", bake]),
         "missing": command(["info", str(folder / "nothing.prt")]),
         "usage": command(["relight"]),

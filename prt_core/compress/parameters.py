@@ -1,0 +1,35 @@
+"""The parameters of estimators, by scikit-learn's conventions and without its weight."""
+
+import inspect
+
+
+class Parameters:
+    """What `__init__` takes is kept under the same names, and can be read, set and cloned.
+
+    `sklearn.base.clone`, grid searches and pipelines know estimators by these methods.
+    """
+
+    @classmethod
+    def _names(cls):
+        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
+
+    def get_params(self, deep=True):
+        """Parameters by name; `deep` is scikit-learn's and changes nothing here."""
+        return {name: getattr(self, name) for name in self._names()}
+
+    def set_params(self, **params):
+        """Set some of the parameters; unknown names raise ValueError. Returns self."""
+        unknown = sorted(set(params) - set(self._names()))
+        if unknown:
+            raise ValueError(f"{type(self).__name__}: unknown parameter {', '.join(unknown)}")
+        for name, value in params.items():
+            setattr(self, name, value)
+        return self
+
+    def clone(self):
+        """A new estimator with the same parameters, not fitted."""
+        return type(self)(**self.get_params())
+
+    def __repr__(self):
+        params = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
+        return f"{type(self).__name__}({params})"

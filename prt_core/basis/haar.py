@@ -9,6 +9,9 @@ import numpy as np
 
 from prt_core.errors import expect
 
+# Texels that are transformed at once.
+_TEXELS = 1 << 18
+
 
 def haar_levels(size):
     """How many times a side of `size` can be halved."""
@@ -30,19 +33,33 @@ def haar_forward(faces, levels=None):
         Scaling coefficients in the corner [0, 0]; beside them, level by level, the differences
         along columns (right), along rows (below) and both.
     """
-    result = np.array(faces)
-    for level in range(_levels(result, levels)):
-        size = result.shape[-1] >> level
-        part = result[..., :size, :size]
-        left, right = part[..., 0::2], part[..., 1::2]
-        sums, differences = left + right, left - right
-        half = size // 2
-        for columns, values in ((slice(0, half), sums), (slice(half, size), differences)):
-            top, bottom = values[..., 0::2, :], values[..., 1::2, :]
-            np.add(top, bottom, out=part[..., :half, columns])
-            np.subtract(top, bottom, out=part[..., half:, columns])
-        part *= result.dtype.type(0.5)
+    faces = np.asarray(faces)
+    levels = _levels(faces, levels)
+    n = faces.shape[-1]
+    result = np.empty(faces.shape, faces.dtype)
+    stack, out = faces.reshape(-1, n, n), result.reshape(-1, n, n)
+    # So many faces at once stay in a core's cache.
+    count = max(1, _TEXELS // (n * n))
+    for first in range(0, len(stack), count):
+        _forward(stack[first : first + count], out[first : first + count], levels)
     return result
+
+
+def _forward(faces, out, levels):
+    half = faces.dtype.type(0.5)
+    for _ in range(levels):
+        n = faces.shape[-1]
+        middle = n // 2
+        top, bottom = faces[:, 0::2], faces[:, 1::2]
+        sums, differences = (top + bottom) * half, (top - bottom) * half
+        left, right = sums[..., 0::2], sums[..., 1::2]
+        np.subtract(left, right, out=out[:, :middle, middle:n])
+        faces = left + right
+        left, right = differences[..., 0::2], differences[..., 1::2]
+        np.add(left, right, out=out[:, middle:n, :middle])
+        np.subtract(left, right, out=out[:, middle:n, middle:n])
+    n = faces.shape[-1]
+    out[:, :n, :n] = faces
 
 
 def haar_inverse(coefficients, levels=None):

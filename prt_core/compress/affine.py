@@ -71,7 +71,8 @@ def fit_affine(rows, points, rank, seed=0):
     features = rows.features(points)
     mean = features.mean(axis=0, dtype=np.float64).astype(np.float32)
     features -= mean
-    energy = float((features.astype(np.float64) ** 2).sum()) if len(points) > 1 else 0.0
+    energy = float(np.einsum("nf,nf->n", features, features).sum(dtype=np.float64))
+    energy = energy if len(points) > 1 else 0.0
     basis, _ = principal_rows(features, min(rank, len(points) - 1))
     # Equal rows differ from their mean by rounding: that is no component.
     if energy <= 1e-12 * len(points) * float(mean.astype(np.float64) @ mean):

@@ -9,6 +9,9 @@ from prt_core.compress.lbg import lbg_steps
 from prt_core.compress.sketch import Sketch, sketch_basis, sketch_coordinates
 from prt_core.errors import expect, expect_array
 
+# Components that clusters of dense points go through; rounds of all rows in the end.
+_RANKS, _LAST = (1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 48, 64), 4
+
 
 class SparseClusteredPCA(ClusterCompressor):
     """Clusters found on densely sampled points; the others follow their neighbours.
@@ -39,7 +42,7 @@ class SparseClusteredPCA(ClusterCompressor):
         n_clusters=None,
         n_components=24,
         tolerance=None,
-        n_sketch=128,
+        n_sketch=192,
         seed=0,
     ):
         self.dense = dense
@@ -68,13 +71,13 @@ class SparseClusteredPCA(ClusterCompressor):
         basis = yield from sketch_basis(rows, dense, self.n_sketch, self.seed)
         some: Sketch = yield from sketch_coordinates(rows, basis, dense)
         labels = yield from kmeans_steps(some.coordinates[:, :64], n_clusters, self.seed)
-        # Components two, four, eight ... at a time: as good as one by one, in fewer rounds.
-        ranks = sorted({min(rank, 2**i) for i in range(12)})
+        # Components several at a time: nearly as good as one by one, in fewer rounds.
+        ranks = sorted({min(rank, k) for k in _RANKS} | {rank})
         labels = yield from lbg_steps(some.coordinates, labels, rank, rounds=2, ranks=ranks)
         everywhere = self._follow(labels, dense, near, rows.n_points)
         every = yield from sketch_coordinates(rows, basis, np.arange(rows.n_points))
         everywhere = yield from lbg_steps(
-            every.coordinates, everywhere, rank, ranks=[rank], last_rounds=2
+            every.coordinates, everywhere, rank, ranks=[rank], last_rounds=_LAST
         )
         tolerance = expect_tolerance(self.tolerance)
         return (yield from self._fit_clusters(rows, everywhere, rank, tolerance))

@@ -16,8 +16,9 @@ from prt_core.blender import casters
 from . import bakes, plan, preview, work
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
-# and plans are made; of work in one call of the timer.
-_IDLE, _QUIET, _BUDGET = 0.05, 0.35, 0.02
+# and plans are made; of work in one call of the timer, and in the call that a slider makes where
+# there are few points.
+_IDLE, _QUIET, _BUDGET, _HOLD, _FEW = 0.05, 0.35, 0.02, 0.2, 20000
 # Shadow rays a lamp while it moves.
 _DRAFT = 4
 
@@ -48,6 +49,19 @@ def touch(scene, show=False):
     _NOW.scene = scene.name
     _NOW.show |= show
     _NOW.touched = time.perf_counter()
+
+
+def start():
+    """Begin at once with what a button or slider asked for, before Blender draws it: what is
+    ready within a moment is drawn with the change, and only once."""
+    if not (_NOW.job is None and _NOW.begun) or _NOW.rendering or work.status().running:
+        return
+    _begin()
+    there = preview.held()
+    if there is not None and (
+        there.relighter.used == "compressed" or there.bake.transport.n_points <= _FEW
+    ):
+        _go_on(_HOLD)
 
 
 def geometry_changed(scene):
@@ -91,18 +105,21 @@ def _work():
         _begin()
     if _NOW.job is None:
         return _IDLE
-    end = time.perf_counter() + _BUDGET
+    _go_on(_BUDGET)
+    return 0.0 if _NOW.job is not None else _IDLE / 5
+
+
+def _go_on(seconds):
+    """So many seconds of the job, or the rest of it."""
+    end = time.perf_counter() + seconds
     try:
-        while time.perf_counter() < end:
+        while _NOW.job is not None and time.perf_counter() < end:
             next(_NOW.job)
     except StopIteration:
         _NOW.job = _NOW.kind = None
-        return _IDLE / 5
     except work.FAILURES as error:
-        _NOW.job = _NOW.kind = None
-        _NOW.scene = None
+        _NOW.job = _NOW.kind = _NOW.scene = None
         work.say(str(error), True)
-    return 0.0
 
 
 def _changed_lately():

@@ -16,6 +16,7 @@ from . import live, studio
 
 def _changed(settings, _context):
     live.touch(settings.id_data)
+    live.start()
 
 
 def _plan_changed(settings, _context):

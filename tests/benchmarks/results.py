@@ -97,18 +97,19 @@ def bake_table():
         f"`prt bake blend_scenes/{scene}.blend --caster …` (all bounces, every light) against "
         f"Cycles baking one HDRI at {NOISY} samples: {cycles:.0f} s.",
         "",
-        "| back-end | rays | visibility s | gather s | other s | whole command s | / Cycles "
-        "| peak MB | store MB | error |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| back-end | method | rays | visibility s | gather s | other s | whole command s "
+        "| / Cycles | peak MB | store MB | error |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for caster in ("embree", "blender"):
+    pairs = [(c, m) for c in ("embree", "blender") for m in ("exhaustive", "auto")]
+    for caster, method in pairs:
         output = WORK / f"{caster}.prt"
         report, spent = prt("bake", ROOT / "blend_scenes" / f"{scene}.blend", "-o", output,
-                            "--caster", caster, "--restart")  # fmt: skip
+                            "--caster", caster, "--method", method, "--restart")  # fmt: skip
         seconds = report["seconds"]
         other = spent - seconds["visibility"] - seconds["gather"]
         lines.append(
-            f"| {caster} | {report['rays'] / 1e6:.0f} M | {seconds['visibility']:.1f} | "
+            f"| {caster} | {method} | {report['rays'] / 1e6:.0f} M | {seconds['visibility']:.1f} | "
             f"{seconds['gather']:.1f} | {other:.1f} | {spent:.1f} | {spent / cycles:.2f} | "
             f"{report['peak_bytes'] / 1e6:.0f} | {report['bytes'] / 1e6:.1f} | "
             f"{report['error']:.2%} |"

@@ -4,7 +4,7 @@ python tests/benchmarks/wavelet4d_tables.py fit SCENE OBJECT [PART]   compress a
 python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         milliseconds, in one run
 python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR] column filters on an image
-python tests/benchmarks/wavelet4d_tables.py table                     Markdown of all that is kept
+python tests/benchmarks/wavelet4d_tables.py section                   all that is kept, into RESULTS.md
 
 KIND is `camera` (N x N pixels of 2 x 2 points) or `ground` (its geometry image). SCENE is one of
 `sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`. PART is a mode, or
@@ -42,6 +42,7 @@ from tests.benchmarks.sampling_scenes import (  # noqa: E402
     _smooth_mesh,
     measuring_scene,
 )
+from tests.benchmarks.sections import write_section  # noqa: E402
 
 CACHE = Path(os.environ.get("PRT_CACHE", "/tmp")) / "wavelet4d"
 ERRORS = (0.05, 0.02, 0.01)
@@ -155,18 +156,24 @@ def image(name, kind, size, error="0.02"):
     shown, points = bake.scene.image, bake.scene.points
     rows = ImageRows(TransportRows(bake.transport), shown)
     shape = shown.height, shown.width
-    columns = {name: ImageWavelet(shape, name) for name in WAVELETS}
     place = [shown.pixels(a).reshape(-1, 3) for a in (points.positions, points.normals)]
-    columns["hierarchy"] = PointHaar(*place)
-    for name, transform in columns.items():
-        for mode in ("adaptive", "4d") + (("2d",) if name == "haar" else ()):
-            model = Wavelet4D(transform, error=float(error), mode=mode).fit(rows)
-            size = model.nbytes - (4 * rows.n_points if name == "hierarchy" else 0)
-            print(
-                f"{path.stem} {name} {mode}: {size / 1e6:.3f} MB, "
-                f"{model.n_coefficients_:,} terms, error {model.matrix_error_:.3%}",
-                flush=True,
-            )
+    orders = (
+        {name: ImageWavelet(shape, name) for name in WAVELETS},
+        {"hierarchy": PointHaar(*place)},
+    )
+    found = []
+    for columns in orders:
+        # Turned once for all transforms that keep the pixels' order.
+        with run(Wavelet4D(next(iter(columns.values()))).columns_steps(rows)) as file:
+            for name, transform in columns.items():
+                for mode in ("adaptive", "4d") + (("2d",) if name == "haar" else ()):
+                    model = Wavelet4D(transform, error=float(error), mode=mode)
+                    run(model.fit_columns_steps(rows, file))
+                    # The order of the pixels is that of the image, or 4 bytes each.
+                    row = name, mode, model.nbytes, model.n_coefficients_, model.matrix_error_
+                    found.append(row)
+                    print(path.stem, *row, flush=True)
+    path.with_suffix(".image.json").write_text(json.dumps(found))
 
 
 def flat_ground():
@@ -247,12 +254,25 @@ def times(scene, item):
         print(scene, item, name, row, flush=True)
 
 
-def table():
+def section():
+    """The section "4D wavelets" of RESULTS.md, from all that is kept."""
+    write_section(ROOT / "RESULTS.md", "## 4D wavelets", lines())
+
+
+def lines():
+    """Markdown lines: sizes and times, depths, what quantising adds, images."""
     files = sorted(CACHE.glob("*-adaptive_0.02.json"))
     names = [f.name.removesuffix("-adaptive_0.02.json") for f in files]
-    print("| scene | error | adaptive MB | 2D MB | 4D MB | 2D / adaptive | 4D / adaptive "
-          "| ms, all: adaptive, 2D, 4D | ms, 256 wavelets: adaptive, 2D, 4D |")  # fmt: skip
-    print("|---" * 9 + "|")
+    found = [
+        "`tests/benchmarks/wavelet4d_tables.py`: 6 x 32 x 32 directions, RGB, all bounces, 9 bits; "
+        "bytes at equal relative L2 of the matrix, quantisation included. The columns of meshes "
+        "are transformed in the points' own hierarchy. Milliseconds of a new light in all its "
+        "wavelets, and in its best 256.",
+        "",
+        "| scene | error | adaptive MB | 2D MB | 4D MB | 2D / adaptive | 4D / adaptive "
+        "| ms, all: adaptive, 2D, 4D | ms, 256 wavelets: adaptive, 2D, 4D |",
+        "|---" * 9 + "|",
+    ]
     for name in names:
         for error in ERRORS:
             rows = [read(name, f"{mode}_{error}", "json") for mode in MODES]
@@ -265,21 +285,47 @@ def table():
                 ", ".join(f"{m[k]:.0f}" for m in ms) if all(ms) else ""
                 for k in ("ms_all", "ms_256")
             ]
-            print(f"| {name.replace('-', ', ')} | {error:.0%} | {told} | {sizes[1] / sizes[0]:.2f} "
-                  f"| {sizes[2] / sizes[0]:.3f} | {cells[0]} | {cells[1]} |")  # fmt: skip
-    print("\nBy level of the row's wavelet, coarsest first, at 2 %: mean depth; bytes a column")
+            found.append(
+                f"| {name.replace('-', ', ')} | {error:.0%} | {told} | {sizes[1] / sizes[0]:.2f} "
+                f"| {sizes[2] / sizes[0]:.3f} | {cells[0]} | {cells[1]} |"
+            )
+    found += ["", "By level of the row's wavelet, coarsest first, at 2 %:", ""]
+    found += ["| scene | mode | mean depth | bytes a column |", "|---|---|---|---|"]
     for name in names:
         for mode in ("adaptive", "2d"):
             row = read(name, f"{mode}_0.02", "json")
             if row:
                 depths, sizes, _ = zip(*row["levels"], strict=True)
-                print(f"| {name} {mode} | {', '.join(f'{d:.1f}' for d in depths)} "
-                      f"| {', '.join(f'{s:,.0f}' for s in sizes)} |")  # fmt: skip
-    print("\nThe error of the same terms, quantised")
+                found.append(
+                    f"| {name.replace('-', ', ')} | {mode} | "
+                    f"{', '.join(f'{d:.1f}' for d in depths)} "
+                    f"| {'; '.join(f'{s:,.0f}' for s in sizes)} |"
+                )
+    found += ["", "What quantising adds to the error of the same terms:", ""]
+    ways = None
     for name in names:
         for error, row in (read(name, "bits", "json") or {}).items():
-            added = {k: f"{v / row['floats'] - 1:+.1%}" for k, v in row.items() if k != "floats"}
-            print(f"| {name} | {float(error):.0%} | {row['floats']:.3%} | {added} |")
+            if ways is None:
+                ways = [way for way in row if way != "floats"]
+                found += [
+                    f"| scene | floats | {' | '.join(ways)} |",
+                    "|---" * (2 + len(ways)) + "|",
+                ]
+            added = " | ".join(f"{row[way] / row['floats'] - 1:+.1%}" for way in ways)
+            found.append(
+                f"| {name.replace('-', ', ')}, {float(error):.0%} | {row['floats']:.2%} | {added} |"
+            )
+    pictures = sorted(CACHE.glob("*.image.json"))
+    if pictures:
+        found += ["", "Images in each column transform:", ""]
+        found += ["| image | transform | mode | MB | terms | error |", "|---|---|---|---|---|---|"]
+    for path in pictures:
+        for name, mode, size, terms, error in json.loads(path.read_text()):
+            found.append(
+                f"| {path.name.removesuffix('.image.json')} | {name} | {mode} | {size / 1e6:.2f} "
+                f"| {terms:,} | {error:.2%} |"
+            )
+    return found
 
 
 def read(name, setting, kind):
@@ -288,5 +334,5 @@ def read(name, setting, kind):
 
 
 if __name__ == "__main__":
-    known = {"fit": fit, "time": times, "filters": filters, "image": image, "table": table}
+    known = {"fit": fit, "time": times, "filters": filters, "image": image, "section": section}
     known[sys.argv[1]](*sys.argv[2:])

@@ -4,7 +4,7 @@ python tests/benchmarks/wavelet4d_tables.py fit SCENE OBJECT [PART]   compress a
 python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         milliseconds, in one run
 python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR] column filters on an image
-python tests/benchmarks/wavelet4d_tables.py section                   all that is kept, into RESULTS.md
+python tests/benchmarks/wavelet4d_tables.py section                  what is kept, into RESULTS.md
 
 KIND is `camera` (N x N pixels of 2 x 2 points) or `ground` (its geometry image). SCENE is one of
 `sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`. PART is a mode, or

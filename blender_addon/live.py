@@ -57,10 +57,7 @@ def start():
     if not (_NOW.job is None and _NOW.begun) or _NOW.rendering or work.status().running:
         return
     _begin()
-    there = preview.held()
-    if there is not None and (
-        there.relighter.used == "compressed" or there.bake.transport.n_points <= _FEW
-    ):
+    if _soon():
         _go_on(_HOLD)
 
 
@@ -105,8 +102,16 @@ def _work():
         _begin()
     if _NOW.job is None:
         return _IDLE
-    _go_on(_BUDGET)
+    _go_on(_HOLD / 2 if _soon() and _NOW.kind == "draft" else _BUDGET)
     return 0.0 if _NOW.job is not None else _IDLE / 5
+
+
+def _soon():
+    """Whether colours take a moment only: waited for, they are drawn with what changed."""
+    there = preview.held()
+    return there is not None and (
+        there.relighter.used == "compressed" or there.bake.transport.n_points <= _FEW
+    )
 
 
 def _go_on(seconds):

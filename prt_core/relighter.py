@@ -105,7 +105,8 @@ class Relighter:
             )
         quick = None
         if light is not None and self.transport != "exact":
-            quick = yield from maybe_beside(pace, "compressed form", self._quick, bounces)
+            unread = pace and self._form is None
+            quick = yield from maybe_beside(unread, "compressed form", self._quick, bounces)
         self.used = "exact" if quick is None else "compressed"
         work = (self._distant, light, rotation, sharp_sun, quick)
         distant, sun = (yield from beside("light", *work)) if pace else work[0](*work[1:])

@@ -29,7 +29,8 @@ def test_the_zip_is_installed_and_nothing_is_held_against_it(report, blender):
 
 def test_the_bake_shows_its_progress_and_ends_in_colours(report):
     stages = dict(report["progress"])
-    assert {"visibility", "gather"} <= set(stages)
+    # Short stages may end between two looks.
+    assert {"scene", "visibility"} <= set(stages) and len(stages) >= 3
     shares = [done for stage, done in report["progress"] if stage == "visibility"]
     assert shares == sorted(shares) and len(shares) >= 2
     assert report["said"].startswith("Baked ")

@@ -56,6 +56,10 @@ def start():
     ready within a moment is drawn with the change, and only once."""
     if not (_NOW.job is None and _NOW.begun) or _NOW.rendering or work.status().running:
         return
+    # Lamps are read where they are evaluated, and that takes back what a script has set on
+    # something animated and not keyed yet.
+    if bpy.data.actions:
+        return
     _begin()
     if _soon():
         _go_on(_HOLD)

@@ -20,7 +20,8 @@ PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 # What a Blender has of its own.
 BLENDERS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi", "charset_normalizer",
-            "idna", "zstandard", "attr", "attrs", "cattr", "cattrs")  # fmt: skip
+            "idna", "zstandard", "attr", "attrs", "cattr", "cattrs",
+            "typing_extensions.py")  # fmt: skip
 BRINGS = {"prt_core", "scipy", "zarr", "numcodecs", "embreex", "yaml", "donfig",
           "threadpoolctl"}  # fmt: skip
 

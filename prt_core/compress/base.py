@@ -15,8 +15,8 @@ class Compressor(Parameters, ABC):
     """Base of the compressors: parameters in `__init__`, results with a trailing underscore.
 
     A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes,
-    `_relight(light)` and `nbytes`; and calls `_fitted(rows)` once its attributes are set. To be
-    kept in a store it gives `_state` and `_restore` as well.
+    `_relight(light)` and `nbytes`; it calls `_fitted(rows)` once its attributes are set. `_state`
+    and `_restore` let it be kept in a store.
     """
 
     def fit(self, rows, y=None):
@@ -84,11 +84,13 @@ class Compressor(Parameters, ABC):
         model._restore(state)
         return model
 
+    @abstractmethod
     def _state(self):
-        raise NotImplementedError(f"{type(self).__name__} cannot be stored")
+        """The part of `state` that is this compressor's own."""
 
+    @abstractmethod
     def _restore(self, state):
-        raise NotImplementedError(f"{type(self).__name__} cannot be stored")
+        """Set the attributes of a `_state`; `PRTError` where it does not fit."""
 
     @property
     @abstractmethod

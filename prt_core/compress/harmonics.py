@@ -81,10 +81,7 @@ class Harmonics(Compressor):
         return {"coefficients": self.coefficients_}
 
     def _restore(self, state):
-        expect_state(
-            self.resolution_ and 6 * self.resolution_**2 == self.n_directions_,
-            "its directions are no cube map",
-        )
+        _expect_cube_map(self)
         order = expect_count("order", self.order)
         shape = self.n_points_, order**2, self.n_channels_
         self.coefficients_ = array_of(state, "coefficients", shape, "float32")
@@ -121,3 +118,18 @@ class Irradiance(Compressor):
         # Nine terms overshoot below zero behind a hard light.
         result = np.maximum(self.weights_ @ coefficients, 0)
         return result if self.gain_ is None else result * self.gain_
+
+    def _state(self):
+        return {"weights": self.weights_}
+
+    def _restore(self, state):
+        _expect_cube_map(self)
+        self.weights_ = array_of(state, "weights", (self.n_points_, 9), "float32")
+        self._integrals = texel_harmonics(self.resolution_, 3, _FACES)
+
+
+def _expect_cube_map(model):
+    expect_state(
+        model.resolution_ and 6 * model.resolution_**2 == model.n_directions_,
+        "its directions are no cube map",
+    )

@@ -11,7 +11,8 @@ class Parameters:
 
     @classmethod
     def _names(cls):
-        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
+        # The signature of a class leaves `self` out, and is empty where there is no `__init__`.
+        return list(inspect.signature(cls).parameters)
 
     def get_params(self, deep=True):
         """Parameters by name; `deep` is scikit-learn's and changes nothing here."""

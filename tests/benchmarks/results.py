@@ -2,7 +2,7 @@
 
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
-Each part (rays, bake, large, sampling, compression, truth) replaces its own section.
+Each part (rays, bake, large, sampling, compression, wavelets, truth) replaces its own section.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -152,6 +152,13 @@ def compression_tables():
     return compress_tables.section(path, ROOT / "blend_scenes" / "01_model_on_ground.blend", WORK)
 
 
+def wavelet_tables():
+    """Adaptive 4D wavelets against 2D and full 4D ones."""
+    from tests.benchmarks import wavelet4d_tables
+
+    return wavelet4d_tables.section()
+
+
 def hdri(name):
     return Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world" / f"{name}.exr"
 
@@ -262,6 +269,7 @@ def main():
         "large": large_table,
         "sampling": sampling.section,
         "compression": compression_tables,
+        "wavelets": wavelet_tables,
         "truth": lambda: truth_table(options.truth),
     }
     parser.add_argument("--only", nargs="+", default=list(parts), choices=list(parts))

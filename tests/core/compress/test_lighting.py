@@ -114,3 +114,5 @@ def test_irradiance_of_an_open_plate_is_right(transport, rows):
     # pi (A_0 / pi + A_1 / pi cos), seen from a point that looks up.
     found = model.relight(light)[up] / transport.albedo[up]
     np.testing.assert_allclose(found, 1 + 2 / 3, rtol=5e-3)
+    again = Irradiance.from_state(model.state())
+    np.testing.assert_array_equal(again.relight(light), model.relight(light))

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from prt_core import PRTError, load
-from prt_core.blender import colours
+from prt_core.blender import colours, preview_look
 from prt_core.blender.lamps import read_lamps
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
@@ -183,7 +183,7 @@ def write(scene, preview, radiance, asked):
     settings = scene.prt
     found = preview.bake.colours(radiance)
     if settings.shown and settings.shown != settings.attribute:
-        colours.restore(scene, [settings.shown])
+        preview_look.restore(scene, [settings.shown])
     colours.write_all(
         preview.bake.scene,
         found,
@@ -192,7 +192,7 @@ def write(scene, preview, radiance, asked):
         renamed=preview.renamed,
         target=scene,
     )
-    colours.show_colours(
+    preview_look.show_colours(
         preview.bake.scene,
         settings.attribute,
         settings.material,
@@ -207,7 +207,7 @@ def write(scene, preview, radiance, asked):
 def clear(scene):
     """Take the preview off a scene; how many objects changed."""
     names = {scene.prt.shown or scene.prt.attribute}
-    changed = colours.restore(scene, names)
+    changed = preview_look.restore(scene, names)
     scene.prt.shown = ""
     if _HELD:
         _HELD[0].shown = None

@@ -1,22 +1,15 @@
-"""Relit colours onto Blender meshes: colour attributes, realised copies, and the preview.
+"""Relit colours onto Blender meshes: colour attributes, and realised copies that carry them."""
 
-The preview changes nothing that `restore` cannot take back: materials stay on their objects and
-are covered by a Set Material modifier; originals of realised copies are hidden and marked.
-"""
-
-from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import view_layer_of
 from prt_core.errors import PRTError, expect, expect_array
 
 COLLECTION = "PRT"
-# Custom properties: on copies, on hidden originals, and on meshes whose active colours changed.
-_COPY, _HIDDEN, ACTIVE_BEFORE = "prt_copy", "prt_hidden", "prt_active_before"
-_MODIFIER = "PRT preview"
+# Custom properties: on copies, on meshes whose active colours changed, on the preview's own blocks.
+_COPY, ACTIVE_BEFORE, PREVIEW = "prt_copy", "prt_active_before", "PRT preview"
 CHANNELS = "RGB"
 
 
@@ -75,11 +68,11 @@ def write_colours(
     attribute.data.foreach_set("color", values.ravel())
     if active and before != name and ACTIVE_BEFORE not in mesh:
         mesh[ACTIVE_BEFORE] = before
-    _activate(mesh, name if active else before)
+    activate(mesh, name if active else before)
     mesh.update()
 
 
-def _activate(mesh, name):
+def activate(mesh, name):
     """Make a colour attribute the active and the render colour, where it is there."""
     names = list(mesh.color_attributes.keys())
     index = names.index(name) if name in names else -1
@@ -138,12 +131,8 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", tar
         home = bpy.data.collections.new(collection)
         (target or bpy.context.scene).collection.children.link(home)
     # Copies of an earlier run are replaced, not stacked upon.
-    for old in [o for o in home.objects if is_copy(o)]:
-        mesh = old.data
-        bpy.data.objects.remove(old)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
-    material = _emission_material(attribute)
+    remove_copies(home)
+    material = emission_material(attribute)
     made, first = {}, 0
     for item in scene.objects:
         vertices = scene.to_world(scene.vertices[first : first + item.n_vertices])
@@ -167,14 +156,14 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", tar
     return made
 
 
-def _emission_material(attribute):
+def emission_material(attribute):
     """Shows the colour attribute as it is, in every render engine."""
     name = f"{attribute} colours"
     material = bpy.data.materials.get(name)
-    if material is not None and material.get(_MODIFIER):
+    if material is not None and material.get(PREVIEW):
         return material
     material = bpy.data.materials.new(name)
-    material[_MODIFIER] = True
+    material[PREVIEW] = True
     if material.node_tree is None:
         material.use_nodes = True
     tree = material.node_tree
@@ -266,173 +255,20 @@ def _copies_there(scene, names):
     return found if fits else None
 
 
+def remove_copies(home):
+    """Remove the realised copies of a collection; how many there were."""
+    copies = [item for item in home.objects if is_copy(item)]
+    for copy in copies:
+        mesh = copy.data
+        bpy.data.objects.remove(copy)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    return len(copies)
+
+
 def is_copy(item):
     """Whether an object is a realised copy that `build_objects` made."""
     return bool(item.get(_COPY))
-
-
-def is_shaded(item):
-    """Whether an object shows the preview's material over its own."""
-    return _MODIFIER in item.modifiers
-
-
-def renders(item):
-    """Whether an object renders, were it not for the preview."""
-    return not item.hide_render or bool(item.get(_HIDDEN))
-
-
-def hides_originals(scene):
-    """Whether a preview hides objects behind their copies."""
-    return any(item.get(_HIDDEN) for item in scene.objects)
-
-
-@contextmanager
-def originals_shown(scene, view_layer):
-    """The originals of realised copies as they are without the preview, for as long as it lasts."""
-    hidden = [o for o in scene.objects if o.get(_HIDDEN)]
-    for item in hidden:
-        item.hide_set(False, view_layer=view_layer)
-    if hidden:
-        view_layer.update()
-    try:
-        yield
-    finally:
-        for item in hidden:
-            item.hide_set(True, view_layer=view_layer)
-
-
-def show_colours(scene, attribute="PRT", material=True, renamed=None, target=None):
-    """Show a bake's colours in every shading mode: cover materials, hide copied originals.
-
-    Parameters
-    ----------
-    scene : Scene
-        Whose colours `write_all` has written.
-    attribute : str
-    material : bool
-        Show them as emission in Material Preview and renders as well.
-    renamed : dict of str -> str, optional
-    target : bpy.types.Scene, optional
-
-    Returns
-    -------
-    list of str
-        What could not be shown, for people.
-    """
-    target = target or bpy.context.scene
-    view_layer = view_layer_of(target)
-    own = [item for item in scene.objects if item.own_mesh and item.receives]
-    messages = []
-    group = _shading_group(attribute) if material else None
-    owners = set()
-    for item in own:
-        there = bpy.data.objects.get((renamed or {}).get(item.name, item.name))
-        owners.add(item.owner)
-        if there is not None:
-            _shade(there, group)
-    for item in scene.objects:
-        there = bpy.data.objects.get(item.owner)
-        if item.own_mesh or not item.receives or there is None:
-            continue
-        if item.owner in owners or there.library is not None:
-            messages.append(f"{item.owner}: cannot be hidden behind its copy")
-            continue
-        if not there.get(_HIDDEN):
-            there[_HIDDEN] = 2 if there.hide_render else 1
-            there.hide_render = True
-            if there.name in view_layer.objects:
-                there.hide_set(True, view_layer=view_layer)
-    return messages
-
-
-def restore(target=None, attributes=()):
-    """Take the preview back: materials, visibility, active colours; copies are removed.
-
-    Parameters
-    ----------
-    target : bpy.types.Scene, optional
-    attributes : sequence of str
-        Colour attributes to remove as well.
-
-    Returns
-    -------
-    int
-        How many objects changed.
-    """
-    target = target or bpy.context.scene
-    changed = 0
-    for item in list(target.objects):
-        shaded = item.modifiers.get(_MODIFIER) if item.type == "MESH" else None
-        if shaded is not None:
-            item.modifiers.remove(shaded)
-        if item.get(_HIDDEN):
-            item.hide_render = item[_HIDDEN] == 2
-            del item[_HIDDEN]
-            for layer in target.view_layers:
-                if item.name in layer.objects:
-                    item.hide_set(False, view_layer=layer)
-            changed += 1
-        if item.type == "MESH" and item.data.library is None and not is_copy(item):
-            changed += _restore_mesh(item.data, attributes) or shaded is not None
-    home = bpy.data.collections.get(COLLECTION)
-    if home is not None and home in target.collection.children_recursive:
-        for copy in [o for o in home.objects if is_copy(o)]:
-            mesh = copy.data
-            bpy.data.objects.remove(copy)
-            if mesh.users == 0:
-                bpy.data.meshes.remove(mesh)
-            changed += 1
-        if not home.objects and not home.children:
-            bpy.data.collections.remove(home)
-    for kind in (bpy.data.node_groups, bpy.data.materials):
-        for block in [b for b in kind if b.get(_MODIFIER) and not b.users]:
-            kind.remove(block)
-    return changed
-
-
-def _restore_mesh(mesh, attributes):
-    colours = mesh.color_attributes
-    before = mesh.get(ACTIVE_BEFORE)
-    removed = [name for name in attributes if name in colours] if before is not None else []
-    for name in removed:
-        colours.remove(colours[name])
-    if before is not None:
-        del mesh[ACTIVE_BEFORE]
-        _activate(mesh, before)
-    return before is not None
-
-
-def _shade(item, group):
-    """The preview's modifier at the end of an object's stack, or none."""
-    modifier = item.modifiers.get(_MODIFIER)
-    if group is None:
-        if modifier is not None:
-            item.modifiers.remove(modifier)
-        return
-    if modifier is None:
-        modifier = item.modifiers.new(_MODIFIER, "NODES")
-        modifier.show_expanded = False
-    if modifier.node_group != group:
-        modifier.node_group = group
-
-
-def _shading_group(attribute):
-    """Geometry nodes that put the emission material on everything."""
-    name = f"{attribute} preview"
-    group = bpy.data.node_groups.get(name)
-    if group is not None and group.get(_MODIFIER):
-        return group
-    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    group[_MODIFIER] = True
-    for way in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    nodes, links = group.nodes, group.links
-    start, end = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
-    put = nodes.new("GeometryNodeSetMaterial")
-    put.inputs["Material"].default_value = _emission_material(attribute)
-    links.new(start.outputs[0], put.inputs["Geometry"])
-    links.new(put.outputs[0], end.inputs[0])
-    return group
 
 
 def save_scene(path):

@@ -6,9 +6,10 @@ from itertools import islice
 import bpy
 import numpy as np
 
-from prt_core.blender.colours import hides_originals, is_copy, is_shaded, originals_shown, renders
+from prt_core.blender.colours import is_copy
 from prt_core.blender.compat import view_layer_of
 from prt_core.blender.materials import corner_albedo
+from prt_core.blender.preview_look import hides_originals, is_shaded, originals_shown, renders
 from prt_core.errors import PRTError
 from prt_core.progress import Progress, run
 from prt_core.scene.scene import Mesh, Scene

@@ -11,6 +11,7 @@ import bpy
 
 from prt_core import BakeSettings, PRTError, Scene
 from prt_core.blender.depsgraph import read_meshes_steps
+from prt_core.blender.preview_look import renders
 from prt_core.preflight import preflight
 from prt_core.progress import beside
 from prt_core.rays.caster import known_casters
@@ -181,11 +182,8 @@ def warnings(scene):
             ("File not saved: bakes are kept in a temporary folder", "wm.save_mainfile", None)
         )
     for item in scene.objects:
-        if item.type in GEOMETRY and item.prt.receives and item.hide_render:
-            if not item.get("prt_hidden"):
-                found.append(
-                    (f"{item.name}: hidden in renders, not baked", "prt.unhide", item.name)
-                )
+        if item.type in GEOMETRY and item.prt.receives and not renders(item):
+            found.append((f"{item.name}: hidden in renders, not baked", "prt.unhide", item.name))
     made, _ = of(scene)
     if made is None:
         return found

@@ -27,7 +27,7 @@ caster = BruteForceCaster(scene.vertices, scene.triangles)
 cube_map = CubeMap(8)
 every = slice(0, len(scene.points))
 bits = visibility_bits(scene, cube_map, caster, every)
-hits, _ = gather_hits(scene, caster, every, seed=0, round_index=0)
+hits = gather_hits(scene, caster, every, seed=0, round_index=0).hits
 gather = gather_operator(hits, len(scene.points))
 sky = np.ones((cube_map.n_directions, 3), np.float32)
 received = received_light(bits, scene.points.normals, cube_map, sky)

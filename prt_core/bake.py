@@ -245,7 +245,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     gathered, error, rounds, skipped = 0, None, 0, {}
     if settings.bounces != 0:
         gathered, error, rounds, skipped = yield from bounce_steps(
-            store, scene, cube_map, caster, settings, seconds, pace
+            store, scene, cube_map, caster, settings, seconds
         )
     report = _report(
         scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store
@@ -292,9 +292,10 @@ def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, sec
     if rounds:
         back = store.array("gather_rays")[:rounds, :, 1:].sum(axis=(0, 1))
         for item, count in zip(scene.objects, back, strict=True):
-            if count > 0.02 * gathered:
+            share = count / (len(scene.points) * rounds * ROUND)
+            if share > 0.02:
                 messages.append(
-                    f"{item.name}: {count / gathered:.1%} of the bounce rays met its back, which "
+                    f"{item.name}: {share:.1%} of the bounce rays met its back, which "
                     f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
                 )
     traced = sum(seconds.get(stage, 0) for stage in ("visibility", "certificate", "gather"))
@@ -373,7 +374,8 @@ def load(path):
             f"{path}: 'gather' does not fit its points; the bake is damaged",
         )
         try:
-            gather = read_gather(hits, range(rounds), n_points)
+            blocked = store.read("blocked", (n_points,), "float32")
+            gather = read_gather(hits, range(rounds), blocked)
         except PRTError as error:
             raise PRTError(f"{path}: {error}") from error
         except Exception as error:

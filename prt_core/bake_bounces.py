@@ -8,16 +8,18 @@ import scipy.sparse as sp
 from prt_core import bake_visibility
 from prt_core.bake_visibility import add_seconds, blocks
 from prt_core.errors import expect
-from prt_core.progress import Pace, Progress
+from prt_core.progress import Progress
 from prt_core.sampling import open_points
-from prt_core.transport import all_bounces, gather_operator, gather_steps
-from prt_core.transport.gather import ROUND
+from prt_core.sampling.dilate import dilate
+from prt_core.transport import all_bounces, gather_operator, gather_parts
+from prt_core.transport.gather import DARK, ROUND
 from prt_core.transport.visibility import received_light
 
-MOST_ROUNDS = 8
+MOST_ROUNDS = 16
+_TOGETHER = 4
 
 
-def bounce_steps(store, scene, cube_map, caster, settings, seconds, pace):
+def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     """Gather rays of a scene into a store; yields `Progress`.
 
     Returns
@@ -32,8 +34,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, pace):
     n_points = len(scene.points)
     parts = blocks(n_points)
     shape, chunks = (n_points, MOST_ROUNDS * ROUND), (bake_visibility.BLOCK, ROUND)
-    # Point -2 is never hit, so that no chunk is left out for being equal to the fill.
-    hits = store.create("gather", shape, "int32", chunks, -2)
+    # No ray ends at -3, so that no chunk is left out for being equal to the fill.
+    hits = store.create("gather", shape, "int32", chunks, -3)
     table = (MOST_ROUNDS, len(parts), 1 + len(scene.objects))
     counts = store.create("gather_rays", table, "int64", (1, 1, table[2]), -1)
     start = time.perf_counter()
@@ -46,29 +48,65 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, pace):
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
         return 0, bound, 0, skipped
-    rounds, error, pace = 0, np.inf, Pace(pace, 1 << 15)
+    # Of an even sky a point receives what is not blocked.
+    blocked = np.clip(1 - probes[:, 0], 0, 1)
+    store.write("blocked", blocked)
+    rounds, error = 0, np.inf
+    clear = _Clear(store.array("visibility"), cube_map)
+    # Blocks worked on together: a caster that is called once for all likes its calls large.
+    group = caster.threads if caster.threads > 1 else _TOGETHER
     while rounds < MOST_ROUNDS and error > settings.tolerance:
+        turns = (rounds, rounds + 1)
         rounds += 2
         yield Progress("gather", 0, n_points)
-        for index, block in enumerate(parts):
-            for turn in (rounds - 2, rounds - 1):
-                done = store.has_chunk("gather", index, turn)
-                if not (done and store.has_chunk("gather_rays", turn, index, 0)):
-                    start, tally = time.perf_counter(), []
-                    found, back = yield from gather_steps(
-                        scene, caster, block, settings.seed, turn, tally.append, pace, spared
+        for first in range(0, len(parts), group):
+            start, todo = time.perf_counter(), []
+            for index in range(first, min(first + group, len(parts))):
+                todo += [
+                    (index, turn)
+                    for turn in turns
+                    if not (
+                        store.has_chunk("gather", index, turn)
+                        and store.has_chunk("gather_rays", turn, index, 0)
                     )
-                    counts[turn, index] = np.concatenate([[sum(tally)], back])
-                    hits[block, turn * ROUND : (turn + 1) * ROUND] = found
-                    add_seconds(store, seconds, "gather", time.perf_counter() - start)
-            yield Progress("gather", block.stop, n_points)
+                ]
+            blocks_turns = [(parts[index], turn) for index, turn in todo]
+            found = gather_parts(scene, caster, blocks_turns, settings.seed, spared, clear)
+            for (index, turn), one in zip(todo, found, strict=True):
+                counts[turn, index] = np.concatenate([[one.n_rays], one.n_back])
+                hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+            if todo:
+                add_seconds(store, seconds, "gather", time.perf_counter() - start)
+            yield Progress(
+                "gather", min((first + group) * bake_visibility.BLOCK, n_points), n_points
+            )
         start = time.perf_counter()
-        error = _bounce_error(hits, scene, rounds, probes, settings)
+        error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
         add_seconds(store, seconds, "error", time.perf_counter() - start)
     store.update(rounds=rounds)
-    skipped["gather_rays"] = skipped["gather_open_points"] * rounds * ROUND
-    return int(counts[:rounds, :, 0].sum()), float(error), rounds, skipped
+    cast = int(counts[:rounds, :, 0].sum())
+    skipped["gather_rays"] = n_points * rounds * ROUND - cast
+    return cast, float(error), rounds, skipped
+
+
+class _Clear:
+    """Rays of points that the visibility says will meet nothing, nor any beside them.
+
+    Parameters
+    ----------
+    bits : array of (n_points, n_bytes) uint8
+    cube_map : CubeMap
+    """
+
+    def __init__(self, bits, cube_map):
+        self._bits, self._cube_map = bits, cube_map
+
+    def __call__(self, points, directions):
+        near = dilate(~self._bits[points], self._cube_map.resolution)
+        texel = self._cube_map.texel_along(*np.moveaxis(directions, -1, 0))
+        row = np.arange(len(near))[:, None]
+        return near[row, texel >> 3] >> (texel & 7).astype(np.uint8) & 1 == 0
 
 
 def _most_bounced(albedo, probes, spared):
@@ -104,12 +142,12 @@ def _probe_light(store, scene, cube_map, parts):
     return np.concatenate(received)
 
 
-def _bounce_error(hits, scene, rounds, probes, settings):
+def _bounce_error(hits, scene, rounds, probes, blocked, settings):
     """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
     halves = []
     albedo = scene.points.albedo.mean(axis=1, keepdims=True)
     for half in (0, 1):
-        operator = read_gather(hits, range(half, rounds, 2), len(scene.points))
+        operator = read_gather(hits, range(half, rounds, 2), blocked)
         halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces)[0])
         del operator
     seen = scene.points.visible
@@ -121,16 +159,24 @@ def _bounce_error(hits, scene, rounds, probes, settings):
     return float((spread / np.maximum(size, 1e-30)).max()) if size.any() else 0.0
 
 
-def read_gather(hits, rounds, n_points):
-    """K (CSR float32) from the stored hits of some rounds, block by block."""
-    rounds = list(rounds)
+def read_gather(hits, rounds, blocked):
+    """K (CSR float32) from the stored hits of some rounds, block by block.
+
+    Parameters
+    ----------
+    hits : array of (n_points, MOST_ROUNDS * ROUND) int32
+    rounds : iterable of int
+    blocked : (n_points,) float32
+        See `gather_operator`.
+    """
+    rounds, n_points = list(rounds), len(blocked)
     parts = []
     for block in blocks(n_points):
         chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
         chunk = chunk[:, rounds].reshape(len(chunk), -1)
         expect(
-            chunk.min() >= -1 and chunk.max() < n_points,
+            chunk.min() >= DARK and chunk.max() < n_points,
             "gather: a hit names a point that does not exist; the bake is damaged",
         )
-        parts.append(gather_operator(chunk, n_points))
+        parts.append(gather_operator(chunk, n_points, blocked[block]))
     return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]

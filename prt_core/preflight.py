@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.bake_bounces import MOST_ROUNDS
 from prt_core.bake_visibility import chosen_method
 from prt_core.light import CubeMap
 from prt_core.transport.gather import ROUND
@@ -71,7 +72,8 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
         slower = _GRAZING
     gather = 0
     if settings.bounces != 0:
-        rounds = min(8, max(_ROUNDS, int(np.ceil(_ROUNDS * (0.01 / settings.tolerance) ** 2))))
+        wanted = int(np.ceil(_ROUNDS * (0.01 / settings.tolerance) ** 2))
+        rounds = min(MOST_ROUNDS, max(_ROUNDS, wanted))
         gather = n_points * rounds * ROUND
     bits = n_points * -(-n_directions // 8)
     return Preflight(

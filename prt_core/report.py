@@ -60,10 +60,7 @@ def _spared(skipped):
     if skipped.get("visibility_rays", 0) > 0:
         yield f"{skipped['visibility_rays'] / 1e6:.1f} M shadow rays"
     if skipped.get("gather_rays"):
-        yield (
-            f"{skipped['gather_rays'] / 1e6:.2f} M bounce rays of "
-            f"{skipped['gather_open_points']:,} points that see no surface"
-        )
+        yield f"{skipped['gather_rays'] / 1e6:.1f} M bounce rays towards the open sky"
     if "bounces_below" in skipped:
         yield f"all bounces: they add at most {skipped['bounces_below']:.2%}"
     if skipped.get("grey"):

@@ -1,7 +1,5 @@
 """Environment maps: equirectangular images, and their light on the directions of a cube map."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +8,7 @@ import numpy as np
 from prt_core.errors import PRTError, expect, expect_array
 from prt_core.light.images import read_image
 from prt_core.light.rotation import rotation_matrix
+from prt_core.threads import on_all_cores
 
 # Parts of pixels a texel is averaged over, at least: what is even, and what is bright. With these
 # relit colours are 0.02 % from those of fifty times as many.
@@ -177,8 +176,7 @@ def sums_on_texels(cube_map, matrix, rows, columns, shape, values, samples):
         return sums
 
     n_pixels = max(1, _BAND // parts)
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        total = sum(pool.map(some, range(0, len(rows), n_pixels)))
+    total = sum(on_all_cores(some, range(0, len(rows), n_pixels)))
     return total[:3].T.copy(), total[3]
 
 

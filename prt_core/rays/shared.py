@@ -1,8 +1,8 @@
 """One caller's batches, shared out among the threads that a caster allows."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
+
+from prt_core.threads import on_all_cores
 
 # Rays of a batch; below so many another thread is not worth its start.
 _BATCH, _FEW = 1 << 20, 1 << 12
@@ -31,8 +31,7 @@ class SharedCaster:
             limit = None if distances is None else distances[part]
             result[part] = caster.occluded(origins[part], directions[part], limit)
 
-        with ThreadPoolExecutor(caster.threads) as pool:
-            list(pool.map(one, range(0, n_rays, size)))
+        on_all_cores(one, range(0, n_rays, size))
         return result
 
     def intersect(self, origins, directions):

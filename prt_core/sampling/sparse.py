@@ -5,9 +5,6 @@ directions about which the dense points around them disagree are worked on: wher
 the sky, or none does, a combination of them has nothing to add.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -16,6 +13,7 @@ from prt_core.progress import Progress
 from prt_core.reconstruct import gram, l1_batched, least_squares
 from prt_core.sampling.columns import best_columns, feature_weights, membership
 from prt_core.sampling.rivals import COLUMN_CHOICES
+from prt_core.threads import on_all_cores
 from prt_core.transport.visibility import horizon_bits, unpack
 
 # Sparse points whose rays are cast at once, and whose neighbourhoods are taken together.
@@ -151,8 +149,8 @@ class SparsePoints:
         """The results of `work` for all jobs, in their order, on all cores."""
 
         def together(some):
-            with one_blas_thread(), ThreadPoolExecutor(cpu_count() or 1) as pool:
-                return list(pool.map(work, some))
+            with one_blas_thread():
+                return on_all_cores(work, some)
 
         step = 8 if self.paced else max(len(jobs), 1)
         results = []

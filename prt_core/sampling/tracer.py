@@ -1,12 +1,17 @@
 """Rays for the set bits of masks: packed bits in, packed bits out."""
 
+import os
+
 import numpy as np
 
 from prt_core.progress import Pace, Progress
 from prt_core.rays import shared
+from prt_core.threads import on_all_cores
 
 # Rays prepared at once, at most (but for one point's).
 _RAYS = 1 << 21
+# Rows prepared by a thread, at least.
+_ROWS = 64
 _COUNT = np.array([value.bit_count() for value in range(1 << 16)], np.uint8)
 
 
@@ -93,15 +98,31 @@ class Tracer:
             first = stop
 
     def _trace_some(self, points, rows, mask, bits, traced):
-        row, direction, (byte_row, byte), chosen, spread, entry = _entries(mask)
-        spread.reshape(-1)[entry] = yield from self.trace_pairs(points[rows[row]], direction)
-        free = np.packbits(spread, axis=1, bitorder="little")[:, 0]
-        place = rows[byte_row] * np.int64(mask.shape[1]) + byte
-        flat = bits.reshape(-1)
-        flat[place] = flat[place] & ~chosen | free
-        if traced is not None:
-            flat = traced.reshape(-1)
-            flat[place] |= chosen
+        size = max(_ROWS, -(-len(rows) // (4 * (os.cpu_count() or 1))))
+        parts = [slice(first, first + size) for first in range(0, len(rows), size)]
+
+        def prepare(part):
+            row, direction, *kept = _entries(mask[part])
+            point = points[rows[part][row]]
+            return self._origins.take(point, axis=0), self._directions.take(direction, axis=0), kept
+
+        def finish(part, free, kept):
+            (byte_row, byte), chosen, spread, entry = kept
+            spread.reshape(-1)[entry] = free
+            free = np.packbits(spread, axis=1, bitorder="little")[:, 0]
+            place = rows[part][byte_row] * np.int64(mask.shape[1]) + byte
+            flat = bits.reshape(-1)
+            flat[place] = flat[place] & ~chosen | free
+            if traced is not None:
+                flat = traced.reshape(-1)
+                flat[place] |= chosen
+
+        made = on_all_cores(prepare, parts)
+        origins, directions, kept = zip(*made, strict=True)
+        ends = np.cumsum([len(some) for some in origins])
+        free = yield from self._cast(np.concatenate(origins), np.concatenate(directions))
+        jobs = zip(parts, np.split(free, ends[:-1]), kept, strict=True)
+        on_all_cores(lambda job: finish(*job), jobs)
 
     def trace_pairs(self, point, direction):
         """Trace single entries; a generator of `Progress`.
@@ -115,22 +136,25 @@ class Tracer:
         (m,) bool
             Whether nothing is in the way.
         """
-        free = np.empty(len(point), bool)
-        for start in range(0, len(point), self._caster.batch):
-            stop = min(start + self._caster.batch, len(point))
+        return (
+            yield from self._cast(
+                self._origins.take(point, axis=0), self._directions.take(direction, axis=0)
+            )
+        )
+
+    def _cast(self, origins, directions):
+        n_rays = len(origins)
+        free = np.empty(n_rays, bool)
+        for start in range(0, n_rays, self._caster.batch):
+            stop = min(start + self._caster.batch, n_rays)
             for part in self._pace.parts(start, stop):
-                free[part] = self._free(point[part], direction[part])
+                free[part] = ~self._caster.occluded(origins[part], directions[part])
                 self._pace.worked()
                 yield self.progress()
-        self.rays += len(point)
-        if self._tally is not None and len(point):
-            self._tally(len(point))
+        self.rays += n_rays
+        if self._tally is not None and n_rays:
+            self._tally(n_rays)
         return free
-
-    def _free(self, point, direction):
-        return ~self._caster.occluded(
-            self._origins.take(point, axis=0), self._directions.take(direction, axis=0)
-        )
 
 
 def _entries(mask):

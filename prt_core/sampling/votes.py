@@ -4,12 +4,10 @@ All work on rows of packed bits, in place, for a block of rows that stays in the
 runs the blocks on all cores.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 from prt_core.sampling.dilate import chequer, dilate
+from prt_core.threads import on_all_cores
 
 # Rows a thread takes at once.
 _ROWS = 256
@@ -18,9 +16,7 @@ _ROWS = 256
 def on_rows(function, n_rows, *arguments):
     """Call `function(part, *arguments)` for slices of all rows, on all cores."""
     parts = [slice(first, first + _ROWS) for first in range(0, n_rows, _ROWS)]
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for _ in pool.map(lambda part: function(part, *arguments), parts):
-            pass
+    on_all_cores(lambda part: function(part, *arguments), parts)
 
 
 class Asked:

@@ -39,7 +39,7 @@ with _as_zarr_wants_it():
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
-FORMAT, VERSION = "prt bake", 1
+FORMAT, VERSION = "prt bake", 2
 # The fact that names the compressed form, and how its folders begin.
 COMPRESSED = "compressed"
 _CODECS = {"bytes", "zstd", "crc32c"}
@@ -207,8 +207,12 @@ def _check_folder(path, whole=True):
     )
     version = facts.get("version")
     expect(
-        isinstance(version, int) and 1 <= version <= VERSION,
-        f"{path}: has store version {version}, this library reads up to {VERSION}; update it",
+        isinstance(version, int) and version <= VERSION,
+        f"{path}: has store version {version}, this library reads {VERSION}; update it",
+    )
+    expect(
+        version == VERSION or not whole,
+        f"{path}: was baked by an older version of this library; bake again with --restart",
     )
     named = facts.get(COMPRESSED)
     kept = named.get("folder") if isinstance(named, dict) else None

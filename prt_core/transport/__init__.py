@@ -1,7 +1,7 @@
 """How light travels: visibility as bits, the gather operator K, and the factored transport."""
 
 from prt_core.transport.bounce import all_bounces
-from prt_core.transport.gather import gather_hits, gather_operator, gather_steps
+from prt_core.transport.gather import gather_hits, gather_operator, gather_parts
 from prt_core.transport.lamps import lamp_light, lamp_steps
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.transport import Transport
@@ -12,7 +12,7 @@ __all__ = [
     "all_bounces",
     "gather_hits",
     "gather_operator",
-    "gather_steps",
+    "gather_parts",
     "lamp_light",
     "lamp_steps",
     "received_light",

@@ -1,11 +1,11 @@
 """Visibility: one bit for each point and direction, and the light that the bits let through."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from prt_core.machine import one_blas_thread
+from prt_core.threads import on_all_cores
 
 # Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
 _UNPACK = 256
@@ -104,8 +104,8 @@ def horizon_bits(scene, cube_map, points):
         part = slice(first, first + _UNPACK)
         bits[part] = np.packbits(above_horizon(part), axis=1, bitorder="little")
 
-    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        list(pool.map(one, range(0, len(kinds), _UNPACK)))
+    with one_blas_thread():
+        on_all_cores(one, range(0, len(kinds), _UNPACK))
     return bits[kind]
 
 
@@ -153,7 +153,7 @@ def received_light(bits, normals, cube_map, light):
         vectors = vectors.reshape(-1, 3, n_channels)
         result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
 
-    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        list(pool.map(one, range(0, len(bits), _UNPACK)))
+    with one_blas_thread():
+        on_all_cores(one, range(0, len(bits), _UNPACK))
     # Rounding may leave a trace below zero where nothing is seen.
     return np.maximum(result, 0, out=result)

@@ -102,7 +102,7 @@ def sparse_task(name):
     bits = exhaustive_bits(name, scene, cube_map)
     caster = make_caster("embree", scene.vertices, scene.triangles)
     every = slice(0, len(scene.points))
-    hits = [gather_hits(scene, caster, every, 0, r)[0] for r in range(2)]
+    hits = [gather_hits(scene, caster, every, 0, r).hits for r in range(2)]
     gather = gather_operator(np.concatenate(hits, axis=1), len(scene.points))
     sampler, settings = sampler_named("huang")
     dense = run(sampler(scene, cube_map, caster, settings())).dense.points

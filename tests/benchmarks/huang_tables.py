@@ -215,7 +215,7 @@ def indirect(names):
     caster = make_caster("embree", scene.vertices, scene.triangles)
     everything = slice(0, len(scene.points))
     bits = visibility_bits(scene, cube_map, caster, everything)
-    hits, _ = gather_hits(scene, caster, everything, 0, 0)
+    hits = gather_hits(scene, caster, everything, 0, 0).hits
     gather = gather_operator(hits, len(scene.points))
     points = scene.points
     transport = Transport(cube_map, bits, gather, points.normals, points.albedo)

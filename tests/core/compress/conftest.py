@@ -20,7 +20,7 @@ def transport(scene):
     cube_map, caster = CubeMap(8), caster_of(scene)
     every = slice(0, len(scene.points))
     bits = visibility_bits(scene, cube_map, caster, every)
-    hits = [gather_hits(scene, caster, every, 0, r)[0] for r in range(2)]
+    hits = [gather_hits(scene, caster, every, 0, r).hits for r in range(2)]
     gather = gather_operator(np.concatenate(hits, axis=1), len(scene.points))
     points = scene.points
     return Transport(cube_map, bits, gather, points.normals, points.albedo, 1e-5)

@@ -1,0 +1,39 @@
+"""Short pieces of array work on all cores, by threads that are kept."""
+
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+_here = threading.local()
+
+
+def on_all_cores(function, items):
+    """`[function(item) for item in items]`, on all cores.
+
+    To start threads for each of thousands of calls took longer than some of the calls. A piece
+    that calls this itself does its part alone, for all threads may be waiting for such pieces.
+
+    Parameters
+    ----------
+    function : callable
+        Should spend its time in numpy or another caller that releases the interpreter.
+    items : iterable
+    """
+    items = list(items)
+    if len(items) < 2 or getattr(_here, "inside", False):
+        return [function(item) for item in items]
+    return list(_pool().map(lambda item: _inside(function, item), items))
+
+
+@cache
+def _pool():
+    return ThreadPoolExecutor(os.cpu_count() or 1, "prt")
+
+
+def _inside(function, item):
+    _here.inside = True
+    try:
+        return function(item)
+    finally:
+        _here.inside = False

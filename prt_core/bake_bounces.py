@@ -11,6 +11,7 @@ from prt_core.errors import expect
 from prt_core.progress import Progress
 from prt_core.sampling import open_points
 from prt_core.sampling.dilate import dilate
+from prt_core.threads import on_all_cores
 from prt_core.transport import all_bounces, gather_operator, gather_parts
 from prt_core.transport.gather import DARK, ROUND
 from prt_core.transport.visibility import received_light
@@ -53,6 +54,12 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     store.write("blocked", blocked)
     rounds, error = 0, np.inf
     clear = _Clear(store.array("visibility"), cube_map)
+
+    def write(job):
+        (index, turn), one = job
+        counts[turn, index] = np.concatenate([[one.n_rays], one.n_back])
+        hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+
     # Blocks worked on together: a caster that is called once for all likes its calls large.
     group = caster.threads if caster.threads > 1 else _TOGETHER
     while rounds < MOST_ROUNDS and error > settings.tolerance:
@@ -72,9 +79,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
                 ]
             blocks_turns = [(parts[index], turn) for index, turn in todo]
             found = gather_parts(scene, caster, blocks_turns, settings.seed, spared, clear)
-            for (index, turn), one in zip(todo, found, strict=True):
-                counts[turn, index] = np.concatenate([[one.n_rays], one.n_back])
-                hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+            on_all_cores(write, zip(todo, found, strict=True))
             if todo:
                 add_seconds(store, seconds, "gather", time.perf_counter() - start)
             yield Progress(
@@ -170,13 +175,15 @@ def read_gather(hits, rounds, blocked):
         See `gather_operator`.
     """
     rounds, n_points = list(rounds), len(blocked)
-    parts = []
-    for block in blocks(n_points):
+
+    def one(block):
         chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
         chunk = chunk[:, rounds].reshape(len(chunk), -1)
         expect(
             chunk.min() >= DARK and chunk.max() < n_points,
             "gather: a hit names a point that does not exist; the bake is damaged",
         )
-        parts.append(gather_operator(chunk, n_points, blocked[block]))
+        return gather_operator(chunk, n_points, blocked[block])
+
+    parts = on_all_cores(one, blocks(n_points))
     return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]

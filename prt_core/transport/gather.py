@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from prt_core.light import CubeMap
 from prt_core.rays import Hits
 from prt_core.sobol import sobol_points
 from prt_core.threads import on_all_cores
@@ -91,10 +92,12 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None):
 
 
 def _cast_together(caster, rays):
-    """Hits of each part, from calls as large as the caster likes them."""
+    """Hits of each part, from calls as large as the caster likes them, of rays that look alike."""
     origins, directions = (
         np.concatenate([getattr(r, name) for r in rays]) for name in ("origins", "directions")
     )
+    order = np.argsort(CubeMap(4).texel_along(*directions.T), kind="stable")
+    origins, directions = origins[order], directions[order]
     found = []
     for first in range(0, max(len(origins), 1), caster.batch):
         part = slice(first, first + caster.batch)
@@ -103,6 +106,9 @@ def _cast_together(caster, rays):
         np.concatenate([getattr(hits, name) for hits in found])
         for name in ("triangle", "barycentric", "distance")
     ]
+    back = np.empty_like(order)
+    back[order] = np.arange(len(order))
+    joined = [values[back] for values in joined]
     edges = np.cumsum([0] + [len(r.origins) for r in rays])
     return [
         Hits(*(values[a:b] for values in joined))

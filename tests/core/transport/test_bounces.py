@@ -9,11 +9,13 @@ from prt_core.transport import (
     all_bounces,
     gather_hits,
     gather_operator,
+    gather_parts,
     lamp_light,
+    received_light,
     reference_rows,
     visibility_bits,
 )
-from prt_core.transport.gather import ROUND, cosine_directions
+from prt_core.transport.gather import DARK, MISS, ROUND, cosine_directions
 from tests.meshes import caster_of, plane, sphere
 
 
@@ -43,7 +45,7 @@ def bench():
 @pytest.mark.parametrize("albedo", [0.3, 0.8])
 def test_inside_a_closed_ball_light_adds_up_to_the_series(albedo):
     scene = Scene.from_meshes([sphere(12, inside=True, albedo=albedo)])
-    gather = gathered(scene, 8)
+    gather = gathered(scene, 16)
     share = gather.sum(axis=1).A1 if hasattr(gather.sum(axis=1), "A1") else gather.sum(axis=1)
     assert np.min(share) > 0.97
     emitted = np.ones((len(scene.points), 3), np.float32)
@@ -207,3 +209,64 @@ def test_a_sharp_sun_shades_as_the_image_says():
     sun = 5e4 * towards[2] / np.pi * 2 * np.pi / 256 * np.cos(height) * np.pi / 128
     np.testing.assert_allclose(relit[lit], sun, rtol=0.01)
     assert relit[shaded].max() < 0.05 * sun
+
+
+def blocked_share(scene, cube_map):
+    """Of the cosine-weighted hemisphere, as a bake finds it."""
+    caster = caster_of(scene)
+    bits = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))
+    sky = np.ones((cube_map.n_directions, 1), np.float32)
+    return bits, 1 - received_light(bits, scene.points.normals, cube_map, sky)[:, 0]
+
+
+def test_rows_meet_as_much_as_is_blocked(bench):
+    every, caster = slice(0, len(bench.points)), caster_of(bench)
+    _, blocked = blocked_share(bench, CubeMap(16))
+    hits = gather_hits(bench, caster, every, 0, 0).hits
+    raw = gather_operator(hits, len(bench.points))
+    scaled = gather_operator(hits, len(bench.points), blocked)
+    lit, lost = np.asarray(raw.sum(axis=1)).ravel(), (hits == DARK).mean(axis=1)
+    enough = (blocked * ROUND >= 2) & (lit + lost > 0)
+    assert 20 < enough.sum() < len(enough)
+    found = np.asarray(scaled.sum(axis=1)).ravel()
+    np.testing.assert_allclose(
+        found[enough], (lit * blocked / np.maximum(lit + lost, 1e-9))[enough], rtol=1e-5
+    )
+    np.testing.assert_array_equal(found[~enough], lit[~enough])
+
+
+def test_scaled_rows_are_nearer_to_the_truth(bench):
+    """Radiosity of many rays against few, scaled and not, under a sky from one side."""
+    every, caster, n_points = slice(0, len(bench.points)), caster_of(bench), len(bench.points)
+    bits, blocked = blocked_share(bench, CubeMap(16))
+    sky = np.maximum(CubeMap(16).directions[:, :1], 0).astype(np.float32)
+    light = received_light(bits, bench.points.normals, CubeMap(16), sky)
+    hits = [gather_hits(bench, caster, every, 0, turn).hits for turn in range(72)]
+    truth = gather_operator(np.hstack(hits[8:]), n_points) @ light
+
+    def error(*blocked):
+        found = [gather_operator(some, n_points, *blocked) @ light for some in hits[:8]]
+        return np.linalg.norm(np.array(found) - truth)
+
+    assert error(blocked) < 0.8 * error()
+
+
+def test_a_ray_towards_the_open_sky_stands_for_others(bench):
+    """As many hits on average, though a sixteenth of the rays is cast; whole groups are alike."""
+    every, caster = slice(0, len(bench.points)), caster_of(bench)
+    parts = [(every, turn) for turn in range(60)]
+
+    def everything_is_clear(points, directions):
+        return np.ones(directions.shape[:2], bool)
+
+    some = gather_parts(bench, caster, parts, 0, None, everything_is_clear)
+    whole = gather_parts(bench, caster, parts, 0)
+    n_some, n_whole = (sum(one.n_rays for one in found) for found in (some, whole))
+    assert n_whole / 16 <= n_some < n_whole / 10
+    share = [np.mean([(one.hits >= 0).mean(axis=1) for one in found], axis=0)
+             for found in (some, whole)]  # fmt: skip
+    # Two representatives a row and round: a standard deviation of at most 0.5 / sqrt(2 x 60).
+    assert np.abs(share[0] - share[1]).max() < 5 * 0.5 / np.sqrt(120)
+    assert abs(share[0].mean() - share[1].mean()) < 0.01
+    counts = np.unique((some[0].hits == MISS).sum(axis=1))
+    assert len(counts) < len(np.unique((whole[0].hits == MISS).sum(axis=1)))

@@ -81,8 +81,8 @@ class CertificateSettings:
     Parameters
     ----------
     entries : int
-        Independent entries, for the matrix and again for the relit error; not more than about an
-        eighth of an object's, each time.
+        Independent entries, for the matrix and again for the relit error; not more than about a
+        quarter of an object's, each time, but where it is small.
     rows : int
         Rows traced whole for the relit error, at most.
     seed : int
@@ -130,7 +130,7 @@ def certificate_steps(
         points = np.flatnonzero(index == number)
         draws = _Draws(scene, cube_map, tracer, sampled, points, open_sky, rng)
         size = len(points) * cube_map.n_directions
-        n_entries = max(_FEWEST, min(settings.entries // len(present), size // 16))
+        n_entries = max(_FEWEST, min(settings.entries // len(present), size // 4))
         worth = (cube_map.vectors**2).sum(axis=1)
         counts = yield from draws.draw(worth, n_entries)
         matrix = matrix_estimate(**counts)

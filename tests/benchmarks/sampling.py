@@ -1,7 +1,7 @@
 """The section "Sampling" of RESULTS.md, a part at a time.
 
 python tests/benchmarks/sampling.py objects [SCENE ...]   entries and errors against every entry
-python tests/benchmarks/sampling.py curve                 errors against entries, with the rivals
+python tests/benchmarks/sampling.py curve [SCENE ...]     errors against entries, with the rivals
 python tests/benchmarks/sampling.py time [BACK_END ...]   seconds against every entry traced
 python tests/benchmarks/sampling.py growth                rays and seconds against points
 python tests/benchmarks/sampling.py hard                  leaves, bench, thin sheets, a hard sun
@@ -88,15 +88,16 @@ def objects(names):
         caster.close()
 
 
-def curve(_):
-    """Errors of one scene at many settings of all samplers."""
-    scene = measuring_scene("dancer" if data_folder() else "suzanne")
-    caster = make_caster("embree", scene.vertices, scene.triangles)
-    methods = [parse_method(text) for text in CURVE]
-    rows, _ = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, "dancer"))
-    caster.close()
-    for row in rows:
-        yield f"{row['label']} {row['object']}", row
+def curve(names):
+    """Errors at many settings of all samplers."""
+    for name in names or available():
+        scene = measuring_scene(name)
+        caster = make_caster("embree", scene.vertices, scene.triangles)
+        methods = [parse_method(text) for text in CURVE]
+        rows, _ = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, name))
+        caster.close()
+        for row in rows:
+            yield f"{name} {row['label']} {row['object']}", {**row, "scene": name}
 
 
 def available():
@@ -230,21 +231,26 @@ def _objects(rows):
 
 def _curve(rows):
     rows = [row for row in rows.values() if row["method"] != "exhaustive"]
-    picture = error_plot(rows, ["entries_percent"])
-    (ROOT / "docs" / "sampling_dancer.png").write_bytes(picture)
+    names = [name for name in MODELS if any(row["scene"] == name for row in rows)]
+    found = {}
+    for name in names:
+        mine = [row for row in rows if row["scene"] == name]
+        picture = ROOT / "docs" / f"sampling_{name}.png"
+        picture.write_bytes(error_plot(mine, ["entries_percent"]))
+        for row in mine:
+            value = f"{row['entries_percent']:.2f}, {100 * row['matrix_l2']:.2f}"
+            found[row["label"], name, row["object"]] = value
+    columns = [(name, item) for name in names for item in ("model", "ground")]
     yield from (
         "", "### Against the rivals",
-        "The dancer on the ground; `hasan` and `wang` are the sparse method with the columns of "
-        "Hasan et al. (2007) and Wang et al. (2009) (`sampling.py curve`).",
-        "", "![Errors against entries](docs/sampling_dancer.png)",
-        "", "| method | model: entries, error % | ground: entries, error % |", "|---|---|---|",
+        "Entries and errors in per cent; `hasan` and `wang` are the sparse method with the columns "
+        "of Hasan et al. (2007) and Wang et al. (2009) (`sampling.py curve`).",
+        "", *(f"![{name}: errors against entries](docs/sampling_{name}.png)" for name in names),
+        "", f"| method | {' | '.join(' '.join(column) for column in columns)} |",
+        "|---" * (1 + len(columns)) + "|",
     )  # fmt: skip
-    for label in dict.fromkeys(row["label"] for row in rows):
-        mine = {row["object"]: row for row in rows if row["label"] == label}
-        cells = [
-            f"{mine[k]['entries_percent']:.2f}, {100 * mine[k]['matrix_l2']:.2f}"
-            for k in ("model", "ground")
-        ]
+    for label in dict.fromkeys(label for label, *_ in found):
+        cells = [found.get((label, *column), "") for column in columns]
         yield f"| {label} | {' | '.join(cells)} |"
 
 

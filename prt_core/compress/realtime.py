@@ -13,11 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController
 
-from prt_core.compress.clusters import blended
 from prt_core.errors import expect, expect_array
 
 # Slots of a cluster that are one product at most, and what their number is rounded up to.
 _CHUNK, _ROUND = 256, 16
+# Slots of a product at most, and those whose bright texels are looked up at once.
+_BATCH, _PIECE = 4096, 8192
 
 
 class ClusterRelighter:
@@ -41,7 +42,8 @@ class ClusterRelighter:
     def __init__(self, model, transport=None, n_terms=512, error=1e-3, n_exact=16, bright=2e-3):
         self.model, self.n_terms, self.error = model, n_terms, error
         self.n_exact, self.bright = n_exact if transport is not None else 0, bright
-        self._pool = ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1))
+        self._n_others = (os.cpu_count() or 1) - 1
+        self._pool = ThreadPoolExecutor(max(self._n_others, 1))
         # Products of this size are over before BLAS has woken its threads.
         self._blas = ThreadpoolController()
         self._plan_bases()
@@ -56,16 +58,30 @@ class ClusterRelighter:
         with self._blas.limit(limits=1):
             bright, rest = self._split(light)
             # Texels are looked up by the other threads while this one multiplies bases.
-            ahead = [self._pool.submit(self._add_bright, p, bright, light) for p in self._parts]
+            texels = self._pieces if bright is not None else ()
+            finish = self._begin(lambda piece: self._add_bright(piece, bright, light), texels)
             products = self._products(light, rest)
-            for future in ahead:
+            finish()
+            self._begin(lambda batch: self._add_clusters(batch, products, bright), self._batches)()
+        return self._blend @ self._slots
+
+    def _begin(self, work, jobs):
+        """Let the other threads begin with some jobs; what is returned helps them, and waits."""
+        # Whoever is free takes the next one: an iterator over a list gives each job once.
+        jobs = iter(jobs)
+
+        def some():
+            for job in jobs:
+                work(job)
+
+        others = [self._pool.submit(some) for _ in range(self._n_others)]
+
+        def finish():
+            some()
+            for future in others:
                 future.result()
-            first, *others = self._parts
-            done = [self._pool.submit(self._part, part, products, bright) for part in others]
-            self._part(first, products, bright)
-            for future in done:
-                future.result()
-        return blended(self._slots, self._place, self._guests, self.model.shares_)
+
+        return finish
 
     def terms(self, light):
         """Number of terms that a light is cut to, for each group of the code."""
@@ -77,33 +93,26 @@ class ClusterRelighter:
     @property
     def nbytes(self):
         """Bytes of what is read when relighting, the visibility bits included."""
-        arrays = [self._place, self._slots, *self._bases]
-        for part in self._parts:
-            arrays += [weights for _, _, weights, _ in part.batches]
+        blend = self._blend
+        arrays = [blend.data, blend.indices, blend.indptr, self._slots, *self._bases]
+        arrays += [batch.weights for batch in self._batches]
         arrays += [self._bits] if self.n_exact else []
         return sum(array.nbytes for array in arrays)
 
     def _plan_parts(self):
-        """What each thread does: clusters cut into chunks of points."""
+        """What is done at once: clusters cut into chunks of points, slots, points."""
         model = self.model
-        chunks = chunks_of(model.starts_)
-        n_threads, total = os.cpu_count() or 1, len(model.order_)
-        share = np.minimum(chunks.first * n_threads // max(total, 1), n_threads - 1)
-        self._parts, slots, first = [], np.zeros(total, np.int64), 0
-        order = []
-        for thread in np.unique(share):
-            part = _Part(model, chunks.some(share == thread), first)
-            slots[part.own] = first + np.flatnonzero(part.real)
-            order.append(part.order)
-            first = part.last
-            self._parts.append(part)
-        self._order = np.concatenate(order)
-        self._place = slots[model.place_]
-        self._guests = model.guests_.copy()
-        self._guests[:, 1] = slots[model.guests_[:, 1]]
+        self._batches, self._order, own = batches_of(model, chunks_of(model.starts_))
+        slots = np.zeros(len(model.order_), np.int64)
+        slots[own[own >= 0]] = np.flatnonzero(own >= 0)
+        self._blend = _blending(model, slots, len(self._order))
         self._gain = None if model.gain_ is None else model.gain_[self._order]
         self._slots = np.empty((len(self._order), model.n_channels_), np.float32)
         self._lit = np.empty_like(self._slots)
+        self._pieces = [
+            slice(first, min(first + _PIECE, len(self._order)))
+            for first in range(0, len(self._order), _PIECE)
+        ]
 
     def _plan_bases(self):
         """Bases with a row for each term of the light, and how much each term matters."""
@@ -167,10 +176,9 @@ class ClusterRelighter:
             chosen = self._chosen(i, some)
             values = some[chosen][:, used] * np.asarray(group.shares, np.float32)[used]
             if self._inner[i] is not None:
-                total = values.T @ self._inner[i][chosen] @ self._bases[i]
+                result[used] += values.T @ self._inner[i][chosen] @ self._bases[i]
             else:
-                total = _sparse_times(values, chosen, self._bases[i])
-            result[used] += total
+                result[used] += _sparse_times(values, chosen, self._bases[i])
         return np.ascontiguousarray(result.T)
 
     def _chosen(self, index, coded):
@@ -185,32 +193,33 @@ class ClusterRelighter:
         kept = best[weight[best] >= values[min(spare, most - 1)]]
         return np.sort(kept) if weight.any() else kept[:0]
 
-    def _part(self, part, products, bright):
-        for first, last, weights, rows in part.batches:
-            out = self._slots[first:last].reshape(*weights.shape[:2], -1)
-            np.matmul(weights, products[rows], out=out)
-        order = slice(part.first, part.last)
-        out = self._slots[order]
+    def _add_clusters(self, batch, products, bright):
+        """What clusters give to their points."""
+        out = self._slots[batch.slots]
+        shape = *batch.weights.shape[:2], out.shape[1]
+        np.matmul(batch.weights, products[batch.rows], out=out.reshape(shape))
         if bright is not None:
-            out += self._lit[order]
+            out += self._lit[batch.slots]
         if self._gain is not None:
-            out *= self._gain[order]
+            out *= self._gain[batch.slots]
 
-    def _add_bright(self, part, bright, light, size=8192):
-        """Direct light of the brightest texels on a part's points."""
-        if bright is None:
-            return
-        vectors, radiance = self._vectors[bright], light[bright]
-        for first in range(part.first // 8 * 8, part.last, size):
-            stop = min(first + size, part.last)
-            spread = np.unpackbits(
-                self._bits[bright, first // 8 : -(-stop // 8)],
-                axis=1, count=stop - first, bitorder="little",
-            )  # fmt: skip
-            inside = slice(max(first, part.first), stop)
-            lit = vectors @ self._normals[:, inside]
-            lit *= spread[:, inside.start - first :]
-            np.matmul(lit.T, radiance, out=self._lit[inside])
+    def _add_bright(self, piece, bright, light):
+        """Direct light of the brightest texels; pieces begin with a byte of the bits."""
+        bits = self._bits[bright, piece.start // 8 : -(-piece.stop // 8)]
+        lit = self._vectors[bright] @ self._normals[:, piece]
+        lit *= np.unpackbits(bits, axis=1, count=lit.shape[1], bitorder="little")
+        np.matmul(lit.T, light[bright], out=self._lit[piece])
+
+
+def _blending(model, slots, n_slots):
+    """(n_points, n_slots) CSR: each point's own slot, mixed with its second where it has one."""
+    point, guest = model.guests_.T
+    own = np.ones(model.n_points_, np.float32)
+    own[point] -= model.shares_
+    rows = np.concatenate([np.arange(model.n_points_), point])
+    columns = slots[np.concatenate([model.place_, guest])]
+    values = np.concatenate([own, model.shares_]).astype(np.float32)
+    return sp.csr_matrix((values, (rows, columns)), shape=(model.n_points_, n_slots))
 
 
 def _sparse_times(values, chosen, basis):
@@ -250,44 +259,54 @@ def chunks_of(starts, most=_CHUNK):
     return Chunks(*(np.concatenate(part) for part in (first, size, cluster)))
 
 
-class _Part:
-    """What one thread does: chunks of slots, padded so that those alike are one product.
+@dataclass
+class Batch:
+    """Chunks of one rank and size, which are one product.
 
     A call for each cluster would cost more than its arithmetic, and threads would queue for it.
 
     Attributes
     ----------
-    first, last : int
-        Padded slots, counted over all parts.
-    order : (last - first,) int64
-        Point of each, any where it is padding.
-    real : (last - first,) bool
-    own : (n,) int64
-        The model's slot of each real one.
-    batches : list of (first slot, last slot, (k, n_slots, n_rows) weights, (k, n_rows) int)
-        The last say which rows of the products belong to each chunk.
+    slots : slice
+        Padded ones, chunk by chunk.
+    weights : (k, n_slots, n_rows) float32
+    rows : (k, n_rows) int
+        Of the products, that belong to each chunk.
     """
 
-    def __init__(self, model, chunks, first):
-        ranks = 1 + model.ranks_
-        rows = np.cumsum([0, *ranks])
-        self.first, self.batches, order, real, own = first, [], [], [], []
-        rank = ranks[chunks.cluster]
-        # Chunks of one rank whose sizes round up to the same are done at once.
-        padded = -(-chunks.size // _ROUND) * _ROUND
-        for r, n in sorted(set(zip(rank.tolist(), padded.tolist(), strict=True))):
-            alike = chunks.some((rank == r) & (padded == n))
+    slots: slice
+    weights: np.ndarray
+    rows: np.ndarray
+
+
+def batches_of(model, chunks):
+    """Chunks padded so that many are alike, and done at once.
+
+    Returns
+    -------
+    batches : list of Batch
+    order : (n_slots,) int64
+        Point of each padded slot, any where it is padding.
+    own : (n_slots,) int64
+        The model's slot of each, -1 where it is padding.
+    """
+    ranks = 1 + model.ranks_
+    starts = np.cumsum([0, *ranks])
+    rank = ranks[chunks.cluster]
+    padded = -(-chunks.size // _ROUND) * _ROUND
+    batches, order, own, first = [], [], [], 0
+    for r, n in sorted(set(zip(rank.tolist(), padded.tolist(), strict=True))):
+        same = np.flatnonzero((rank == r) & (padded == n))
+        most = max(1, _BATCH // n)
+        for some in (same[i : i + most] for i in range(0, len(same), most)):
+            alike = chunks.some(some)
             slot = alike.first[:, None] + np.minimum(np.arange(n), alike.size[:, None] - 1)
-            there = np.arange(n) < alike.size[:, None]
             weights = np.ones((len(slot), n, r), np.float32)
             for i, (c, here) in enumerate(zip(alike.cluster, slot, strict=True)):
                 weights[i, :, 1:] = model.affine_[c].weights[here - model.starts_[c]]
-            which = rows[alike.cluster][:, None] + np.arange(r)
-            self.batches.append((first, first + slot.size, weights, which))
+            rows = starts[alike.cluster][:, None] + np.arange(r)
+            batches.append(Batch(slice(first, first + slot.size), weights, rows))
             first += slot.size
             order.append(model.order_[slot].ravel())
-            real.append(there.ravel())
-            own.append(slot[there])
-        self.last = first
-        self.order, self.real = np.concatenate(order), np.concatenate(real)
-        self.own = np.concatenate(own)
+            own.append(np.where(np.arange(n) < alike.size[:, None], slot, -1).ravel())
+    return batches, np.concatenate(order), np.concatenate(own)

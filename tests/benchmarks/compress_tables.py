@@ -1,10 +1,13 @@
-"""What compression is worth beyond `prt bench compress`: three tables, as Markdown.
+"""What compression is worth beyond `prt bench compress`: its tables, as Markdown.
 
     python tests/benchmarks/compress_tables.py haar BAKE.prt      # lights cut to few wavelets
     python tests/benchmarks/compress_tables.py sparse NAME [N ...]  # clusters of a sparse bake
+    python tests/benchmarks/compress_tables.py scenes FOLDER [NAME ...]  # on other scenes
+    python tests/benchmarks/compress_tables.py bounces BAKE.prt   # compressed, or by K
     python tests/benchmarks/compress_tables.py frames SCENE.blend BAKE.prt    # colours in Blender
 
-NAME is one of `sampling_scenes.MODELS`; the bake of `frames` is compressed and of that scene.
+NAME is one of `sampling_scenes.MODELS`, or begins the name of a scene of blend_scenes; FOLDER is
+where bakes and rows are kept; the bake of `frames` is compressed and of that scene.
 """
 
 import json
@@ -12,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +38,7 @@ from prt_core.compress.lbg import lbg_steps  # noqa: E402
 from prt_core.compress.sketch import sketch_steps  # noqa: E402
 from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
 from tests.benchmarks.sampling_scenes import (  # noqa: E402
+    MODELS,
     data_folder,
     exhaustive_bits,
     measuring_scene,
@@ -42,6 +47,7 @@ from tests.benchmarks.sampling_scenes import (  # noqa: E402
 TERMS = (6, 15, 30, 61, 123, 307, 614)
 TURNS = (0.0, 120.0, 240.0)
 CLUSTERS = (50, 120)
+SCENES, RUNGS = ("bunny", "dragon", "05_street_bench"), (1, 2)
 
 
 def images():
@@ -167,6 +173,107 @@ def sparse_table(name, *clusters):
     return lines
 
 
+def scenes_table(folder, *names):
+    """`prt bench compress` on other scenes, two budgets of each method; rows are kept."""
+    folder, found = Path(folder), {}
+    for name in names or SCENES:
+        kept = folder / f"compress_{name}.json"
+        if not kept.exists():
+            bake = folder / f"{name}.prt"
+            if name in MODELS:
+                settings = prt_core.BakeSettings(caster="embree")
+                run(prt_core.bake_steps(measuring_scene(name), bake, settings))
+            else:
+                (blend,) = (ROOT / "blend_scenes").glob(f"{name}*.blend")
+                _run("-m", "prt_core", "bake", blend, "-o", bake, "--caster", "embree")
+            rungs = map(str, RUNGS)
+            rows = _run("-m", "prt_core", "bench", "compress", bake, "-o", folder / name,
+                        "--rungs", *rungs, "--json")  # fmt: skip
+            kept.write_text(rows)
+        found[name] = json.loads(kept.read_text())
+    sizes = ", ".join(f"{name} {rows[0]['points']:,} points" for name, rows in found.items())
+    lines = [
+        f"Other scenes ({sizes}), as above: MB; ms in the median; relit error in the mean, and in "
+        "the worst of 64 lights.",
+        "",
+        f"| method | {' | '.join(found)} |",
+        "|---" * (1 + len(found)) + "|",
+    ]
+    for kind in dict.fromkeys(row["method"] for rows in found.values() for row in rows):
+        cells = [[row for row in rows if row["method"] == kind] for rows in found.values()]
+        for index in range(max(map(len, cells))):
+            mine = [rows[index] if index < len(rows) else None for rows in cells]
+            named = next(row for row in mine if row)
+            text = [
+                "" if row is None else
+                f"{row['bytes'] / 1e6:.1f}; {row['ms_median']:.1f}; {row['relit_l2_mean']:.2%}, "
+                f"{row['relit_l2_worst']:.2%}" for row in mine
+            ]  # fmt: skip
+            lines.append(f"| {_shortly(named)} | {' | '.join(text)} |")
+    return lines
+
+
+def _shortly(row):
+    """A method and the setting that makes its size, whatever else it has."""
+    names = ("n_components", "error", "n_terms", "order", "n_clusters")
+    said = [f"{name} {row['settings'][name]}" for name in names if name in row["settings"]]
+    return f"{row['method']}, {said[0]}" if said else row["label"]
+
+
+def bounces_table(path):
+    """All bounces in the compressed rows, against direct rows and K when relighting."""
+    from prt_core.compress import Task, method_named
+    from prt_core.transport import all_bounces
+
+    bake = prt_core.load(path)
+    transport, method = bake.transport, method_named("cpca")
+    lights = [image.to_cube_map(bake.cube_map, turn)
+              for image in images().values() for turn in TURNS]  # fmt: skip
+    truth = [transport.relight(light) for light in lights]
+    lines = [
+        f"Where the bounces are: clustered PCA of all of them, or of the direct light with K at "
+        f"run time; {transport.n_points:,} points, {len(lights)} lights.",
+        "",
+        "| components | bounces | MB | of it K | ms median (worst) | relit mean | relit worst |",
+        "|---" * 7 + "|",
+    ]
+    whole = Task.of(transport, bake.scene.points)
+    for rung in RUNGS:
+        for inside in (True, False):
+            task = whole
+            if not inside:
+                rows = TransportRows(transport, rank=0)
+                # Received light: the albedo comes with the bounces.
+                rows.gain = None
+                task = replace(whole, rows=rows)
+            model = method.ladder(task)[rung]
+            run(model.fit_steps(task.rows))
+            method.finish(model, task)
+            quick = method.relighter(model, transport)
+
+            def relit(light, quick=quick, inside=inside):
+                found = quick.relight(light)
+                if inside:
+                    return found
+                gather, albedo = transport.gather, transport.albedo
+                return all_bounces(gather, albedo, found, transport.tolerance, transport.bounces)[0]
+
+            errors, spent = [], []
+            for light, wanted in zip(lights, truth, strict=True):
+                start = time.perf_counter()
+                found = relit(light)
+                spent.append(1e3 * (time.perf_counter() - start))
+                errors.append(relative_l2(found, wanted))
+            k = transport.gather
+            of_k = 0 if inside else (k.data.nbytes + k.indices.nbytes + k.indptr.nbytes) / 1e6
+            lines.append(
+                f"| {model.n_components} | {'compressed' if inside else 'K'} | "
+                f"{model.nbytes / 1e6 + of_k:.1f} | {of_k:.1f} | {np.median(spent):.1f} "
+                f"({max(spent):.1f}) | {np.mean(errors):.2%} | {max(errors):.2%} |"
+            )
+    return lines
+
+
 def frames_table(blend, path, n_frames=48):
     """The whole way of a frame in Blender: turn, relight, corners, the colour attribute."""
     from prt_core.api import open_blend
@@ -210,6 +317,8 @@ def section(path, blend, work):
     rows = _run("-m", "prt_core", "bench", "compress", path, "-o", work / "compress", "--json")
     shutil.copy(work / "compress" / "error.png", ROOT / "docs" / "compression.png")
     lines = ["## Compression", *method_table(json.loads(rows)), ""]
+    lines += [_run(__file__, "scenes", work), ""] if data_folder() else []
+    lines += [_run(__file__, "bounces", path), ""]
     lines += [_run(__file__, "haar", path), ""]
     _run("-m", "prt_core", "compress", path, "--method", "cpca", "--tolerance", "0.005")
     lines += [_run(__file__, "frames", blend, path)]
@@ -261,5 +370,6 @@ def method_table(rows):
 
 
 if __name__ == "__main__":
-    kinds = {"haar": haar_table, "sparse": sparse_table, "frames": frames_table}
+    kinds = {"haar": haar_table, "sparse": sparse_table, "frames": frames_table,
+             "scenes": scenes_table, "bounces": bounces_table}  # fmt: skip
     print("\n".join(kinds[sys.argv[1]](*sys.argv[2:])))

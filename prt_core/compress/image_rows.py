@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from prt_core.compress.haar_lighting import OPPONENTS
 from prt_core.compress.rows import Rows
 from prt_core.errors import expect
 
@@ -13,9 +14,9 @@ from prt_core.errors import expect
 class ImageRows(Rows):
     """The mean of the points of each pixel, albedo included; black pixels are rows of zeros.
 
-    Features are means of the points' features, which are thinner than rows. What the points' rows
-    have in common in several channels is a group for each of them here, for the albedo of a
-    pixel's points need not be the same in all.
+    Features are means of the points' features, which are thinner than rows. What is the same in
+    several channels of the points' rows need not be so for a pixel, whose points differ in albedo:
+    each group of theirs is one for luminance here and two for differences of channels.
 
     Parameters
     ----------
@@ -44,16 +45,15 @@ class ImageRows(Rows):
 
     @cached_property
     def _groups(self):
-        """Of each group: a slice of the points' features, the channel of its gain, the group."""
+        """Of each group: a slice of the points' features, shares of their gains, the group."""
         found = []
+        mixed = OPPONENTS if self.n_channels == 3 else np.eye(self.n_channels)
         for group, part in zip(self.rows.code.groups, self.rows.code.slices, strict=True):
             if self._grey:
-                found.append((part, 0, 1.0, group))
+                found.append((part, np.eye(self.n_channels)[0], group))
                 continue
-            for channel in np.flatnonzero(group.shares):
-                alone = tuple(np.eye(self.n_channels)[channel])
-                share = group.shares[channel]
-                found.append((part, channel, share, replace(group, shares=alone)))
+            for shares in mixed:
+                found.append((part, shares * group.shares, replace(group, shares=tuple(shares))))
         return found
 
     @cached_property
@@ -71,8 +71,8 @@ class ImageRows(Rows):
         made = self.rows.features(shown)
         pixel = np.repeat(np.arange(len(points)), counts)
         shape = len(points), len(shown)
-        for (part, channel, share, _), own in zip(self._groups, self.code.slices, strict=True):
-            weights = self._gains[shown[place], channel] * np.float32(share / self.image.samples)
+        for (part, shares, _), own in zip(self._groups, self.code.slices, strict=True):
+            weights = self._gains[shown[place]] @ (shares / self.image.samples).astype(np.float32)
             result[:, own] = sp.csr_matrix((weights, (pixel, place)), shape=shape) @ made[:, part]
         return result
 

@@ -8,7 +8,7 @@ random lights bounced forward, and as many adjoint series backward.
 import numpy as np
 
 from prt_core.compress.linalg import orthonormal_columns
-from prt_core.compress.parallel import in_parallel
+from prt_core.compress.parallel import SplitMatrix, in_parallel
 from prt_core.progress import Progress
 from prt_core.transport.bounce import all_bounces
 
@@ -41,7 +41,8 @@ def indirect_factors(transport, channels, rank, seed=0):
     senders = np.flatnonzero(np.diff(arriving.indptr))
     arriving = arriving[senders]
     leaving = arriving.T.tocsr()
-    between, back = leaving[senders], arriving[:, senders]
+    between, back = SplitMatrix(leaving[senders]), SplitMatrix(arriving[:, senders])
+    arriving, leaving = SplitMatrix(arriving), SplitMatrix(leaving)
     received = yield from _direct_times(transport, senders, lights)
     before = None if transport.bounces is None else transport.bounces - 1
     left, weights = [], []

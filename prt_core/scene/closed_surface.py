@@ -76,89 +76,73 @@ def closed_surface(name, vertices, triangles):
         show nothing; or several large parts.
     """
     used = np.unique(triangles)
-    expect(len(used), _advice(name, "it has no triangle with an area"))
+    _expect(len(used), name, "it has no triangle with an area")
     low, high = vertices[used].min(axis=0), vertices[used].max(axis=0)
     places = (vertices - (low + high) / 2) / ((high - low).max() or 1.0)
     welded = np.full(len(vertices), -1)
     welded[used] = _weld(places[used])
     corners = welded[triangles]
     source = np.flatnonzero((corners != np.roll(corners, 1, axis=1)).all(axis=1))
-    faces = corners[source]
+    mine, other = _largest_part(name, corners[source], triangle_areas(places[triangles[source]]))
+    source = source[mine]
 
-    twin, n_wrong = _twins(faces)
-    expect(
-        not n_wrong,
-        _advice(
-            name,
-            f"{n_wrong:,} edges have more than two faces, or two that face different ways; mend "
-            "the mesh (merge by distance, recalculate normals)",
-        ),
-    )
-    areas = triangle_areas(places[triangles[source]])
-    part, n_parts = _face_parts(twin)
-    part_areas = np.bincount(part, areas, n_parts)
-    other = 1 - part_areas.max() / part_areas.sum()
-    expect(
-        other <= _MOST_OTHER,
-        _advice(
-            name,
-            f"its {n_parts:,} parts are not joined, and the largest is {1 - other:.0%} of it; "
-            "separate them",
-        ),
-    )
-    mine = part == part_areas.argmax()
-    source, faces = source[mine], faces[mine]
-
-    faces = _split_vertices(faces)
-    n = int(faces.max()) + 1
-    result = np.empty((n, 3))
-    result[faces] = places[triangles[source]]
-    of_vertex = np.full(len(vertices), -1)
+    faces = _split_vertices(corners[source])
+    own = np.empty((int(faces.max()) + 1, 3))
+    own[faces] = places[triangles[source]]
+    of_welded = np.full(len(vertices), -1)
+    of_welded[corners[source]] = faces
+    of_vertex = np.where(welded < 0, -1, of_welded[welded])
     of_vertex[triangles[source]] = faces
-    # Vertices welded to one that is in use are where it is.
-    first = np.full(len(used), -1)
-    first[welded[triangles[source]]] = faces
-    of_vertex[used] = np.where(of_vertex[used] < 0, first[welded[used]], of_vertex[used])
 
-    loops = _loops(faces, n)
-    centres = [result[loop].mean(axis=0) for loop in loops]
-    caps = [
-        np.column_stack([np.roll(loop, -1), loop, np.full(len(loop), n + k)])
-        for k, loop in enumerate(loops)
-    ]
-    result = np.concatenate([result, *[centre[None] for centre in centres]])
-    faces = np.concatenate([faces, *caps])
-    n_caps = len(faces) - len(source)
-    source = np.concatenate([source, np.full(n_caps, -1)])
-    areas = triangle_areas(result[faces])
+    own, caps, n_holes = _caps(own, faces)
+    faces = np.concatenate([faces, caps])
+    source = np.concatenate([source, np.full(len(caps), -1)])
+    handles = 1 - (len(own) - len(faces) // 2) // 2
+    _expect(handles == 0, name, f"it has {handles:,} handles (and {n_holes:,} holes)")
+    _expect(len(own) > 3, name, "it has fewer than four corners")
+    areas = triangle_areas(own[faces])
     filled = areas[source < 0].sum() / areas.sum()
-    euler = len(result) - len(faces) // 2
-    expect(
-        euler == 2 and len(result) > 3,
-        _advice(name, f"it has {(2 - euler) // 2:,} handles (and {len(loops):,} holes)"),
-    )
-    expect(
+    _expect(
         filled <= _MOST_FILLED,
-        _advice(
-            name,
-            f"it is an open sheet: what would fill its {len(loops):,} holes is {filled:.0%} of "
-            "the surface",
-        ),
+        name,
+        f"it is an open sheet: what would fill its {n_holes:,} holes is {filled:.0%} of the "
+        "surface",
     )
     parts = np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (len(faces), 1, 1))
     while len(faces) < _FEWEST_FACES:
-        result, faces, parts = _halved(result, faces, parts)
+        own, faces, parts = _halved(own, faces, parts)
         source = np.tile(source, 4)
-    return ClosedSurface(
-        result, faces, source, parts, of_vertex, len(loops), float(filled), float(other)
-    )
+    return ClosedSurface(own, faces, source, parts, of_vertex, n_holes, float(filled), float(other))
 
 
-def _advice(name, found):
-    return (
+def _expect(condition, name, found):
+    expect(
+        condition,
         f"{name}: a geometry image over the sphere needs a closed surface without handles, but "
-        f"{found}; or unwrap the object and use its UV map"
+        f"{found}; or unwrap the object and use its UV map",
     )
+
+
+def _largest_part(name, faces, areas):
+    """Which faces are of it, and the share of the surface that is of others."""
+    twin, n_wrong = _twins(faces)
+    _expect(
+        not n_wrong,
+        name,
+        f"{n_wrong:,} edges have more than two faces, or two that face different ways; mend the "
+        "mesh (merge by distance, recalculate normals)",
+    )
+    met = np.flatnonzero(twin >= 0)
+    part, n_parts = _joined(len(faces), met // 3, twin[met] // 3)
+    part_areas = np.bincount(part, areas, n_parts)
+    other = 1 - part_areas.max() / part_areas.sum()
+    _expect(
+        other <= _MOST_OTHER,
+        name,
+        f"its {n_parts:,} parts are not joined, and the largest is {1 - other:.0%} of it; separate "
+        "them",
+    )
+    return part == part_areas.argmax(), other
 
 
 def _weld(places):
@@ -190,11 +174,6 @@ def _joined(n, first, second):
     return label.astype(np.int64), count
 
 
-def _face_parts(twin):
-    met = np.flatnonzero(twin >= 0)
-    return _joined(len(twin) // 3, met // 3, twin[met] // 3)
-
-
 def _split_vertices(faces):
     """Faces whose vertices are fans of faces: corners that meet along an edge are one vertex."""
     twin, _ = _twins(faces)
@@ -206,24 +185,19 @@ def _split_vertices(faces):
     return _joined(faces.size, first, second)[0].reshape(-1, 3)
 
 
-def _loops(faces, n):
-    """Vertices of each hole's edge, in the order of the faces beside it."""
+def _caps(vertices, faces):
+    """Vertices with one in the middle of each hole, the faces from it to the edge, the holes."""
     twin, _ = _twins(faces)
     edge = np.flatnonzero(twin < 0)
     start, stop = faces.ravel()[edge], np.roll(faces, -1, axis=1).ravel()[edge]
-    following = np.full(n, -1)
-    following[start] = stop
-    loops, left = [], dict.fromkeys(start.tolist())
-    while left:
-        at = first = next(iter(left))
-        loop = []
-        while at in left:
-            del left[at]
-            loop.append(at)
-            at = int(following[at])
-        assert at == first
-        loops.append(np.array(loop))
-    return loops
+    # Each vertex is a single fan, so that it is on the edge of one hole at most, once.
+    hole, _ = _joined(len(vertices), start, stop)
+    _, hole = np.unique(hole[start], return_inverse=True)
+    count = int(hole.max(initial=-1)) + 1
+    sizes = np.maximum(np.bincount(hole, minlength=count), 1)[:, None]
+    middles = [np.bincount(hole, vertices[start, axis], count) for axis in range(3)]
+    caps = np.column_stack([stop, start, len(vertices) + hole])
+    return np.concatenate([vertices, np.stack(middles, axis=1) / sizes]), caps, count
 
 
 def _halved(vertices, faces, parts):

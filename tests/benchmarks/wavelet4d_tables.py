@@ -182,10 +182,11 @@ def image(name, kind, size, *errors):
     for columns in orders:
         # Turned once for all transforms that keep the pixels' order.
         with run(Wavelet4D(next(iter(columns.values()))).columns_steps(rows)) as file:
-            for error in map(float, errors or ("0.02",)):
+            errors = [float(error) for error in errors] or [0.02]
+            for error in errors:
                 for name, transform in columns.items():
-                    # All filters are compared once, at 2 %, where that does not take hours.
-                    few = error != 0.02 or int(size) > 256
+                    # All filters are compared once, where that does not take hours.
+                    few = error != errors[0] or int(size) > 256
                     if few and name not in ("haar", "9/7", "hierarchy"):
                         continue
                     for mode in ("adaptive", "4d") + (("2d",) if name == "haar" else ()):

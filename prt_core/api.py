@@ -27,6 +27,7 @@ def bake(
     camera_pixels=None,
     pixel_samples=2,
     geometry_image=None,
+    parametrisation="auto",
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -49,7 +50,10 @@ def bake(
     pixel_samples : int
         Points along each side of such a pixel.
     geometry_image : (str, int), optional
-        Bake a square image of an object's UV layout as well: its name, and texels a side.
+        Bake a square image of an object's surface as well: its name, and texels a side.
+    parametrisation : {"auto", "uv", "sphere"}
+        How that surface becomes a square: by its UV map, or, where it is closed and has no
+        handles, over the sphere. `auto`: the UV map where there is one.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method.
 
@@ -64,7 +68,7 @@ def bake(
         bpy is missing, the file or a name is wrong, or the store holds something else.
     """
     settings = BakeSettings(**settings)
-    image = camera_pixels, pixel_samples, geometry_image
+    image = camera_pixels, pixel_samples, geometry_image, parametrisation
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
 
@@ -79,7 +83,7 @@ def bake_blend_steps(
     pace=None,
     scene=None,
     strict=True,
-    image=(None, 2, None),
+    image=(None, 2, None, "auto"),
 ):
     """`bake` as a generator of `Progress`.
 
@@ -92,7 +96,7 @@ def bake_blend_steps(
     strict : bool
         Whether a name that renders nothing is an error.
     image : tuple
-        `camera_pixels`, `pixel_samples` and `geometry_image` of `bake`.
+        `camera_pixels`, `pixel_samples`, `geometry_image` and `parametrisation` of `bake`.
     """
     if blend is not None:
         open_blend(blend)

@@ -1,12 +1,15 @@
-"""Images baked beside the meshes: what a camera sees, or the texels of an object's UV layout."""
+"""Images baked beside the meshes: what a camera sees, or the texels of an object's surface."""
 
 from prt_core.errors import expect
-from prt_core.progress import Progress
+from prt_core.progress import Progress, beside
 from prt_core.rays import make_caster
-from prt_core.scene import atlas_triangles, with_atlas_image, with_camera_image
+from prt_core.scene import geometry_layout, with_camera_image, with_geometry_image
 
 
-def image_steps(scene, meshes, camera, caster, camera_pixels, pixel_samples, geometry_image):
+def image_steps(
+    scene, meshes, camera, caster, camera_pixels, pixel_samples, geometry_image,
+    parametrisation="auto",
+):  # fmt: skip
     """A scene with the points of an image; a generator of `Progress`.
 
     Parameters
@@ -24,11 +27,14 @@ def image_steps(scene, meshes, camera, caster, camera_pixels, pixel_samples, geo
         Points along each side of a camera's pixel.
     geometry_image : (str, int) or None
         An object, by its name in the bake, and texels along each side.
+    parametrisation : {"auto", "uv", "sphere"}
+        Of the geometry image (see `geometry_layout`).
 
     Raises
     ------
     PRTError
-        There is no camera, no such object or no UV map; or both images are asked for.
+        There is no camera, no such object, no UV map or surface like a sphere; or both images are
+        asked for.
     """
     if camera_pixels is None and geometry_image is None:
         return scene
@@ -52,9 +58,12 @@ def image_steps(scene, meshes, camera, caster, camera_pixels, pixel_samples, geo
         found = [mesh for mesh in meshes if mesh.name == name]
         names = ", ".join(mesh.name for mesh in meshes)
         expect(found, f"geometry image: there is no object '{name}'; there are {names}")
-        tracer = make_caster(caster, *atlas_triangles(scene, found[0]))
+        layout = yield from beside("image", geometry_layout, found[0], parametrisation)
+        if layout.message:
+            scene.messages.append(layout.message)
+        tracer = make_caster(caster, layout.vertices, layout.triangles)
         try:
-            scene = with_atlas_image(scene, tracer, name, size)
+            scene = with_geometry_image(scene, tracer, layout, size)
         finally:
             tracer.close()
     image = scene.image

@@ -20,6 +20,7 @@ from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.light import EnvironmentMap, rotation_matrix
 from prt_core.relighter import Relighter
 from prt_core.report import report_lines
+from prt_core.scene import PARAMETRISATIONS
 
 _IN_BLENDER = "the scene that is open"
 
@@ -78,7 +79,11 @@ def _parser(in_blender):
     )
     bake.add_argument(
         "--geometry-image", nargs=2, metavar=("OBJECT", "N"),
-        help="bake an image of N x N texels of an object's UV layout",
+        help="bake an image of N x N texels of an object's surface",
+    )  # fmt: skip
+    bake.add_argument(
+        "--parametrisation", default="auto", choices=PARAMETRISATIONS,
+        help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
     )  # fmt: skip
     _caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
@@ -244,6 +249,7 @@ def _bake(options):
                 camera_pixels=options.camera_pixels,
                 pixel_samples=options.pixel_samples,
                 geometry_image=_geometry_image(options.geometry_image),
+                parametrisation=options.parametrisation,
             )
         finally:
             bar.close()

@@ -8,7 +8,7 @@ random lights bounced forward, and as many adjoint series backward.
 import numpy as np
 
 from prt_core.compress.linalg import orthonormal_columns
-from prt_core.compress.parallel import in_parallel
+from prt_core.compress.parallel import SplitMatrix, in_parallel
 from prt_core.progress import Progress
 from prt_core.transport.bounce import all_bounces
 
@@ -36,59 +36,60 @@ def indirect_factors(transport, channels, rank, seed=0):
     rank = min(rank, transport.n_points, transport.n_directions)
     rng = np.random.default_rng([seed, 4])
     lights = rng.standard_normal((transport.n_directions, rank), np.float32)
-    received = yield from _direct_times(transport, lights)
-    transposed = transport.gather.T.tocsr()
+    # Light goes back and forth between few points where most are pixels, which only receive.
+    arriving = transport.gather.T.tocsr()
+    senders = np.flatnonzero(np.diff(arriving.indptr))
+    arriving = arriving[senders]
+    leaving = arriving.T.tocsr()
+    between, back = SplitMatrix(leaving[senders]), SplitMatrix(arriving[:, senders])
+    arriving, leaving = SplitMatrix(arriving), SplitMatrix(leaving)
+    received = yield from _direct_times(transport, senders, lights)
     before = None if transport.bounces is None else transport.bounces - 1
     left, weights = [], []
     for channel in channels:
-        albedo = transport.albedo[:, [channel]]
-        sent, n_bounces = all_bounces(
-            transport.gather, albedo, received, transport.tolerance, before
-        )
-        left.append(orthonormal_columns(transport.gather @ sent))
+        albedo = transport.albedo[senders][:, [channel]]
+        sent, n_bounces = all_bounces(between, albedo, received, transport.tolerance, before)
+        left.append(orthonormal_columns(leaving @ sent))
         yield Progress("indirect", transport.n_points, transport.n_points)
         # left^T K (1 + A K + ...) A D, from the left: w <- K^T left, then w <- K^T (A w).
-        term = transposed @ left[-1]
+        term = arriving @ left[-1]
         total = term.copy()
         for _ in range(n_bounces):
-            term = transposed @ (albedo * term)
+            term = back @ (albedo * term)
             total += term
         weights.append(albedo * total)
         yield Progress("indirect", transport.n_points, transport.n_points)
-    right = yield from _times_direct(transport, np.hstack(weights))
+    right = yield from _times_direct(transport, senders, np.hstack(weights))
     return left, np.split(right, np.cumsum([part.shape[1] for part in left])[:-1])
 
 
-def _direct_times(transport, lights):
-    """D @ lights, (n_points, m) float32."""
-    result = np.empty((transport.n_points, lights.shape[1]), np.float32)
+def _direct_times(transport, points, lights):
+    """D @ lights of some points, (len(points), m) float32."""
+    result = np.empty((len(points), lights.shape[1]), np.float32)
 
-    def one(points):
-        result[points] = transport.direct(points) @ lights
+    def one(part):
+        result[part] = transport.direct(points[part]) @ lights
 
-    for done, _ in _each(transport, one):
-        yield Progress("indirect", done, transport.n_points)
+    for done, _ in _each(len(points), one):
+        yield Progress("indirect", done, len(points))
     return result
 
 
-def _times_direct(transport, weights):
-    """weights^T @ D, (m, n_directions) float32, summed in float64."""
+def _times_direct(transport, points, weights):
+    """weights^T @ D of some points, (m, n_directions) float32, summed in float64."""
     total = np.zeros((weights.shape[1], transport.n_directions))
 
-    def one(points):
-        return weights[points].T @ transport.direct(points)
+    def one(part):
+        return weights[part].T @ transport.direct(points[part])
 
-    for done, part in _each(transport, one):
-        total += part
-        yield Progress("indirect", done, transport.n_points)
+    for done, result in _each(len(points), one):
+        total += result
+        yield Progress("indirect", done, len(points))
     return total.astype(np.float32)
 
 
-def _each(transport, function):
-    """(points done, result) of `function` for every block of points, in order."""
-    blocks = [
-        np.arange(first, min(first + _BLOCK, transport.n_points))
-        for first in range(0, transport.n_points, _BLOCK)
-    ]
-    for points, result in zip(blocks, in_parallel(function, blocks), strict=True):
-        yield int(points[-1]) + 1, result
+def _each(count, function):
+    """(how many are done, result) of `function` for consecutive slices, in order."""
+    parts = [slice(first, min(first + _BLOCK, count)) for first in range(0, count, _BLOCK)]
+    for part, result in zip(parts, in_parallel(function, parts), strict=True):
+        yield part.stop, result

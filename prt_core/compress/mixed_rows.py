@@ -35,11 +35,18 @@ def mixed_wavelets(rows, wavelet):
 
     def encode(points):
         features = rows.features(points)
-        result = np.zeros((len(points), len(mixed), rows.n_directions), np.float32)
+        # The background of a picture is often most of it.
+        lit = features.any(axis=1)
+        made = np.zeros((np.count_nonzero(lit), len(mixed), rows.n_directions), np.float32)
+        features = features if lit.all() else features[lit]
         for part, basis, share in zip(code.slices, bases, shares.T, strict=True):
             coded = convert(features[:, part]) if basis is None else features[:, part] @ basis
             for channel in np.flatnonzero(share):
-                result[:, channel] += share[channel] * coded
+                made[:, channel] += share[channel] * coded
+        if lit.all():
+            return made.reshape(len(points), -1)
+        result = np.zeros((len(points), *made.shape[1:]), np.float32)
+        result[lit] = made
         return result.reshape(len(points), -1)
 
     return mixed, encode

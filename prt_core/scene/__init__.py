@@ -1,27 +1,29 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
 from prt_core.scene.changes import Changes, changes, mesh_digests
-from prt_core.scene.point_images import (
-    PointImage,
-    atlas_triangles,
-    camera_rays,
-    with_atlas_image,
-    with_camera_image,
+from prt_core.scene.geometry_images import (
+    PARAMETRISATIONS,
+    Layout,
+    geometry_layout,
+    with_geometry_image,
 )
+from prt_core.scene.point_images import PointImage, camera_rays, with_camera_image
 from prt_core.scene.points import BakePoints
 from prt_core.scene.scene import Mesh, Scene, SceneObject
 
 __all__ = [
     "BakePoints",
     "Changes",
+    "Layout",
     "Mesh",
+    "PARAMETRISATIONS",
     "PointImage",
     "Scene",
     "SceneObject",
-    "atlas_triangles",
     "camera_rays",
     "changes",
+    "geometry_layout",
     "mesh_digests",
-    "with_atlas_image",
     "with_camera_image",
+    "with_geometry_image",
 ]

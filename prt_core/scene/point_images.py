@@ -1,4 +1,4 @@
-"""Images whose pixels are bake points: what a fixed camera sees, or an object's UV atlas.
+"""Images whose pixels are bake points, and what a fixed camera sees as one of them.
 
 Such points receive light and bounce none: rays end at the points of the meshes, so the bake goes
 on as ever. A pixel is the mean of its points, which smooths its edges.
@@ -7,7 +7,6 @@ on as ever. A pixel is the mean of its points, which smooths its edges.
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from prt_core.errors import expect
 from prt_core.scene.points import BakePoints
@@ -90,13 +89,13 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     Scene
         With an `image`.
     """
-    _expect_size(width, height)
+    expect_size(width, height)
     expect(1 <= samples <= 8, f"pixel samples: expected 1 to 8 along each side, got {samples}")
     ways = camera_rays(camera, width, height, samples).astype(np.float32)
     origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3]).astype(np.float32)
     row, column = np.divmod(np.arange(len(ways)), width * samples)
     pixel = row // samples * width + column // samples
-    triangle, barycentric = _intersect(caster, np.broadcast_to(origin, ways.shape), ways)
+    triangle, barycentric = intersect(caster, np.broadcast_to(origin, ways.shape), ways)
     hit = np.flatnonzero(triangle >= 0)
     hit = hit[np.argsort(pixel[hit], kind="stable")]
     back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
@@ -105,72 +104,7 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     image = PointImage(
         height, width, samples**2, pixel[hit[lit]].astype(np.int32), new.astype(np.int32)
     )
-    return _extended(scene, points, image)
-
-
-def atlas_triangles(scene, mesh):
-    """The UV layout of an object as something flat to cast rays at.
-
-    Parameters
-    ----------
-    scene : Scene
-    mesh : Mesh
-        One of those the scene was made of, with `corner_uv`.
-
-    Returns
-    -------
-    vertices : (n, 3) float32, triangles : (n / 3, 3) int32
-        In the order of the scene's triangles of this object.
-    """
-    expect(
-        mesh.corner_uv is not None,
-        f"{mesh.name}: a geometry image needs a UV map; unwrap the object without overlaps",
-    )
-    uv = mesh.corner_uv[mesh.solid_triangles()].reshape(-1, 2)
-    vertices = np.column_stack([uv, np.zeros(len(uv))]).astype(np.float32)
-    return vertices, np.arange(len(uv), dtype=np.int32).reshape(-1, 3)
-
-
-def with_atlas_image(scene, caster, name, size):
-    """The scene with a bake point at each texel that the UV layout of an object covers.
-
-    Texels beside it show the nearest one that is covered, so that the image has no edges where
-    the surface has none.
-
-    Parameters
-    ----------
-    scene : Scene
-    caster : RayCaster
-        Of `atlas_triangles`.
-    name : str
-        Of the object.
-    size : int
-        Texels along each side.
-
-    Returns
-    -------
-    Scene
-        With an `image`.
-    """
-    _expect_size(size, size)
-    u, v = np.meshgrid((np.arange(size) + 0.5) / size, 1 - (np.arange(size) + 0.5) / size)
-    origins = np.stack([u.ravel(), v.ravel(), np.ones(size * size)], axis=1).astype(np.float32)
-    down = np.broadcast_to(np.float32([0, 0, -1]), origins.shape)
-    triangle, barycentric = _intersect(caster, origins, down)
-    index = [item.name for item in scene.objects].index(name)
-    hit = np.flatnonzero(triangle >= 0)
-    expect(len(hit), f"{name}: its UV layout covers nothing between 0 and 1")
-    mine = np.flatnonzero(scene.triangle_object == index)
-    points, lit = surface_points(
-        scene, mine[triangle[hit]], barycentric[hit], np.zeros(len(hit), bool)
-    )
-    texel = np.full(size * size, -1)
-    texel[hit[lit]] = len(scene.points) + np.arange(lit.sum())
-    texel = texel.reshape(size, size)
-    nearest = distance_transform_edt(texel < 0, return_distances=False, return_indices=True)
-    point = texel[tuple(nearest)].ravel().astype(np.int32)
-    image = PointImage(size, size, 1, np.arange(size * size, dtype=np.int32), point)
-    return _extended(scene, points, image)
+    return extended(scene, points, image)
 
 
 def surface_points(scene, triangle, barycentric, back):
@@ -219,7 +153,8 @@ def surface_points(scene, triangle, barycentric, back):
     return points, lit
 
 
-def _extended(scene, points, image):
+def extended(scene, points, image):
+    """The scene with more bake points, and an image that shows them."""
     expect(len(points), "image: nothing of the scene is in it")
     joined = {
         f.name: np.concatenate([getattr(scene.points, f.name), getattr(points, f.name)])
@@ -228,7 +163,8 @@ def _extended(scene, points, image):
     return replace(scene, points=BakePoints(**joined), image=image)
 
 
-def _intersect(caster, origins, directions):
+def intersect(caster, origins, directions):
+    """(m,) int64 triangles and (m, 2) float32 barycentrics of hits, for any number of rays."""
     triangle = np.empty(len(origins), np.int64)
     barycentric = np.empty((len(origins), 2), np.float32)
     for first in range(0, len(origins), _BATCH):
@@ -240,7 +176,8 @@ def _intersect(caster, origins, directions):
     return triangle, barycentric
 
 
-def _expect_size(width, height):
+def expect_size(width, height):
+    """Raise `PRTError` unless an image may be so large."""
     expect(
         1 <= width <= 8192 and 1 <= height <= 8192,
         f"image: expected 1 to 8,192 pixels along each side, got {width} x {height}",

@@ -119,6 +119,41 @@ def test_images_are_baked_and_written(blend, hdri, tmp_path):
     assert "OBJECT N" in wrong.stderr
 
 
+def test_images_over_the_sphere_by_both_doors(blend, tmp_path):
+    common = "--resolution", 4, "--tolerance", 0.1, "--caster", "blender"
+    image = "--geometry-image", "ball", 12
+    done = prt(
+        "bake", blend, "-o", tmp_path / "c.prt", *common, *image, "--parametrisation", "sphere"
+    )
+    assert "ball: over the sphere with a stretch efficiency of" in done.stdout
+    prt_core.bake(
+        blend, tmp_path / "a.prt", resolution=4, tolerance=0.1, caster="blender",
+        geometry_image=("ball", 12), parametrisation="sphere",
+    )  # fmt: skip
+    one, two = (prt_core.load(tmp_path / f"{name}.prt").scene for name in "ca")
+    assert one.fingerprint() == two.fingerprint() and one.image.point.max() == len(one.points) - 1
+    image = "--geometry-image", "floor", 12
+    done = prt(
+        "bake", blend, "-o", tmp_path / "w.prt", *common, *image, "--parametrisation", "sphere",
+        code=2,
+    )  # fmt: skip
+    assert "floor" in done.stderr and "open sheet" in done.stderr and "UV" in done.stderr
+
+
+def test_suzanne_goes_over_the_sphere_without_her_eyes(tmp_path):
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.context.object.name = "head"
+    report = prt_core.bake(
+        None, tmp_path / "s.prt", resolution=4, tolerance=0.1, caster="blender",
+        geometry_image=("head", 16), parametrisation="sphere",
+    )  # fmt: skip
+    told = next(message for message in report["messages"] if "over the sphere" in message)
+    assert "2 holes filled" in told and "left out" in told
+    scene = prt_core.load(tmp_path / "s.prt").scene
+    place = scene.to_world(scene.points.positions[scene.image.point])
+    assert (np.ptp(place, axis=0) > 0.8 * np.array(bpy.context.object.dimensions)).all()
+
+
 def test_colours_reach_the_meshes_exactly(blend, baked, hdri, tmp_path):
     prt(
         "relight", baked, "--light", hdri("city"), "--blend", tmp_path / "o.blend",

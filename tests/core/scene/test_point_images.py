@@ -13,7 +13,7 @@ from prt_core.compress import ImageRows, TransportRows, Wavelet4D
 from prt_core.evaluate.view import CameraRays
 from prt_core.progress import run
 from prt_core.rays import BruteForceCaster
-from prt_core.scene import Scene, atlas_triangles, with_atlas_image, with_camera_image
+from prt_core.scene import Scene, geometry_layout, with_camera_image, with_geometry_image
 from tests.meshes import caster_of, plane, sphere
 
 
@@ -64,8 +64,9 @@ def test_backs_that_return_no_light_are_black():
 def test_texels_cover_the_layout_and_what_is_beside_it():
     mesh = with_uv(plane(4), scale=0.5)
     scene = Scene.from_meshes([sphere(4, 0.3, (0, 0, 2), name="ball"), mesh])
-    caster = BruteForceCaster(*atlas_triangles(scene, mesh))
-    found = with_atlas_image(scene, caster, "plane", 8)
+    layout = geometry_layout(mesh)
+    caster = BruteForceCaster(layout.vertices, layout.triangles)
+    found = with_geometry_image(scene, caster, layout, 8)
     image = found.image
     assert (image.pixel == np.arange(64)).all()
     world = found.to_world(found.points.positions[image.point]).reshape(8, 8, 3)
@@ -76,7 +77,7 @@ def test_texels_cover_the_layout_and_what_is_beside_it():
     np.testing.assert_allclose(world[0, 0], world[2, 2])
     assert (found.points.object_index[len(scene.points) :] == 1).all()
     with pytest.raises(PRTError, match="UV map"):
-        atlas_triangles(scene, plane())
+        geometry_layout(plane(), "uv")
 
 
 @pytest.fixture(scope="module")

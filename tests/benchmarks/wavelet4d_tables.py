@@ -398,7 +398,12 @@ def lines():
             )
     pictures = sorted(CACHE.glob("*.image.json"))
     if pictures:
-        found += ["", "Images in each column transform:", ""]
+        found += [
+            "",
+            "Images in each column transform (`ground` by its UV map, `model` over the sphere, "
+            "`camera` with 2 x 2 points a pixel; the `hierarchy` is that of the same texels):",
+            "",
+        ]
         found += ["| image | transform | mode | MB | terms | error |", "|---|---|---|---|---|---|"]
     for path in pictures:
         rows = json.loads(path.read_text())

@@ -114,7 +114,7 @@ def _relative(errors, sizes):
 
 
 def time_(back_ends):
-    """Seconds of agreement and of every entry traced, in one run."""
+    """Seconds of both ways to sample and of every entry traced, in one run."""
     for back_end in back_ends or ("embree", "blender"):
         if back_end == "blender":
             import bpy  # noqa: F401
@@ -122,13 +122,15 @@ def time_(back_ends):
             import prt_core.blender  # noqa: F401
         scene = measuring_scene("suzanne")
         caster = make_caster(back_end, scene.vertices, scene.triangles)
-        methods = [parse_method("agreement")]
+        methods = [parse_method("agreement"), parse_method("huang")]
         rows, results = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, "suzanne"))
         caster.close()
         ours, whole = results["agreement"], results["exhaustive"]
         yield back_end, {
             "whole": whole.seconds["total"], "whole_rays": int(whole.rays), "rays": int(ours.rays),
-            "seconds": ours.seconds, "ratio": rows[-1]["time_ratio"],
+            "seconds": ours.seconds,
+            "sparse": results["huang"].seconds["total"], "sparse_rays": int(results["huang"].rays),
+            **{row["method"]: row["time_ratio"] for row in rows},
         }  # fmt: skip
 
 
@@ -257,10 +259,11 @@ def _curve(rows):
 def _times(rows):
     yield from (
         "", "### Seconds",
-        "Suzanne on the ground, 60,899 points: sampling by agreement against every entry traced, "
-        "both without the bounces, in one run (`sampling.py time`).",
+        "Suzanne on the ground, 60,899 points: sampling by agreement, and the sparse method, "
+        "against every entry traced, without the bounces, in one run (`sampling.py time`).",
         "", "| back-end | every entry s | rays | agreement s | rays | ratio | of it rays s "
-        "| arithmetic s | neighbours s | horizons s |", "|---|---|---|---|---|---|---|---|---|---|",
+        "| arithmetic s | neighbours s | horizons s | sparse s | rays | ratio |",
+        "|---" * 13 + "|",
     )  # fmt: skip
     for back_end, row in rows.items():
         spent = row["seconds"]
@@ -270,7 +273,8 @@ def _times(rows):
         )
         yield (
             f"| {back_end} | {row['whole']:.1f} | {row['whole_rays'] / 1e6:.0f} M | "
-            f"{spent['total']:.1f} | {rays} | **{row['ratio']:.3f}** | {stages} |"
+            f"{spent['total']:.1f} | {rays} | **{row['agreement']:.3f}** | {stages} | "
+            f"{row['sparse']:.1f} | {row['sparse_rays'] / 1e6:.1f} M | {row['huang']:.3f} |"
         )
 
 

@@ -137,19 +137,21 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     small = _small_objects(scene, cube_map)
     if small.any():
         sampled = yield from trace_rest(scene, cube_map, caster, sampled, small, pace=rays)
+    poor, errors = np.unique(scene.points.object_index), {}
     for turn in range(len(_TURNS) + 2):
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)
-        errors = yield from certificate_steps(
-            scene, cube_map, caster, sampled, lights, drawn, turn, pace=rays
+        found = yield from certificate_steps(
+            scene, cube_map, caster, sampled, lights, drawn, turn, pace=rays, objects=poor
         )
         spent["certificate"] += time.perf_counter() - start
-        poor = [item.name for item in errors if item.worst > settings.tolerance]
+        # What an object has passed it need not pass again: only the others are asked again.
+        errors.update(zip(poor, found, strict=True))
+        poor = [number for number in poor if errors[number].worst > settings.tolerance]
         if not poor or turn > len(_TURNS):
             break
         start = time.perf_counter()
-        names = np.array([item.name for item in scene.objects])
-        again = np.isin(names[scene.points.object_index], poor)
+        again = np.isin(scene.points.object_index, poor)
         if turn < len(_TURNS):
             careful = AgreementSettings(seed=settings.seed, **_TURNS[turn])
             sampled = yield from refine_agreement(
@@ -169,7 +171,7 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     spent["store"] = time.perf_counter() - start
     for stage, value in spent.items():
         add_seconds(store, seconds, stage, value)
-    return _facts(scene, cube_map, method, sampled, errors, turn, settings)
+    return _facts(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
 
 
 def _small_objects(scene, cube_map):

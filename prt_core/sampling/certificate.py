@@ -87,7 +87,7 @@ class CertificateSettings:
         Independent entries, for the matrix and again for the relit error; not more than about a
         eighth of an object's, each time, but where it is small.
     rows : int
-        Rows traced whole for the relit error, at most, but 64 of each object, or an eighth.
+        Rows traced whole for the relit error, at most, but up to 64 of each object.
     seed : int
     """
 
@@ -155,7 +155,7 @@ def certificate_steps(
         elif lights:
             yield from draws.draw(worth * _brightness(worth, lights), n_entries)
             most = max(_FEWEST_ROWS, settings.rows // len(present))
-            most = min(most, max(16, len(points) // 8))
+            most = min(most, max(_FEWEST_ROWS // 2, len(points) // 8))
             relit, n_rows = yield from draws.relit(lights, most)
         name = scene.objects[number].name
         certified.append(ObjectError(name, matrix, relit, rows=n_rows, **counts))

@@ -67,24 +67,15 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         rounds += 2
         yield Progress("gather", 0, n_points)
         for first in range(0, len(parts), group):
-            start, todo = time.perf_counter(), []
-            for index in range(first, min(first + group, len(parts))):
-                todo += [
-                    (index, turn)
-                    for turn in turns
-                    if not (
-                        store.has_chunk("gather", index, turn)
-                        and store.has_chunk("gather_rays", turn, index, 0)
-                    )
-                ]
-            blocks_turns = [(parts[index], turn) for index, turn in todo]
-            found = gather_parts(scene, caster, blocks_turns, settings.seed, spared, clear)
-            on_all_cores(write, zip(todo, found, strict=True))
+            some = range(first, min(first + group, len(parts)))
+            todo = [(i, turn) for i in some for turn in turns if not _is_done(store, i, turn)]
             if todo:
+                start = time.perf_counter()
+                jobs = [(parts[index], turn) for index, turn in todo]
+                found = gather_parts(scene, caster, jobs, settings.seed, spared, clear)
+                on_all_cores(write, zip(todo, found, strict=True))
                 add_seconds(store, seconds, "gather", time.perf_counter() - start)
-            yield Progress(
-                "gather", min((first + group) * bake_visibility.BLOCK, n_points), n_points
-            )
+            yield Progress("gather", parts[some[-1]].stop, n_points)
         start = time.perf_counter()
         error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
@@ -93,6 +84,11 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     cast = int(counts[:rounds, :, 0].sum())
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     return cast, float(error), rounds, skipped
+
+
+def _is_done(store, index, turn):
+    hits = store.has_chunk("gather", index, turn)
+    return hits and store.has_chunk("gather_rays", turn, index, 0)
 
 
 class _Clear:

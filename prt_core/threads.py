@@ -2,7 +2,7 @@
 
 import os
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 _here = threading.local()
@@ -23,7 +23,10 @@ def on_all_cores(function, items):
     items = list(items)
     if len(items) < 2 or getattr(_here, "inside", False):
         return [function(item) for item in items]
-    return list(_pool().map(lambda item: _inside(function, item), items))
+    pieces = [_pool().submit(_inside, function, item) for item in items]
+    # Also where one fails: what they work on may be closed as soon as this returns.
+    wait(pieces)
+    return [piece.result() for piece in pieces]
 
 
 @cache

@@ -7,6 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from prt_core.threads import on_all_cores
+
 
 def in_parallel(function, items):
     """Results of `function` for every item, in order; closing the generator ends the work.
@@ -39,4 +41,4 @@ class SplitMatrix:
         self._parts = [matrix[first : first + step] for first in firsts]
 
     def __matmul__(self, dense):
-        return np.concatenate(list(in_parallel(lambda part: part @ dense, self._parts)))
+        return np.concatenate(on_all_cores(lambda part: part @ dense, self._parts))

@@ -29,6 +29,16 @@ class Hits:
     barycentric: np.ndarray
     distance: np.ndarray
 
+    @classmethod
+    def joined(cls, parts):
+        """Those of several calls, one after the other."""
+        arrays = ((part.triangle, part.barycentric, part.distance) for part in parts)
+        return cls(*map(np.concatenate, zip(*arrays, strict=True)))
+
+    def __getitem__(self, rays):
+        """Those of some rays."""
+        return Hits(self.triangle[rays], self.barycentric[rays], self.distance[rays])
+
 
 class RayCaster(Protocol):
     """Answers batches of rays; offsets are the caller's business (`Scene.ray_origins`).

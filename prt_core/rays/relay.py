@@ -41,11 +41,9 @@ class RelayCaster:
         if not len(origins):
             return self._errands.call(self._caster.intersect, origins, directions)
         parts = self._pace.parts(0, len(origins))
-        found = [self._cast("intersect", origins[part], directions[part]) for part in parts]
-        arrays = zip(
-            *((hits.triangle, hits.barycentric, hits.distance) for hits in found), strict=True
+        return Hits.joined(
+            [self._cast("intersect", origins[part], directions[part]) for part in parts]
         )
-        return Hits(*(np.concatenate(values) for values in arrays))
 
     def _cast(self, name, *arguments):
         result, spent = self._errands.call(_timed, getattr(self._caster, name), *arguments)

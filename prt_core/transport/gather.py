@@ -98,22 +98,14 @@ def _cast_together(caster, rays):
     )
     order = np.argsort(CubeMap(4).texel_along(*directions.T), kind="stable")
     origins, directions = origins[order], directions[order]
-    found = []
-    for first in range(0, max(len(origins), 1), caster.batch):
-        part = slice(first, first + caster.batch)
-        found.append(caster.intersect(origins[part], directions[part]))
-    joined = [
-        np.concatenate([getattr(hits, name) for hits in found])
-        for name in ("triangle", "barycentric", "distance")
+    batches = [
+        slice(first, first + caster.batch) for first in range(0, max(len(order), 1), caster.batch)
     ]
-    back = np.empty_like(order)
-    back[order] = np.arange(len(order))
-    joined = [values[back] for values in joined]
-    edges = np.cumsum([0] + [len(r.origins) for r in rays])
-    return [
-        Hits(*(values[a:b] for values in joined))
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    found = Hits.joined([caster.intersect(origins[part], directions[part]) for part in batches])
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    ends = np.cumsum([len(r.origins) for r in rays])
+    return [found[part] for part in np.split(place, ends[:-1])]
 
 
 class _Rays:

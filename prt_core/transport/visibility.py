@@ -1,7 +1,5 @@
 """Visibility: one bit for each point and direction, and the light that the bits let through."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 from prt_core.machine import one_blas_thread
@@ -55,10 +53,8 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
 
     step = max(1, 2 * caster.batch // cube_map.n_directions)
     parts = [slice(first, first + step) for first in range(0, len(origins), step)]
-    threads = caster.threads
-    if threads > 1:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(one, parts))
+    if caster.threads > 1:
+        on_all_cores(one, parts)
     else:
         for part in parts:
             one(part)

@@ -52,6 +52,10 @@ class AgreementSettings:
         How many times points are asked again in the end.
     look_neighbours : int
         Neighbours that must agree then.
+    look_reach : int
+        Entries so many texels from light, or nearer, are traced then, though all neighbours call
+        them dark: light through gaps smaller than the points' distance is there, and no neighbour
+        knows of it.
     look_share : float
         Only objects of whose entries at most this share is traced by then: where more was needed
         points are far apart, and to look again costs much and finds little.
@@ -70,6 +74,7 @@ class AgreementSettings:
     boundaries: bool = False
     looks: int = 1
     look_neighbours: int = 8
+    look_reach: int = 0
     look_share: float = 0.03
     growth: float = 1.5
     seed: int = 0
@@ -77,7 +82,7 @@ class AgreementSettings:
     def __post_init__(self):
         least = {"neighbours": 1, "candidates": self.neighbours, "first": 1, "look_neighbours": 1}
         for name in ("neighbours", "candidates", "checks", "edge_halvings", "first", "looks",
-                     "look_neighbours", "seed"):  # fmt: skip
+                     "look_neighbours", "look_reach", "seed"):  # fmt: skip
             value, low = getattr(self, name), least.get(name, 0)
             expect(
                 isinstance(value, int | np.integer) and value >= low,
@@ -135,7 +140,7 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     ordered = _in_order(scene)
     for turn in range(settings.looks):
         again = ordered[work.cheap(settings.look_share)[ordered]]
-        yield from work.ask(again, ordered, look, None, (_LOOK + turn,))
+        yield from work.ask(again, ordered, look, None, (_LOOK + turn,), settings.look_reach)
     return work.result([len(level) for level in levels])
 
 
@@ -232,10 +237,11 @@ class _Work:
         self._counts[reason] += self._tracer.rays - before
         self._spent("rays", start)
 
-    def ask(self, points, known, settings, halvings, key):
+    def ask(self, points, known, settings, halvings, key, reach=0):
         """One level: what the neighbours say, rays where they disagree, checks, and repair.
 
-        One in 2^halvings of the boundary texels is checked; None: no one is.
+        One in 2^halvings of the boundary texels is checked; None: no one is. Dark entries are
+        checked as far as `reach` texels from light.
         """
         start = time.perf_counter()
         around = self._neighbours.around(
@@ -245,13 +251,13 @@ class _Work:
         for index, first in enumerate(range(0, len(points), _BLOCK)):
             part = slice(first, first + _BLOCK)
             rng = np.random.default_rng([self._seed, _SEED_STAGE, *key, index])
-            yield from self._ask_block(points[part], around[part], settings, halvings, rng)
+            yield from self._ask_block(points[part], around[part], settings, halvings, rng, reach)
             self._tracer.done = len(known) + first
             yield self._tracer.progress()
 
-    def _ask_block(self, points, around, settings, halvings, rng):
+    def _ask_block(self, points, around, settings, halvings, rng, reach):
         checks = self._timed(self._random_entries, points, settings.checks, rng)
-        asked, n_points = Asked(points, checks, self._cube_map.resolution), len(points)
+        asked, n_points = Asked(points, checks, self._cube_map.resolution, reach), len(points)
         everyone = np.arange(n_points)
         self._timed(on_rows, asked.vote, n_points, around, self.above, self.traced, self.bits)
         n_checks = int(count_bits(checks[checks != 0]))

@@ -34,8 +34,9 @@ class Asked:
         What to trace first: the contested entries on a chequerboard, and checks.
     """
 
-    def __init__(self, points, checks, resolution):
-        self.points, self.checks, self.resolution = points, checks, resolution
+    def __init__(self, points, checks, resolution, reach=0):
+        self.points, self.checks = points, checks
+        self.resolution, self.reach = resolution, reach
         for name in ("above", "traced", "bits", "agreed", "said", "contested", "wanted"):
             setattr(self, name, np.empty_like(checks))
 
@@ -55,6 +56,11 @@ class Asked:
         agreed = horizon & (lit ^ dark)
         said &= horizon
         open_entries = horizon & ~agreed & ~done
+        if self.reach:
+            near = said
+            for _ in range(self.reach):
+                near = dilate(near, self.resolution)
+            self.checks[part] |= near & ~said
         self.checks[part] &= agreed & ~done
         every_other = open_entries & chequer(self.resolution)
         self.above[part], self.traced[part], self.agreed[part] = horizon, done, agreed

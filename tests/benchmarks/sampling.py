@@ -48,10 +48,12 @@ from tests.benchmarks.sections import write_section  # noqa: E402
 KEPT = ROOT / "build" / "bench" / "sampling.json"
 CUBE = CubeMap(32)
 CAREFUL = "agreement:neighbours=4,checks=4,edge_halvings=2,looks=2,look_share=1"
+THOROUGH = "agreement:neighbours=4,checks=4,edge_halvings=2,looks=4,look_reach=3,look_share=1"
 METHODS = ("agreement", CAREFUL, "huang")
 CURVE = ("agreement:neighbours=2,looks=0", "agreement",
          "agreement:neighbours=4,checks=4,edge_halvings=3,look_share=1", CAREFUL,
-         "huang:features=60", "huang", "huang:features=700", "huang:columns=hasan",
+         "agreement:neighbours=4,checks=4,edge_halvings=2,looks=3,look_reach=2,look_share=1",
+         THOROUGH, "huang:features=60", "huang", "huang:features=700", "huang:columns=hasan",
          "huang:columns=wang")  # fmt: skip
 # Errors (per cent) of Huang & Ramamoorthi (2010), figures 9 and 10, at about 12 % of the entries.
 PAPER = {("dancer", "model"): 7.43, ("dancer", "ground"): 1.72,

@@ -85,6 +85,20 @@ def test_a_last_look_hears_of_what_others_found(scene, truth):
     np.testing.assert_array_equal(dear.traced, none.traced)
 
 
+def test_a_last_look_finds_light_through_small_gaps():
+    near = [(x, y, 0.3) for x in (-0.42, 0, 0.42) for y in (-0.42, 0, 0.42)]
+    balls = [sphere(6, 0.2, place, name=f"ball {i}") for i, place in enumerate(near)]
+    roof = Scene.from_meshes([plane(41, -1.2, 1.2, name="floor"), *balls])
+    every = visibility_bits(roof, CubeMap(16), caster_of(roof), slice(0, len(roof.points)))
+    floor = roof.points.object_index == 0
+    missed = []
+    for reach in (0, 2):
+        found = sample(roof, look_share=1.0, look_reach=reach, looks=2)
+        assert not ((found.bits ^ every) & found.traced).any()
+        missed.append(int(count_bits((every & ~found.bits)[floor])))
+    assert 0 < missed[1] < missed[0] / 3
+
+
 def test_more_neighbours_leave_a_smaller_error(scene, truth):
     sampled = sample(scene)
     careful = AgreementSettings(neighbours=8, candidates=12, checks=64, edge_halvings=0)
@@ -165,7 +179,15 @@ def test_neighbours_lie_around_and_in_the_same_object():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"neighbours": 0}, {"candidates": 2}, {"checks": -1}, {"growth": 1.0}, {"seed": 1.5}]
+    "wrong",
+    [
+        {"neighbours": 0},
+        {"candidates": 2},
+        {"checks": -1},
+        {"growth": 1.0},
+        {"seed": 1.5},
+        {"look_reach": -1},
+    ],
 )
 def test_settings_are_checked(wrong):
     with pytest.raises(PRTError, match=next(iter(wrong))):

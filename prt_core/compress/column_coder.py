@@ -34,7 +34,7 @@ class ColumnCoder:
 
     Parameters
     ----------
-    transform : ImageWavelet or PointHaar
+    transform : ImageWavelet, PointHaar or PointMultiwavelet
     least, most : int
         Depths that are allowed.
     bits : int or None

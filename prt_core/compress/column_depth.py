@@ -13,7 +13,7 @@ def transform_to_best(transform, columns, limit, least=0, most=None):
 
     Parameters
     ----------
-    transform : ImageWavelet or PointHaar
+    transform : ImageWavelet, PointHaar or PointMultiwavelet
     columns : (m, n) float32, in the order of the transform
         Their coefficients, afterwards.
     limit : float

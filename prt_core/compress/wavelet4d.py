@@ -10,7 +10,14 @@ from itertools import groupby
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, wavelet_rows
+from prt_core.basis import (
+    ORTHONORMAL,
+    ImageWavelet,
+    PointHaar,
+    PointMultiwavelet,
+    haar_areas,
+    wavelet_rows,
+)
 from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.columns import transposed_steps
@@ -36,9 +43,10 @@ class Wavelet4D(Compressor):
 
     Parameters
     ----------
-    columns : ImageWavelet or PointHaar, optional
+    columns : ImageWavelet, PointMultiwavelet or PointHaar, optional
         The transform of columns: an image's wavelet where the points are its pixels in reading
-        order, the points' own hierarchy on any mesh. Default: none, which leaves `mode` "2d".
+        order, one on the points' own hierarchy on any mesh. Default: none, which leaves `mode`
+        "2d".
     rows : {"haar", "d4", "d6", "d8"}
         The transform of rows on cube map faces.
     error : float
@@ -202,11 +210,11 @@ class Wavelet4D(Compressor):
 
     @property
     def nbytes(self):
-        """Of the columns (places, values, sizes, counts, names), the order of the points, the
-        weights of the wavelets and the gain."""
+        """Of the columns (places, values, sizes, counts, names), the order and features of the
+        points, the weights of the wavelets and the gain."""
         self._expect_fitted()
         result = sum(packed.nbytes for _, packed in self._groups)
-        result += 4 * self.n_points_ if isinstance(self._transform, PointHaar) else 0
+        result += sum(array.nbytes for array in _points_state(self._transform).values())
         result += 4 * self.n_directions_ if self.n_terms is not None else 0
         return result + (0 if self.gain_ is None else self.gain_.nbytes)
 
@@ -287,9 +295,10 @@ class Wavelet4D(Compressor):
             "importance": self.importance_.astype(np.float32),
             "mixed": self._mixed.astype(np.float32),
             **groups_state(self._groups),
+            **_points_state(self._transform),
         }
         if isinstance(self._transform, PointHaar):
-            return {**state, "order": self._order.astype(np.int32)}
+            return state
         return {**state, "image": [*map(int, self._transform.shape), self._transform.wavelet]}
 
     def _restore(self, state):
@@ -297,8 +306,7 @@ class Wavelet4D(Compressor):
         self.limit_ = value_of(state, "limit", float)
         expect_state(self.bits is None or self.bits in range(2, 17), "'bits' is out of range")
         if "order" in state:
-            order = array_of(state, "order", (self.n_points_,), "int32", self.n_points_)
-            self.columns = PointHaar.from_order(order)
+            self.columns = _points_transform(state, self.n_points_)
         else:
             self.columns = value_of(state, "image", _image_wavelet)
             expect_state(self.columns.n == self.n_points_, "'image' has another size")
@@ -312,6 +320,29 @@ class Wavelet4D(Compressor):
         deepest = max((depth for depth, _ in self._groups), default=0)
         expect_state(deepest <= self._transform.depth, "'groups' are too deep")
         self._count(n_columns)
+
+
+def _points_state(transform):
+    """The arrays that tell a transform on points; none for images."""
+    state = {}
+    if isinstance(transform, PointHaar):
+        state["order"] = transform.order.astype(_index_type(transform.n))
+    if isinstance(transform, PointMultiwavelet):
+        state["features"] = transform.features
+    return state
+
+
+def _points_transform(state, n_points):
+    """The transform of a `_points_state`."""
+    order = array_of(state, "order", (n_points,), _index_type(n_points), n_points)
+    if "features" not in state:
+        return PointHaar.from_order(order)
+    features = array_of(state, "features", (n_points, None), "int8")
+    return PointMultiwavelet.from_order(order, features)
+
+
+def _index_type(n):
+    return np.uint16 if n <= 1 << 16 else np.int32
 
 
 def _image_wavelet(words):

@@ -329,6 +329,7 @@ def _points_state(transform):
         state["order"] = transform.order.astype(_index_type(transform.n))
     if isinstance(transform, PointMultiwavelet):
         state["features"] = transform.features
+        state["check"] = np.array([transform.check()])
     return state
 
 
@@ -338,7 +339,10 @@ def _points_transform(state, n_points):
     if "features" not in state:
         return PointHaar.from_order(order)
     features = array_of(state, "features", (n_points, None), "int8")
-    return PointMultiwavelet.from_order(order, features)
+    transform = PointMultiwavelet.from_order(order, features)
+    found, check = transform.check(), array_of(state, "check", (1,), "float64")[0]
+    expect_state(abs(found - check) < 1e-5, f"a basis came out as {found}, expected {check}")
+    return transform
 
 
 def _index_type(n):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.basis import ImageWavelet, PointHaar
+from prt_core.basis import ImageWavelet, PointHaar, PointMultiwavelet
 from prt_core.compress import ArrayRows, TransportRows, Wavelet4D
 from prt_core.compress.column_depth import invert_from, transform_to_best
 from prt_core.compress.columns import transposed_steps
@@ -32,7 +32,8 @@ def grey(matrix):
 
 @pytest.fixture(scope="module")
 def hierarchy(scene):
-    return PointHaar(scene.points.positions, scene.points.normals, scene.points.object_index)
+    points = scene.points
+    return PointMultiwavelet(points.positions, points.normals, points.object_index)
 
 
 def restored(model):
@@ -88,7 +89,7 @@ def test_rate_and_distortion_are_monotone(grey, hierarchy):
 def test_a_budget_is_kept_and_used(grey, hierarchy):
     small = Wavelet4D(hierarchy, nbytes_wanted=20_000).fit(grey)
     large = Wavelet4D(hierarchy, nbytes_wanted=40_000).fit(grey)
-    extra = 2 * grey.n_points
+    extra = 2 * grey.n_points + hierarchy.features.nbytes + 8
     for model, budget in ((small, 20_000), (large, 40_000)):
         assert 0.95 * budget < model.nbytes - extra <= budget
     assert large.matrix_error_ < 0.9 * small.matrix_error_
@@ -143,10 +144,11 @@ def test_fewer_wavelets_of_the_light_come_nearer_with_more(rows, hierarchy, ligh
     assert errors == sorted(errors, reverse=True) and 0 < errors[-1] < 0.2 * errors[0]
 
 
-@pytest.mark.parametrize("columns", ["points", "image"])
+@pytest.mark.parametrize("columns", ["points", "haar", "image"])
 def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
-    if columns == "points":
-        model = Wavelet4D(hierarchy, error=0.05).fit(rows)
+    if columns != "image":
+        transform = hierarchy if columns == "points" else PointHaar.from_order(hierarchy.order)
+        model = Wavelet4D(transform, error=0.05).fit(rows)
     else:
         some = np.ascontiguousarray(matrix[:64])
         model = Wavelet4D(ImageWavelet((8, 8), "5/3"), error=0.05, bits=None)
@@ -163,6 +165,16 @@ def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
     ):
         with pytest.raises(PRTError):
             Wavelet4D.from_state({**state, name: broken})
+    if columns == "points":
+        assert state["order"].dtype == np.uint16 and state["features"].dtype == np.int8
+        with pytest.raises(PRTError, match="basis"):
+            Wavelet4D.from_state({**state, "features": state["features"][::-1].copy()})
+
+
+def test_light_needs_fewer_bytes_where_the_basis_knows_the_normals(rows, hierarchy):
+    haar = PointHaar.from_order(hierarchy.order)
+    sizes = [Wavelet4D(columns, error=0.05).fit(rows).nbytes for columns in (hierarchy, haar)]
+    assert sizes[0] < 0.95 * sizes[1]
 
 
 def test_the_same_seed_gives_the_same_bytes(grey, hierarchy):

@@ -32,8 +32,10 @@ class PointMultiwavelet(PointHaar):
 
     Attributes
     ----------
+    haar : PointHaar
+        On the same tree: what changes abruptly everywhere is sparser there.
     features : (n, k) int8
-        What is kept of the normals (times 127) and of the positions (in 255ths of the longest
+        What is kept of the normals (times 127) and of the positions (in 254ths of the longest
         side) to make the basis anew; what is the same at all points is left out.
     """
 
@@ -51,8 +53,7 @@ class PointMultiwavelet(PointHaar):
     @classmethod
     def from_order(cls, order, features):
         """The transform that has these leaves and features, as it was."""
-        order = PointHaar.from_order(order).order
-        features = np.asarray(features)
+        order, features = np.asarray(order, np.int64), np.asarray(features)
         expect(
             features.ndim == 2 and features.dtype == np.int8 and len(features) == len(order),
             f"features: expected ({len(order)}, k) int8, got {features.shape} {features.dtype}",
@@ -68,6 +69,7 @@ class PointMultiwavelet(PointHaar):
 
     def _plant(self, order, features):
         self.n, self.order, self.features = len(order), order, features
+        self.haar = PointHaar.from_order(order)
         self.depth = max(self.n - 1, 0).bit_length()
         self._sizes, self._turns = [self.n], []
         moments = np.insert(features[order].astype(np.float64), 0, 1.0, axis=1)[:, None]

@@ -2,7 +2,8 @@
 
 Rows are transformed over directions, columns over points. A column of a large wavelet light is a
 smooth picture and is transformed deeply; that of a small one is sparse already and would only
-grow. Each column stops at the depth that needs the fewest terms.
+grow. Each column stops at the depth that needs the fewest terms; on a mesh it also takes the better
+of two transforms, told by the sign of its depth.
 """
 
 from itertools import groupby
@@ -179,6 +180,9 @@ class Wavelet4D(Compressor):
 
     def _prepare(self, n_points, mixed):
         self._transform = self.columns or ImageWavelet((1, n_points))
+        if self.mode == "2d":
+            # Without steps the order is all that counts.
+            self._transform = getattr(self._transform, "haar", self._transform)
         self._order = getattr(self._transform, "order", np.arange(n_points))
         self._mixed = mixed
         return self._order
@@ -205,7 +209,7 @@ class Wavelet4D(Compressor):
     def _count(self, n_columns):
         self.depths_, self.counts_ = np.zeros(n_columns, int), np.zeros(n_columns, int)
         for depth, packed in self._groups:
-            self.depths_[packed.names], self.counts_[packed.names] = depth, packed.counts
+            self.depths_[packed.names], self.counts_[packed.names] = abs(depth), packed.counts
         self.n_coefficients_ = int(self.counts_.sum())
 
     @property
@@ -243,22 +247,31 @@ class Wavelet4D(Compressor):
     def _relight(self, light):
         coefficients = self.choose(light)
         weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
-        picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
-        # Equation 8: deepest columns first, one inverse step between two depths.
-        at = 0
-        for depth, product in self._products(weights):
-            self._invert(picture, at, depth)
-            picture += product
-            at = depth
-        self._invert(picture, at, 0)
+        groups = [group for group in self._groups if group[0] >= 0]
+        picture = self._picture(weights, self._transform, groups)
+        plain = [(-depth, packed) for depth, packed in self._groups if depth < 0]
+        if plain:
+            picture += self._picture(weights, self._transform.haar, plain)
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
         result[self._order] = picture.T
         return result if self.gain_ is None else result * self.gain_
 
-    def _products(self, weights):
+    def _picture(self, weights, transform, groups):
+        """(n_channels, n_points) sum of the columns of some (depth, columns), transformed back."""
+        picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
+        # Equation 8: deepest columns first, one inverse step between two depths.
+        at = 0
+        for depth, product in self._products(weights, transform, groups):
+            _invert(transform, picture, at, depth)
+            picture += product
+            at = depth
+        _invert(transform, picture, at, 0)
+        return picture
+
+    def _products(self, weights, transform, groups):
         """(depth, (n_channels, n_points)) columns times their weights, the deepest first."""
         pieces = []
-        for depth, packed in sorted(self._groups, key=lambda group: -group[0]):
+        for depth, packed in sorted(groups, key=lambda group: -group[0]):
             light = weights[packed.names] * packed.sizes[:, None]
             some = np.flatnonzero(light.any(axis=1))
             pieces += [
@@ -275,16 +288,12 @@ class Wavelet4D(Compressor):
                 matrix.data *= np.abs(matrix.data)
             product = np.ascontiguousarray((matrix @ light).T)
             if self.bits is not None and self.scaling == "levels":
-                product *= np.exp2(-self._transform.scales(depth).astype(np.float32))
+                product *= np.exp2(-transform.scales(depth).astype(np.float32))
             yield depth, product
-
-    def _invert(self, picture, before, after):
-        for level in range(before - 1, after - 1, -1):
-            self._transform.inverse_step(picture, level)
 
     def state(self):
         state = super().state()
-        # The transform of columns is told by the order of the points, or by the image's size.
+        # The transform of columns is told by `_points_state`, or by the image's size.
         state["params"] = {key: v for key, v in state["params"].items() if key != "columns"}
         return state
 
@@ -317,9 +326,18 @@ class Wavelet4D(Compressor):
         self._groups = value_of(
             state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
         )
-        deepest = max((depth for depth, _ in self._groups), default=0)
-        expect_state(deepest <= self._transform.depth, "'groups' are too deep")
+        depths = [depth for depth, _ in self._groups]
+        least = -self._transform.depth if hasattr(self._transform, "haar") else 0
+        expect_state(
+            all(least <= depth <= self._transform.depth for depth in depths),
+            "'groups' are too deep",
+        )
         self._count(n_columns)
+
+
+def _invert(transform, picture, before, after):
+    for level in range(before - 1, after - 1, -1):
+        transform.inverse_step(picture, level)
 
 
 def _points_state(transform):

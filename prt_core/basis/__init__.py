@@ -2,6 +2,7 @@
 
 from prt_core.basis.haar import haar_areas, haar_forward, haar_inverse, haar_levels, haar_rows
 from prt_core.basis.point_haar import PointHaar
+from prt_core.basis.point_multiwavelet import PointMultiwavelet
 from prt_core.basis.spherical_harmonics import harmonics, rotation_of_harmonics, texel_harmonics
 from prt_core.basis.wavelets import ORTHONORMAL, WAVELETS, ImageWavelet, wavelet_rows
 
@@ -10,6 +11,7 @@ __all__ = [
     "WAVELETS",
     "ImageWavelet",
     "PointHaar",
+    "PointMultiwavelet",
     "haar_areas",
     "haar_forward",
     "haar_inverse",

@@ -42,7 +42,8 @@ class PointHaar:
         size = np.ptp(positions, axis=0).max(initial=0) or 1.0
         features = [positions / size]
         if normals is not None:
-            features.append(_NORMAL_SHARE * np.asarray(normals, np.float64))
+            normals = expect_array("normals", normals, (n, 3), np.float64)
+            features.append(_NORMAL_SHARE * normals)
         if groups is not None:
             features.append(2.0 * np.asarray(groups, np.float64)[:, None])
         depth = max(n - 1, 0).bit_length()
@@ -125,19 +126,19 @@ class PointHaar:
 
 
 def _tree_order(features, depth):
-    """Leaves from left to right: nodes of 2^k leaves are halved along their longest axis."""
-    order = np.arange(len(features))
-    pending = [(0, len(features), depth)]
-    while pending:
-        first, stop, level = pending.pop()
-        half = 1 << (level - 1) if level else 1
-        if stop - first < 2 or level == 0:
-            continue
-        if stop - first > half:
-            here = order[first:stop]
-            some = features[here]
-            axis = np.ptp(some, axis=0).argmax()
-            order[first:stop] = here[np.argsort(some[:, axis], kind="stable")]
-            pending.append((first + half, stop, level - 1))
-        pending.append((first, min(first + half, stop), level - 1))
+    """Leaves from left to right: nodes of 2^k leaves are halved across their principal axis."""
+    n = len(features)
+    order = np.arange(n)
+    for level in range(depth, 1, -1):
+        whole = n >> level << level
+        # All nodes of a level at once, then the last one, if it has fewer leaves.
+        for nodes in (order[:whole].reshape(-1, 1 << level), order[None, whole:]):
+            if nodes.shape[1] > 1 << (level - 1):
+                some = features[nodes]
+                some -= some.mean(axis=1, keepdims=True)
+                axes = np.linalg.eigh(some.swapaxes(1, 2) @ some)[1][:, :, -1:]
+                largest = np.abs(axes).argmax(axis=1)[:, None]
+                axes *= np.sign(np.take_along_axis(axes, largest, axis=1))
+                along = (some @ axes)[:, :, 0]
+                nodes[:] = np.take_along_axis(nodes, along.argsort(axis=1, kind="stable"), axis=1)
     return order

@@ -5,7 +5,11 @@ from functools import cache
 
 import numpy as np
 
-from prt_core.compress.column_depth import invert_from, transform_to_best
+from prt_core.compress.column_depth import (
+    invert_from,
+    transform_to_best,
+    transform_to_better,
+)
 from prt_core.compress.limit_search import LimitSearch
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.quantise import dequantise, quantise
@@ -19,7 +23,10 @@ _SAMPLE, _SAMPLE_ENTRIES = 240, 1 << 24
 
 @dataclass
 class Column:
-    """Terms of one column: places (sorted) and values, times `size` if they are integers."""
+    """Terms of one column: places (sorted) and values, times `size` if they are integers.
+
+    A depth below zero counts steps of the transform's `haar`.
+    """
 
     name: int
     depth: int
@@ -34,7 +41,7 @@ class ColumnCoder:
 
     Parameters
     ----------
-    transform : ImageWavelet or PointHaar
+    transform : ImageWavelet, PointHaar or PointMultiwavelet
     least, most : int
         Depths that are allowed.
     bits : int or None
@@ -50,12 +57,15 @@ class ColumnCoder:
         self.transform, self.least, self.most = transform, least, most
         self.bits, self.scaling, self.dither = bits, scaling, dither
         self.memory, self.seed = memory, seed
-        self._levels, self._weights = cache(transform.scales), cache(transform.weights)
+        self._levels, self._weights = cache(self._scales), cache(transform.weights)
 
     def encode(self, names, columns, limit):
         """A `Column` for each of (m, n_points) columns, which are overwritten."""
-        transform = self.transform
-        depths = transform_to_best(transform, columns, limit, self.least, self.most)
+        transform, allowed = self.transform, (self.least, self.most)
+        if self.least < self.most and hasattr(transform, "haar"):
+            depths = transform_to_better(transform, transform.haar, columns, limit, *allowed)
+        else:
+            depths, _ = transform_to_best(transform, columns, limit, *allowed)
         found = []
         for name, column, depth in zip(names, columns, depths, strict=True):
             squares = column * column
@@ -78,6 +88,10 @@ class ColumnCoder:
             column.lost = float(np.einsum("p,p->", left, left, dtype=np.float64))
         return found
 
+    def _scales(self, depth):
+        transform = self.transform.haar if depth < 0 else self.transform
+        return transform.scales(abs(depth))
+
     def all_steps(self, file, limit):
         """All columns of a `ColumnFile`; a generator of `Progress`.
 
@@ -94,7 +108,7 @@ class ColumnCoder:
         # A column with less energy than the smallest term has no term.
         some = np.flatnonzero(file.energies > limit * (1 if self.transform.orthonormal else 0.25))
         lost = total - file.energies[some].sum()
-        per = int(np.clip(self.memory / (96 * n_points), 1, 16))
+        per = int(np.clip(self.memory / (160 * n_points), 1, 16))
 
         def read():
             for first in range(0, len(some), per):

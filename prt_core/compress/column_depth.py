@@ -13,7 +13,7 @@ def transform_to_best(transform, columns, limit, least=0, most=None):
 
     Parameters
     ----------
-    transform : ImageWavelet or PointHaar
+    transform : ImageWavelet, PointHaar or PointMultiwavelet
     columns : (m, n) float32, in the order of the transform
         Their coefficients, afterwards.
     limit : float
@@ -23,8 +23,10 @@ def transform_to_best(transform, columns, limit, least=0, most=None):
 
     Returns
     -------
-    (m,) int
-        The depths. All of them are tried, for the gain need not fall with every step.
+    depths : (m,) int
+        All of them are tried, for the gain need not fall with every step.
+    costs : (m,) float64
+        `error + limit * terms` of each column.
     """
     most = transform.depth if most is None else most
     details, costs, heads = 0.0, [], []
@@ -49,7 +51,30 @@ def transform_to_best(transform, columns, limit, least=0, most=None):
         mine = np.flatnonzero(depths == depth)
         if len(mine):
             transform.head(columns, depth)[mine] = heads[depth][mine]
-    return depths
+    return depths, costs.min(axis=0)
+
+
+def transform_to_better(one, other, columns, limit, least=0, most=None):
+    """Each column by the better of two orthonormal transforms, in place.
+
+    Parameters
+    ----------
+    one, other : PointMultiwavelet, PointHaar
+        Of the same order.
+    columns, limit, least, most
+        See `transform_to_best`.
+
+    Returns
+    -------
+    (m,) int
+        The depths; below zero where it is the other transform.
+    """
+    again = columns.copy()
+    depths, costs = transform_to_best(one, columns, limit, least, most)
+    others, other_costs = transform_to_best(other, again, limit, least, most)
+    better = other_costs < (1 - 1e-6) * costs
+    columns[better] = again[better]
+    return np.where(better, -others, depths)
 
 
 def invert_from(transform, coefficients, depths):

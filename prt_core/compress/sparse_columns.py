@@ -171,7 +171,6 @@ def unpack_groups(state, n_rows, n_names, bits):
         return state[name][first : first + int(count)]
 
     for depth, word, n_columns in heads:
-        expect(depth >= 0, f"depth: {depth}")
         expect(word in _WORDS and word > (bits or 0) and n_columns >= 0, f"word: {word} bits")
         own = {name: take(name, n_columns) for name in ("names", "counts", "sizes")}
         counts = own["counts"]

@@ -1,6 +1,6 @@
 """The methods of this library by name, each with its ladder from small to near."""
 
-from prt_core.basis import PointHaar
+from prt_core.basis import PointMultiwavelet
 from prt_core.compress.clustered_pca import ClusteredPCA
 from prt_core.compress.haar_lighting import HaarLighting
 from prt_core.compress.harmonics import Harmonics
@@ -38,7 +38,7 @@ def _vectors(task):
 
 
 def _wavelets(task):
-    columns = PointHaar(task.positions, task.normals, task.groups)
+    columns = PointMultiwavelet(task.positions, task.normals, task.groups)
     return [Wavelet4D(columns, error=error, bits=bits, seed=task.seed) for error, bits in _WAVELETS]
 
 

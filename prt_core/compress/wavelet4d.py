@@ -2,7 +2,8 @@
 
 Rows are transformed over directions, columns over points. A column of a large wavelet light is a
 smooth picture and is transformed deeply; that of a small one is sparse already and would only
-grow. Each column stops at the depth that needs the fewest terms.
+grow. Each column stops at the depth that needs the fewest terms; on a mesh it also takes the better
+of two transforms, told by the sign of its depth.
 """
 
 from itertools import groupby
@@ -10,7 +11,14 @@ from itertools import groupby
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.basis import ORTHONORMAL, ImageWavelet, PointHaar, haar_areas, wavelet_rows
+from prt_core.basis import (
+    ORTHONORMAL,
+    ImageWavelet,
+    PointHaar,
+    PointMultiwavelet,
+    haar_areas,
+    wavelet_rows,
+)
 from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.columns import transposed_steps
@@ -36,9 +44,10 @@ class Wavelet4D(Compressor):
 
     Parameters
     ----------
-    columns : ImageWavelet or PointHaar, optional
+    columns : ImageWavelet, PointMultiwavelet or PointHaar, optional
         The transform of columns: an image's wavelet where the points are its pixels in reading
-        order, the points' own hierarchy on any mesh. Default: none, which leaves `mode` "2d".
+        order, one on the points' own hierarchy on any mesh. Default: none, which leaves `mode`
+        "2d".
     rows : {"haar", "d4", "d6", "d8"}
         The transform of rows on cube map faces.
     error : float
@@ -171,6 +180,9 @@ class Wavelet4D(Compressor):
 
     def _prepare(self, n_points, mixed):
         self._transform = self.columns or ImageWavelet((1, n_points))
+        if self.mode == "2d":
+            # Without steps the order is all that counts.
+            self._transform = getattr(self._transform, "haar", self._transform)
         self._order = getattr(self._transform, "order", np.arange(n_points))
         self._mixed = mixed
         return self._order
@@ -197,16 +209,16 @@ class Wavelet4D(Compressor):
     def _count(self, n_columns):
         self.depths_, self.counts_ = np.zeros(n_columns, int), np.zeros(n_columns, int)
         for depth, packed in self._groups:
-            self.depths_[packed.names], self.counts_[packed.names] = depth, packed.counts
+            self.depths_[packed.names], self.counts_[packed.names] = abs(depth), packed.counts
         self.n_coefficients_ = int(self.counts_.sum())
 
     @property
     def nbytes(self):
-        """Of the columns (places, values, sizes, counts, names), the order of the points, the
-        weights of the wavelets and the gain."""
+        """Of the columns (places, values, sizes, counts, names), the order and features of the
+        points, the weights of the wavelets and the gain."""
         self._expect_fitted()
         result = sum(packed.nbytes for _, packed in self._groups)
-        result += 4 * self.n_points_ if isinstance(self._transform, PointHaar) else 0
+        result += sum(array.nbytes for array in _points_state(self._transform).values())
         result += 4 * self.n_directions_ if self.n_terms is not None else 0
         return result + (0 if self.gain_ is None else self.gain_.nbytes)
 
@@ -235,22 +247,31 @@ class Wavelet4D(Compressor):
     def _relight(self, light):
         coefficients = self.choose(light)
         weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
-        picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
-        # Equation 8: deepest columns first, one inverse step between two depths.
-        at = 0
-        for depth, product in self._products(weights):
-            self._invert(picture, at, depth)
-            picture += product
-            at = depth
-        self._invert(picture, at, 0)
+        groups = [group for group in self._groups if group[0] >= 0]
+        picture = self._picture(weights, self._transform, groups)
+        plain = [(-depth, packed) for depth, packed in self._groups if depth < 0]
+        if plain:
+            picture += self._picture(weights, self._transform.haar, plain)
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
         result[self._order] = picture.T
         return result if self.gain_ is None else result * self.gain_
 
-    def _products(self, weights):
+    def _picture(self, weights, transform, groups):
+        """(n_channels, n_points) sum of the columns of some (depth, columns), transformed back."""
+        picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
+        # Equation 8: deepest columns first, one inverse step between two depths.
+        at = 0
+        for depth, product in self._products(weights, transform, groups):
+            _invert(transform, picture, at, depth)
+            picture += product
+            at = depth
+        _invert(transform, picture, at, 0)
+        return picture
+
+    def _products(self, weights, transform, groups):
         """(depth, (n_channels, n_points)) columns times their weights, the deepest first."""
         pieces = []
-        for depth, packed in sorted(self._groups, key=lambda group: -group[0]):
+        for depth, packed in sorted(groups, key=lambda group: -group[0]):
             light = weights[packed.names] * packed.sizes[:, None]
             some = np.flatnonzero(light.any(axis=1))
             pieces += [
@@ -267,16 +288,12 @@ class Wavelet4D(Compressor):
                 matrix.data *= np.abs(matrix.data)
             product = np.ascontiguousarray((matrix @ light).T)
             if self.bits is not None and self.scaling == "levels":
-                product *= np.exp2(-self._transform.scales(depth).astype(np.float32))
+                product *= np.exp2(-transform.scales(depth).astype(np.float32))
             yield depth, product
-
-    def _invert(self, picture, before, after):
-        for level in range(before - 1, after - 1, -1):
-            self._transform.inverse_step(picture, level)
 
     def state(self):
         state = super().state()
-        # The transform of columns is told by the order of the points, or by the image's size.
+        # The transform of columns is told by `_points_state`, or by the image's size.
         state["params"] = {key: v for key, v in state["params"].items() if key != "columns"}
         return state
 
@@ -287,9 +304,10 @@ class Wavelet4D(Compressor):
             "importance": self.importance_.astype(np.float32),
             "mixed": self._mixed.astype(np.float32),
             **groups_state(self._groups),
+            **_points_state(self._transform),
         }
         if isinstance(self._transform, PointHaar):
-            return {**state, "order": self._order.astype(np.int32)}
+            return state
         return {**state, "image": [*map(int, self._transform.shape), self._transform.wavelet]}
 
     def _restore(self, state):
@@ -297,8 +315,7 @@ class Wavelet4D(Compressor):
         self.limit_ = value_of(state, "limit", float)
         expect_state(self.bits is None or self.bits in range(2, 17), "'bits' is out of range")
         if "order" in state:
-            order = array_of(state, "order", (self.n_points_,), "int32", self.n_points_)
-            self.columns = PointHaar.from_order(order)
+            self.columns = _points_transform(state, self.n_points_)
         else:
             self.columns = value_of(state, "image", _image_wavelet)
             expect_state(self.columns.n == self.n_points_, "'image' has another size")
@@ -309,9 +326,45 @@ class Wavelet4D(Compressor):
         self._groups = value_of(
             state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
         )
-        deepest = max((depth for depth, _ in self._groups), default=0)
-        expect_state(deepest <= self._transform.depth, "'groups' are too deep")
+        depths = [depth for depth, _ in self._groups]
+        least = -self._transform.depth if hasattr(self._transform, "haar") else 0
+        expect_state(
+            all(least <= depth <= self._transform.depth for depth in depths),
+            "'groups' are too deep",
+        )
         self._count(n_columns)
+
+
+def _invert(transform, picture, before, after):
+    for level in range(before - 1, after - 1, -1):
+        transform.inverse_step(picture, level)
+
+
+def _points_state(transform):
+    """The arrays that tell a transform on points; none for images."""
+    state = {}
+    if isinstance(transform, PointHaar):
+        state["order"] = transform.order.astype(_index_type(transform.n))
+    if isinstance(transform, PointMultiwavelet):
+        state["features"] = transform.features
+        state["check"] = np.array([transform.check()])
+    return state
+
+
+def _points_transform(state, n_points):
+    """The transform of a `_points_state`."""
+    order = array_of(state, "order", (n_points,), _index_type(n_points), n_points)
+    if "features" not in state:
+        return PointHaar.from_order(order)
+    features = array_of(state, "features", (n_points, None), "int8")
+    transform = PointMultiwavelet.from_order(order, features)
+    found, check = transform.check(), array_of(state, "check", (1,), "float64")[0]
+    expect_state(abs(found - check) < 1e-5, f"a basis came out as {found}, expected {check}")
+    return transform
+
+
+def _index_type(n):
+    return np.uint16 if n <= 1 << 16 else np.int32
 
 
 def _image_wavelet(words):

@@ -30,7 +30,7 @@ sys.path[:0] = [str(ROOT)]
 import prt_core  # noqa: E402
 from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
 from prt_core.bake_image import image_steps  # noqa: E402
-from prt_core.basis import WAVELETS, ImageWavelet, PointHaar, haar_areas  # noqa: E402
+from prt_core.basis import WAVELETS, ImageWavelet, PointMultiwavelet, haar_areas  # noqa: E402
 from prt_core.compress import ImageRows, Rows, TransportRows, Wavelet4D  # noqa: E402
 from prt_core.compress.column_coder import ColumnCoder  # noqa: E402
 from prt_core.compress.sparse_columns import column_bytes  # noqa: E402
@@ -99,7 +99,8 @@ def prepared(scene, item):
     mine = np.arange(len(points))
     if item != "all":
         mine = np.flatnonzero(points.object_index == names.index(item))
-    columns = PointHaar(points.positions[mine], points.normals[mine], points.object_index[mine])
+    place = points.positions[mine], points.normals[mine], points.object_index[mine]
+    columns = PointMultiwavelet(*place)
     rows = TransportRows(bake.transport)
     run(rows.prepare_steps())
     return bake, mine, SomeRows(rows, mine), columns
@@ -174,7 +175,7 @@ def image(name, kind, size, *errors):
     place = [shown.pixels(a).reshape(-1, 3) for a in (points.positions, points.normals)]
     orders = (
         {name: ImageWavelet(shape, name) for name in WAVELETS},
-        {"hierarchy": PointHaar(*place)},
+        {"hierarchy": PointMultiwavelet(*place)},
     )
     kept_rows = path.with_suffix(".image.json")
     found = json.loads(kept_rows.read_text()) if kept_rows.exists() else []
@@ -194,7 +195,7 @@ def image(name, kind, size, *errors):
                             continue
                         model = Wavelet4D(transform, error=error, mode=mode)
                         run(model.fit_columns_steps(rows, file))
-                        # The order of the pixels is that of the image, or 4 bytes each.
+                        # The order of the pixels is that of the image, or counted.
                         row = name, mode, model.nbytes, model.n_coefficients_, model.matrix_error_
                         found.append((*row, error))
                         print(path.stem, *row, flush=True)

@@ -2,9 +2,13 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.basis import ImageWavelet, PointHaar
+from prt_core.basis import ImageWavelet, PointHaar, PointMultiwavelet
 from prt_core.compress import ArrayRows, TransportRows, Wavelet4D
-from prt_core.compress.column_depth import invert_from, transform_to_best
+from prt_core.compress.column_depth import (
+    invert_from,
+    transform_to_best,
+    transform_to_better,
+)
 from prt_core.compress.columns import transposed_steps
 from prt_core.compress.limit_search import LimitSearch
 from prt_core.compress.quantise import dequantise, quantise
@@ -32,7 +36,8 @@ def grey(matrix):
 
 @pytest.fixture(scope="module")
 def hierarchy(scene):
-    return PointHaar(scene.points.positions, scene.points.normals, scene.points.object_index)
+    points = scene.points
+    return PointMultiwavelet(points.positions, points.normals, points.object_index)
 
 
 def restored(model):
@@ -88,7 +93,7 @@ def test_rate_and_distortion_are_monotone(grey, hierarchy):
 def test_a_budget_is_kept_and_used(grey, hierarchy):
     small = Wavelet4D(hierarchy, nbytes_wanted=20_000).fit(grey)
     large = Wavelet4D(hierarchy, nbytes_wanted=40_000).fit(grey)
-    extra = 4 * grey.n_points
+    extra = 2 * grey.n_points + hierarchy.features.nbytes + 8
     for model, budget in ((small, 20_000), (large, 40_000)):
         assert 0.95 * budget < model.nbytes - extra <= budget
     assert large.matrix_error_ < 0.9 * small.matrix_error_
@@ -143,10 +148,11 @@ def test_fewer_wavelets_of_the_light_come_nearer_with_more(rows, hierarchy, ligh
     assert errors == sorted(errors, reverse=True) and 0 < errors[-1] < 0.2 * errors[0]
 
 
-@pytest.mark.parametrize("columns", ["points", "image"])
+@pytest.mark.parametrize("columns", ["points", "haar", "image"])
 def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
-    if columns == "points":
-        model = Wavelet4D(hierarchy, error=0.05).fit(rows)
+    if columns != "image":
+        transform = hierarchy if columns == "points" else PointHaar.from_order(hierarchy.order)
+        model = Wavelet4D(transform, error=0.05).fit(rows)
     else:
         some = np.ascontiguousarray(matrix[:64])
         model = Wavelet4D(ImageWavelet((8, 8), "5/3"), error=0.05, bits=None)
@@ -163,6 +169,21 @@ def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
     ):
         with pytest.raises(PRTError):
             Wavelet4D.from_state({**state, name: broken})
+    if columns == "points":
+        assert state["order"].dtype == np.uint16 and state["features"].dtype == np.int8
+        # Both transforms are in use.
+        assert state["groups"][:, 0].min() < 0 < state["groups"][:, 0].max()
+        for deep in (20, -20):
+            with pytest.raises(PRTError, match="deep"):
+                Wavelet4D.from_state({**state, "groups": state["groups"] * np.int32([deep, 1, 1])})
+        with pytest.raises(PRTError, match="basis"):
+            Wavelet4D.from_state({**state, "features": state["features"][::-1].copy()})
+
+
+def test_light_needs_fewer_bytes_where_the_basis_knows_the_normals(rows, hierarchy):
+    haar = PointHaar.from_order(hierarchy.order)
+    sizes = [Wavelet4D(columns, error=0.05).fit(rows).nbytes for columns in (hierarchy, haar)]
+    assert sizes[0] < 0.95 * sizes[1]
 
 
 def test_the_same_seed_gives_the_same_bytes(grey, hierarchy):
@@ -206,7 +227,7 @@ def test_each_column_stops_at_its_best_depth(transform):
     smooth, spike = np.ones(transform.n), np.eye(transform.n)[5]
     columns = np.stack([smooth, spike, smooth + 5 * spike]).astype(np.float32)
     coefficients = columns.copy()
-    depths = transform_to_best(transform, coefficients, 1e-3)
+    depths, _ = transform_to_best(transform, coefficients, 1e-3)
     assert depths[0] == transform.depth and depths[1] == 0 < depths[2]
     # By trying all of them one after another.
     for column, depth in zip(columns, depths, strict=True):
@@ -219,6 +240,22 @@ def test_each_column_stops_at_its_best_depth(transform):
             costs.append(np.minimum(work**2 * weight, 1e-3).sum())
         assert depth == np.argmax(costs <= min(costs) * (1 + 1e-5))
     np.testing.assert_allclose(invert_from(transform, coefficients, depths), columns, atol=1e-5)
+
+
+def test_each_column_takes_the_transform_that_is_better_for_it(scene, light):
+    points = scene.points
+    transform = PointMultiwavelet(points.positions, points.normals)
+    normals, n = points.normals[transform.order], transform.n
+    lit = np.maximum(0.8 + 0.3 * normals @ RNG.standard_normal((3, 4)), 0).T
+    steps = np.sign(RNG.standard_normal((4, -(-n // 8)))).repeat(8, axis=1)[:, :n]
+    columns = np.concatenate([lit, steps]).astype(np.float32)
+    found = columns.copy()
+    depths = transform_to_better(transform, transform.haar, found, 1e-3)
+    assert (depths[:4] > 0).all() and (depths[4:] < 0).all()
+    for one, depth, column in zip(found, depths, columns, strict=True):
+        kind = transform if depth > 0 else transform.haar
+        back = invert_from(kind, one[None].copy(), np.abs(depth)[None])
+        np.testing.assert_allclose(back[0], column, atol=1e-5)
 
 
 @pytest.mark.parametrize("n_rows", [1, 300, 70_001])

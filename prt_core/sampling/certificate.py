@@ -35,7 +35,7 @@ _FEWEST = 1 << 14
 # Rows of an object traced whole, at least, if so many are found wrong: of sixteen, few decided, and
 # the interval held the truth 80 times of 100.
 _FEWEST_ROWS = 56
-# No row is surer to be found than this: the rates are of Poisson draws, which ours nearly are.
+# No row is taken to be surer to be found: rates are those of Poisson draws, which ours nearly are.
 _SUREST = 1 - 1e-4
 
 
@@ -278,15 +278,16 @@ class _Draws:
                 estimates[name] = Estimate(float(error.any()), 0.0, float(light.any()))
                 continue
             ratio = (error / sure).sum() / size
-            # A row's part in the ratio's variance (Cochran 1977, equation 6.9).
+            # What a row adds to the ratio's standard deviation (Cochran 1977, chapter 6). Of a row
+            # that is hardly ever found it is what the row adds to the ratio: a Poisson event.
             weights = np.abs(error - ratio * gain) * chance / size
             # What a single wrong entry weighs, wherever it is, when draws follow this light. Where
             # rows were found, a quarter: with all of it intervals held 99 to 100 times of 100.
             single = length**2 @ (light**2).sum(axis=1) * len(lights) * len(self._points)
             single /= self._proposals * share * size
             bounds = weighted_interval(weights, single / 4 if len(rows) else single)
-            known = ratio - weights.sum()
-            bounds = np.maximum([ratio, *(known + bound for bound in bounds)], 0)
+            sure_part = ratio - weights.sum()
+            bounds = np.maximum([ratio, *(sure_part + bound for bound in bounds)], 0)
             estimates[name] = Estimate(*map(float, np.sqrt(bounds)))
         return estimates, len(rows)
 
@@ -314,13 +315,11 @@ class _Draws:
 
 
 def _kept_share(times, n_rows):
-    """The share by which rows found `times` often are kept, `min(1, share * times)`, n_rows in all.
-
-    It is the largest at which the rows that are not kept surely have what the others leave.
-    """
+    """Rows found `times` often are kept with `min(1, share * times)`: n_rows of them, expected."""
     if len(times) <= n_rows:
         return 1.0
     times = np.sort(times)[::-1]
+    # The first of them are kept surely, and leave the rest of n_rows to the others.
     share = (n_rows - np.arange(len(times))) / times[::-1].cumsum()[::-1]
     return float(share[np.argmax(share * times < 1)])
 

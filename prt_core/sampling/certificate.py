@@ -4,21 +4,23 @@ Two questions, two designs, each for every object apart.
 
 *The matrix.* Entries (point, direction) are drawn independently, each with a probability in
 proportion to what it is worth, the square of its cosine integral; entries that were traced, lie
-below the horizon or see no surface (`open_points`) are known to be right and cost no ray. Of the
-draws, those that are really lit and those that are wrong estimate the squared norm of the matrix
-and of the error by their mere counts, so `error^2 = wrong / lit`. The draws are independent, so
-the count of wrong ones is binomial however the errors cluster in points (see `binomial_interval`).
+below the horizon or see no surface (`open_points`) are known and cost no ray. Of the draws, those
+that are really lit and those that are wrong estimate the squared norm of the matrix and of the
+error by their mere counts, so `error^2 = wrong / lit`. The draws are independent, so the count of
+wrong ones is binomial however the errors cluster in points (see `binomial_interval`).
 
 *Relit colours.* A point's error under a light is a sum over all its wrong entries. So the rows in
-which a draw was wrong are traced whole. How often a row was likely to be found so is then known,
-and its squared error divided by that is an unbiased estimate of the sum over all rows (Hansen and
-Hurwitz 1943): rows that are far off are found almost surely, so no single one decides. As many
-draws again are weighted by the lights, which may be small and bright (see `weighted_interval`).
+which a draw was wrong are traced whole. How likely a row was to be found so is then known, and its
+squared error divided by that is an unbiased estimate of the sum over all rows (Horvitz and
+Thompson 1952): rows that are far off are found almost surely, and what is sure adds nothing to the
+width of the interval. As many draws again are weighted by the lights, which may be small and
+bright (see `weighted_interval`).
 """
 
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
+from scipy.special import gammainc, gammaincc
 
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.open_sky import open_points
@@ -32,7 +34,9 @@ _BATCH, _SIZE_ROWS = 1 << 18, 2048
 _FEWEST = 1 << 14
 # Rows of an object traced whole, at least, if so many are found wrong: of sixteen, few decided, and
 # the interval held the truth 80 times of 100.
-_FEWEST_ROWS = 64
+_FEWEST_ROWS = 56
+# No row is taken to be surer to be found: rates are those of Poisson draws, which ours nearly are.
+_SUREST = 1 - 1e-4
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ class CertificateSettings:
         Independent entries, for the matrix and again for the relit error; not more than about a
         eighth of an object's, each time, but where it is small.
     rows : int
-        Rows traced whole for the relit error, at most, but up to 64 of each object.
+        Rows traced whole for the relit error, at most, but up to 56 of each object.
     seed : int
     """
 
@@ -149,7 +153,7 @@ def certificate_steps(
         counts = yield from draws.draw(worth, n_entries)
         matrix = matrix_estimate(**counts)
         relit, n_rows = {}, 0
-        if not draws.rays and draws.all_traced():
+        if not draws.rays and draws.all_known():
             matrix = Estimate(0.0, 0.0, 0.0)
             relit = dict.fromkeys(lights, matrix)
         elif lights:
@@ -201,12 +205,14 @@ class _Draws:
         self._open = open_sky
         self.rays = 0
 
-    def all_traced(self):
+    def all_known(self):
         """Whether no entry of the object is left to be wrong."""
         for first in range(0, len(self._points), _SIZE_ROWS):
             some = self._points[first : first + _SIZE_ROWS]
-            above = horizon_bits(self._scene, self._cube_map, some)
-            if (above & ~self._sampled.traced[some])[~self._open[some]].any():
+            left = horizon_bits(self._scene, self._cube_map, some) & ~self._sampled.traced[some]
+            # Points that see no surface are lit, whatever was said of them.
+            left[self._open[some]] &= ~self._sampled.bits[some][self._open[some]]
+            if left.any():
                 return False
         return True
 
@@ -233,10 +239,11 @@ class _Draws:
             above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
             byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
             said = (bits[point, byte] >> bit) & 1 > 0
-            asked = above & ((traced[point, byte] >> bit) & 1 == 0) & ~self._open[point]
+            open_sky = self._open[point]
+            asked = above & ((traced[point, byte] >> bit) & 1 == 0) & ~open_sky
             asked = np.flatnonzero(asked)
             self.rays += len(asked)
-            lit = said.copy()
+            lit = np.where(open_sky, above, said)
             lit[asked] = yield from self._tracer.trace_pairs(point[asked], direction[asked])
             self._wrong.append(point[lit != said])
             counts["entries"] += len(point)
@@ -248,30 +255,39 @@ class _Draws:
         """Relit error under each light, from the rows in which draws were wrong."""
         rows, times = np.unique(np.concatenate(self._wrong), return_counts=True)
         # Too many rows are thinned, but not those that were found again and again.
-        kept = np.minimum(1.0, n_rows * times / max(times.sum(), 1))
-        chosen = self._rng.random(len(rows)) < kept
-        rows, times, kept = rows[chosen], times[chosen], kept[chosen]
-        events = np.where(kept < 1, 1, times)
-        which = np.repeat(np.arange(len(rows)), events)
+        share = _kept_share(times, n_rows)
+        rows = rows[self._rng.random(len(rows)) < share * times]
+        sizes, estimates = self._sizes(lights), {}
         said, true = yield from self._whole_rows(rows)
         n_directions, vectors = self._cube_map.n_directions, self._cube_map.vectors
         cosine = np.maximum(self._scene.points.normals[rows].astype(np.float64) @ vectors.T, 0)
-        difference = unpack(true, n_directions, np.float64) - unpack(said, n_directions, np.float64)
+        said, true = (cosine * unpack(bits, n_directions, np.float64) for bits in (said, true))
         length = np.linalg.norm(vectors, axis=1)
-        found = ((cosine / length) ** 2 * (difference != 0)) @ self._rate
-        found *= kept * events / (times * len(self._points))
-        sizes, estimates = self._sizes(lights), {}
+        found = ((cosine / length) ** 2 * (said != true)) @ self._rate / len(self._points)
+        sure = _inclusion(found, share)
+        # How much of a row, in standard deviations, is left to chance.
+        chance = np.sqrt(1 - np.minimum(sure, _SUREST)) / sure
         for name, light in lights.items():
             light = np.asarray(light, np.float64)
-            error = (((cosine * difference) @ light) ** 2).sum(axis=1)
-            if not sizes[name]:
+            error = (((true - said) @ light) ** 2).sum(axis=1)
+            gain = ((true @ light) ** 2).sum(axis=1) - ((said @ light) ** 2).sum(axis=1)
+            # What is received is known of what was said; the rows tell how far that is off, too.
+            # Where almost nothing is left of it, it would be divided by chance.
+            size = max(sizes[name] + (gain / sure).sum(), sizes[name] / 4)
+            if not size:
                 estimates[name] = Estimate(float(error.any()), 0.0, float(light.any()))
                 continue
-            weights = (error / np.maximum(found, 1e-300))[which] / sizes[name]
-            # What a single wrong entry weighs, wherever it is, when draws follow this light.
+            ratio = (error / sure).sum() / size
+            # What a row adds to the ratio's standard deviation (Cochran 1977, chapter 6). Of a row
+            # that is hardly ever found it is what the row adds to the ratio: a Poisson event.
+            weights = np.abs(error - ratio * gain) * chance / size
+            # What a single wrong entry weighs, wherever it is, when draws follow this light. Where
+            # rows were found, a quarter: with all of it intervals held 99 to 100 times of 100.
             single = length**2 @ (light**2).sum(axis=1) * len(lights) * len(self._points)
-            single /= self._proposals * sizes[name]
-            bounds = np.array([weights.sum(), *weighted_interval(weights, single)])
+            single /= self._proposals * share * size
+            bounds = weighted_interval(weights, single / 4 if len(rows) else single)
+            sure_part = ratio - weights.sum()
+            bounds = np.maximum([ratio, *(sure_part + bound for bound in bounds)], 0)
             estimates[name] = Estimate(*map(float, np.sqrt(bounds)))
         return estimates, len(rows)
 
@@ -286,7 +302,7 @@ class _Draws:
         return said, true
 
     def _sizes(self, lights):
-        """Sum over the object's points of what they receive squared, times pi squared."""
+        """Sum over the object's points of what they are said to receive squared, times pi^2."""
         some = self._points
         if len(some) > _SIZE_ROWS:
             some = np.sort(self._rng.choice(some, _SIZE_ROWS, replace=False))
@@ -296,6 +312,23 @@ class _Draws:
         sums = (received**2).sum(axis=0).reshape(len(lights), -1).sum(axis=1)
         sums *= len(self._points) / len(some) * np.pi**2
         return dict(zip(lights, sums, strict=True))
+
+
+def _kept_share(times, n_rows):
+    """Rows found `times` often are kept with `min(1, share * times)`: n_rows of them, expected."""
+    if len(times) <= n_rows:
+        return 1.0
+    times = np.sort(times)[::-1]
+    # The first of them are kept surely, and leave the rest of n_rows to the others.
+    share = (n_rows - np.arange(len(times))) / times[::-1].cumsum()[::-1]
+    return float(share[np.argmax(share * times < 1)])
+
+
+def _inclusion(rate, share):
+    """P(a row is found and kept): a Poisson count of a rate, then `min(1, share * count)`."""
+    rate = np.maximum(rate, 1e-300)
+    most = np.ceil(1 / share) - 1  # Of these counts and less, rows are thinned.
+    return share * rate * gammaincc(most, rate) + gammainc(most + 1, rate)
 
 
 def probe_lights(cube_map):

@@ -12,7 +12,7 @@ from prt_core.sampling import (
     probe_lights,
     sample_agreement,
 )
-from prt_core.sampling.certificate import matrix_estimate
+from prt_core.sampling.certificate import _inclusion, _kept_share, matrix_estimate
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.scene import Scene
 from prt_core.transport import visibility_bits
@@ -92,6 +92,53 @@ def test_a_bake_that_is_all_wrong_is_told_so(scene):
         assert item.matrix.low < 1 <= item.matrix.high
         assert item.relit["none"].error == 0
         assert item.worst >= 1
+
+
+def test_half_of_the_rows_wrong_is_told_as_such(scene):
+    # What is said to arrive is half of what does: relative to that the error would be 1.
+    cube_map, caster = CubeMap(8), caster_of(scene)
+    truth = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))
+    said = truth.copy()
+    said[::2] = 0
+    lights = probe_lights(cube_map)
+    sampled = Sampled(said, np.zeros_like(truth), 0)
+    wanted = true_errors(scene, cube_map, truth, sampled, lights)
+    found = run(certificate_steps(scene, cube_map, caster, sampled, lights))
+    for (_, relit), item in zip(wanted.values(), found, strict=True):
+        for name in lights:
+            estimate = item.relit[name]
+            assert 0.6 < relit[name] < 0.8
+            assert estimate.error == pytest.approx(relit[name], rel=0.1)
+            assert estimate.low < relit[name] < estimate.high < 1.2 * relit[name]
+
+
+def test_points_that_see_no_surface_may_be_wrong():
+    scene = Scene.from_meshes([plane(17, name="floor")])
+    cube_map, caster = CubeMap(8), caster_of(scene)
+    truth = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))
+    lights = probe_lights(cube_map)
+    for bits, error in ((truth, 0), (np.zeros_like(truth), 1)):
+        sampled = Sampled(bits.copy(), np.zeros_like(truth), 0)
+        (item,) = run(certificate_steps(scene, cube_map, caster, sampled, lights))
+        assert item.matrix.error == pytest.approx(error)
+        assert item.worst == pytest.approx(error)
+
+
+def test_rows_are_kept_by_how_often_they_were_found():
+    times = np.random.default_rng(0).poisson(2.0, 500) + 1
+    times[:3] = 1000
+    for n_rows in (1, 7, 101, 499):
+        share = _kept_share(times, n_rows)
+        assert np.minimum(1, share * times).sum() == pytest.approx(n_rows)
+    assert _kept_share(times, 500) == 1 and _kept_share(np.array([], int), 3) == 1
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.3, 0.013])
+def test_how_likely_a_row_is_found_and_kept(share):
+    rates = np.array([1e-6, 0.2, 3.0, 40.0, 900.0])
+    counts = np.arange(2000)[:, None]
+    expected = (poisson.pmf(counts, rates) * np.minimum(1, share * counts)).sum(axis=0)
+    np.testing.assert_allclose(_inclusion(rates, share), expected, rtol=1e-9)
 
 
 def test_light_of_any_strength(scene):

@@ -89,3 +89,10 @@ def test_relighting_is_linear_and_a_sun_does_no_harm():
     sun[300] = 1e5
     parts = [received_light(bits, scene.points.normals, cube_map, x) for x in (dim, sun, dim + sun)]
     np.testing.assert_allclose(parts[2], parts[0] + parts[1], rtol=2e-5, atol=1e-4)
+
+
+def test_points_that_see_nothing_receive_nothing():
+    scene = Scene.from_meshes([plane(5)])
+    cube_map, bits = traced(scene, 8)
+    sky = np.ones((cube_map.n_directions, 3), np.float32)
+    assert not received_light(np.zeros_like(bits), scene.points.normals, cube_map, sky).any()

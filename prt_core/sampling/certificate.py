@@ -282,10 +282,11 @@ class _Draws:
             # that is hardly ever found it is what the row adds to the ratio: a Poisson event.
             weights = np.abs(error - ratio * gain) * chance / size
             # What a single wrong entry weighs, wherever it is, when draws follow this light. Where
-            # rows were found, a quarter: with all of it intervals held 99 to 100 times of 100.
+            # rows were found, half: with all of it intervals held 99 to 100 times of 100, with a
+            # quarter some held 75.
             single = length**2 @ (light**2).sum(axis=1) * len(lights) * len(self._points)
             single /= self._proposals * share * size
-            bounds = weighted_interval(weights, single / 4 if len(rows) else single)
+            bounds = weighted_interval(weights, single / 2 if len(rows) else single)
             sure_part = ratio - weights.sum()
             bounds = np.maximum([ratio, *(sure_part + bound for bound in bounds)], 0)
             estimates[name] = Estimate(*map(float, np.sqrt(bounds)))

@@ -17,7 +17,7 @@ from prt_core.errors import expect, expect_array
 
 # Slots of a cluster that are one product at most, and what their number is rounded up to.
 _CHUNK, _ROUND = 256, 16
-# Slots of a product at most, and those whose bright texels are looked up at once.
+# Slots of a product at most, and points whose bright texels are looked up at once.
 _BATCH, _PIECE = 4096, 8192
 
 
@@ -62,8 +62,13 @@ class ClusterRelighter:
             finish = self._begin(lambda piece: self._add_bright(piece, bright, light), texels)
             products = self._products(light, rest)
             finish()
-            self._begin(lambda batch: self._add_clusters(batch, products, bright), self._batches)()
-        return self._blend @ self._slots
+            self._begin(lambda batch: self._clusters(batch, products), self._batches)()
+        result = self._blend @ self._slots
+        if bright is not None:
+            result += self._lit
+        if self.model.gain_ is not None:
+            result *= self.model.gain_
+        return result
 
     def _begin(self, work, jobs):
         """Let the other threads begin with some jobs; what is returned helps them, and waits."""
@@ -95,6 +100,7 @@ class ClusterRelighter:
         """Bytes of what is read when relighting, the visibility bits included."""
         blend = self._blend
         arrays = [blend.data, blend.indices, blend.indptr, self._slots, *self._bases]
+        arrays += [] if self.model.gain_ is None else [self.model.gain_]
         arrays += [batch.weights for batch in self._batches]
         arrays += [self._bits] if self.n_exact else []
         return sum(array.nbytes for array in arrays)
@@ -102,16 +108,15 @@ class ClusterRelighter:
     def _plan_parts(self):
         """What is done at once: clusters cut into chunks of points, slots, points."""
         model = self.model
-        self._batches, self._order, own = batches_of(model, chunks_of(model.starts_))
+        self._batches, own = batches_of(model, chunks_of(model.starts_))
         slots = np.zeros(len(model.order_), np.int64)
         slots[own[own >= 0]] = np.flatnonzero(own >= 0)
-        self._blend = _blending(model, slots, len(self._order))
-        self._gain = None if model.gain_ is None else model.gain_[self._order]
-        self._slots = np.empty((len(self._order), model.n_channels_), np.float32)
-        self._lit = np.empty_like(self._slots)
+        self._blend = _blending(model, slots, len(own))
+        self._slots = np.empty((len(own), model.n_channels_), np.float32)
+        self._lit = np.empty((model.n_points_, model.n_channels_), np.float32)
         self._pieces = [
-            slice(first, min(first + _PIECE, len(self._order)))
-            for first in range(0, len(self._order), _PIECE)
+            slice(first, min(first + _PIECE, model.n_points_))
+            for first in range(0, model.n_points_, _PIECE)
         ]
 
     def _plan_bases(self):
@@ -135,19 +140,19 @@ class ClusterRelighter:
                 self._importance.append(squares)
 
     def _plan_bits(self, transport):
-        """Visibility, a row of bits for each direction, and normals in the order of clusters."""
-        order, wanted = self._order, (self.model.n_points_, self.model.n_directions_)
+        """Visibility, a row of bits for each direction, and normals by component."""
+        wanted = self.model.n_points_, self.model.n_directions_
         expect(
             transport.shape == wanted,
             f"transport: expected {wanted} as was compressed, got {transport.shape}",
         )
-        self._bits = np.empty((transport.n_directions, -(-len(order) // 8)), np.uint8)
+        self._bits = np.empty((transport.n_directions, -(-transport.n_points // 8)), np.uint8)
         for byte in range(transport.bits.shape[1]):
-            spread = np.unpackbits(transport.bits[order, byte][:, None], axis=1, bitorder="little")
+            spread = np.unpackbits(transport.bits[:, byte, None], axis=1, bitorder="little")
             rows = slice(8 * byte, min(8 * byte + 8, transport.n_directions))
             packed = np.packbits(spread[:, : rows.stop - rows.start].T, axis=1, bitorder="little")
             self._bits[rows] = packed
-        self._normals = np.ascontiguousarray(transport.normals[order].T)
+        self._normals = np.ascontiguousarray(transport.normals.T)
         self._vectors = (transport.cube_map.vectors / np.pi).astype(np.float32)
         self._solid_angles = transport.cube_map.solid_angles.astype(np.float32)
 
@@ -193,15 +198,10 @@ class ClusterRelighter:
         kept = best[weight[best] >= values[min(spare, most - 1)]]
         return np.sort(kept) if weight.any() else kept[:0]
 
-    def _add_clusters(self, batch, products, bright):
+    def _clusters(self, batch, products):
         """What clusters give to their points."""
-        out = self._slots[batch.slots]
-        shape = *batch.weights.shape[:2], out.shape[1]
-        np.matmul(batch.weights, products[batch.rows], out=out.reshape(shape))
-        if bright is not None:
-            out += self._lit[batch.slots]
-        if self._gain is not None:
-            out *= self._gain[batch.slots]
+        out = self._slots[batch.slots].reshape(*batch.weights.shape[:2], -1)
+        np.matmul(batch.weights, products[batch.rows], out=out)
 
     def _add_bright(self, piece, bright, light):
         """Direct light of the brightest texels; pieces begin with a byte of the bits."""
@@ -285,8 +285,6 @@ def batches_of(model, chunks):
     Returns
     -------
     batches : list of Batch
-    order : (n_slots,) int64
-        Point of each padded slot, any where it is padding.
     own : (n_slots,) int64
         The model's slot of each, -1 where it is padding.
     """
@@ -294,7 +292,7 @@ def batches_of(model, chunks):
     starts = np.cumsum([0, *ranks])
     rank = ranks[chunks.cluster]
     padded = -(-chunks.size // _ROUND) * _ROUND
-    batches, order, own, first = [], [], [], 0
+    batches, own, first = [], [], 0
     for r, n in sorted(set(zip(rank.tolist(), padded.tolist(), strict=True))):
         same = np.flatnonzero((rank == r) & (padded == n))
         most = max(1, _BATCH // n)
@@ -307,6 +305,5 @@ def batches_of(model, chunks):
             rows = starts[alike.cluster][:, None] + np.arange(r)
             batches.append(Batch(slice(first, first + slot.size), weights, rows))
             first += slot.size
-            order.append(model.order_[slot].ravel())
             own.append(np.where(np.arange(n) < alike.size[:, None], slot, -1).ravel())
-    return batches, np.concatenate(order), np.concatenate(own)
+    return batches, np.concatenate(own)

@@ -15,7 +15,7 @@ sys.path.insert(0, str(ROOT / "blend_scenes"))
 import build  # noqa: E402  (lies in blend_scenes)
 import prt_core  # noqa: E402
 from prt_core.api import import_bpy  # noqa: E402
-from prt_core.cli import _Bar, _Hushed  # noqa: E402
+from prt_core.cli.show import Bar, Hushed  # noqa: E402
 from prt_core.evaluate import contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
 from prt_core.report import report_lines  # noqa: E402
@@ -35,13 +35,13 @@ def main():
     output.mkdir(exist_ok=True)
     started = time.perf_counter()
     name = "01_model_on_ground"
-    with _Hushed():
+    with Hushed():
         for scene_name in tqdm(build.SCENES, desc="scenes", unit=" scene"):
             build.build(scene_name, output / "scenes")
     blend = output / "scenes" / f"{name}.blend"
 
-    bar = _Bar(False)
-    with _Hushed():
+    bar = Bar(False)
+    with Hushed():
         report = prt_core.bake(blend, output / f"{name}.prt", report=bar, restart=True)
     bar.close()
     print("\n".join(report_lines(output / f"{name}.prt", report)))
@@ -73,7 +73,7 @@ def main():
 
     caster.close()
     radiance, _, _ = shown(bake, rays, maps["courtyard"], 0)
-    with _Hushed():
+    with Hushed():
         prt_core.api.open_blend(blend)
         from prt_core.blender.colours import save_scene, write_all
 

@@ -35,6 +35,8 @@ class PointHaar:
     """
 
     orthonormal = True
+    # Another transform on the same order, that a column may rather take.
+    haar = None
 
     def __init__(self, positions, normals=None, groups=None):
         positions = expect_array("positions", positions, (None, 3), np.float64)

@@ -47,6 +47,9 @@ class ImageWavelet:
     orthonormal : bool
     """
 
+    # There is no other transform on the same order, as points have.
+    haar = None
+
     def __init__(self, shape, wavelet="haar"):
         self.shape = int(shape[0]), int(shape[1])
         expect(min(self.shape) >= 1, f"shape: expected two positive numbers, got {shape}")

@@ -62,7 +62,7 @@ class ColumnCoder:
     def encode(self, names, columns, limit):
         """A `Column` for each of (m, n_points) columns, which are overwritten."""
         transform, allowed = self.transform, (self.least, self.most)
-        if self.least < self.most and hasattr(transform, "haar"):
+        if self.least < self.most and transform.haar:
             depths = transform_to_better(transform, transform.haar, columns, limit, *allowed)
         else:
             depths, _ = transform_to_best(transform, columns, limit, *allowed)

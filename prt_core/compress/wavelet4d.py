@@ -182,7 +182,7 @@ class Wavelet4D(Compressor):
         self._transform = self.columns or ImageWavelet((1, n_points))
         if self.mode == "2d":
             # Without steps the order is all that counts.
-            self._transform = getattr(self._transform, "haar", self._transform)
+            self._transform = self._transform.haar or self._transform
         self._order = getattr(self._transform, "order", np.arange(n_points))
         self._mixed = mixed
         return self._order
@@ -327,7 +327,7 @@ class Wavelet4D(Compressor):
             state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
         )
         depths = [depth for depth, _ in self._groups]
-        least = -self._transform.depth if hasattr(self._transform, "haar") else 0
+        least = -self._transform.depth if self._transform.haar else 0
         expect_state(
             all(least <= depth <= self._transform.depth for depth in depths),
             "'groups' are too deep",

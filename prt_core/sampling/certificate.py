@@ -88,7 +88,7 @@ class CertificateSettings:
     Parameters
     ----------
     entries : int
-        Independent entries, for the matrix and again for the relit error; not more than about a
+        Independent entries, for the matrix and again for the relit error; not more than about an
         eighth of an object's, each time, but where it is small.
     rows : int
         Rows traced whole for the relit error, at most, but up to 56 of each object.

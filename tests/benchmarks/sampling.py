@@ -351,10 +351,8 @@ def _coverage(rows):
 
 
 def _tables(printed):
-    if printed:
-        yield from ("", "### The sparse method and its solver")
     for command, shown in printed.items():
-        yield from (f"`{command}`", "", "```", *shown, "```", "")
+        yield from ("", f"### `{command}`", "```", *shown, "```")
 
 
 PARTS = {
@@ -382,4 +380,4 @@ if __name__ == "__main__":
     if len(sys.argv) < 2 or sys.argv[1] not in PARTS:
         sys.exit(__doc__)
     keep(sys.argv[1], sys.argv[2:])
-    write_section(ROOT / "RESULTS.md", TITLE, lines(json.loads(KEPT.read_text())))
+    write_section(ROOT / "RESULTS.md", TITLE, lines(json.loads(KEPT.read_text())), keep=True)

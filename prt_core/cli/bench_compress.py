@@ -6,22 +6,16 @@ import time
 from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.cli.arguments import quiet_arguments, scene_argument
+from prt_core.cli.bench_scenes import lights_named, scene_named
+from prt_core.cli.show import Bar, Hushed
 from prt_core.compress import method_names
 from prt_core.errors import expect
 from prt_core.progress import run
 
 
-def add_bench_compress(kinds, scene_argument, quiet_arguments, show, helpers, in_blender):
-    """Add `compress` to the kinds of `prt bench`.
-
-    Parameters
-    ----------
-    kinds : argparse subparsers
-    scene_argument, quiet_arguments, show, in_blender
-        See `add_bench`.
-    helpers : namespace
-        `scene_named(text)` -> (name, Scene), `lights(paths, rotations, cube_map)`.
-    """
+def add_bench_compress(kinds, in_blender):
+    """Add `compress` to the kinds of `prt bench`."""
     compress = kinds.add_parser(
         "compress", help="ways to compress a bake, at several budgets: table, plots, report"
     )
@@ -45,7 +39,7 @@ def add_bench_compress(kinds, scene_argument, quiet_arguments, show, helpers, in
     )  # fmt: skip
     compress.add_argument("--seed", type=int, default=0)
     quiet_arguments(compress)
-    compress.set_defaults(run=_bench_compress, show=show, helpers=helpers)
+    compress.set_defaults(run=_bench_compress)
 
 
 def _bench_compress(options):
@@ -58,11 +52,11 @@ def _bench_compress(options):
         options.rungs is None or min(options.rungs) >= 0,
         f"rungs: expected whole numbers >= 0, got {options.rungs}",
     )
-    bar = options.show.Bar(options.quiet or options.json)
-    with options.show.Hushed(), tempfile.TemporaryDirectory() as folder:
+    bar = Bar(options.quiet or options.json)
+    with Hushed(), tempfile.TemporaryDirectory() as folder:
         try:
             name, bake = _baked(options, Path(folder), bar)
-            lights = options.helpers.lights(options.light, options.rotate, bake.cube_map)
+            lights = lights_named(options.light, options.rotate, bake.cube_map, every=True)
             made = {}
             steps = bench_compress_steps(
                 bake, name, options.methods, lights, options.rungs, options.seed, made
@@ -87,7 +81,7 @@ def _baked(options, folder, bar):
     """(name, Bake): a bake that is there, or one of a scene, made for the occasion."""
     if options.scene and options.scene.endswith(".prt"):
         return Path(options.scene).stem, load(options.scene)
-    name, scene = options.helpers.scene_named(options.scene)
+    name, scene = scene_named(options.scene)
     settings = BakeSettings(resolution=options.resolution, seed=options.seed)
     run(bake_steps(scene, folder / "bench.prt", settings), bar)
     return name, load(folder / "bench.prt")

@@ -2,21 +2,14 @@
 
 import json
 
+from prt_core.cli.arguments import quiet_arguments
+from prt_core.cli.show import Bar, Hushed
 from prt_core.compress import method_names
 from prt_core.report import compressed_lines, trial_lines
 
 
-def add_compress(commands, quiet_arguments, show):
-    """Add `compress` to the commands.
-
-    Parameters
-    ----------
-    commands : argparse subparsers
-    quiet_arguments : callable
-        Adds what every command has.
-    show : namespace
-        `Bar(silent)` shows progress, `Hushed()` keeps Blender's lines off stdout.
-    """
+def add_compress(commands):
+    """Add `compress` to the commands."""
     compress = commands.add_parser("compress", help="compress a bake, to relight in milliseconds")
     compress.add_argument("bake", help="NAME.prt")
     compress.add_argument(
@@ -34,29 +27,14 @@ def add_compress(commands, quiet_arguments, show):
     )  # fmt: skip
     compress.add_argument("--seed", type=int, default=0)
     quiet_arguments(compress)
-    compress.set_defaults(run=_compress, show=show)
-
-
-def transport_argument(parser):
-    parser.add_argument(
-        "--transport", default="auto", choices=("auto", "exact", "compressed"),
-        help="what distant light is relit from; auto: the compressed form where it is fresh",
-    )  # fmt: skip
-
-
-def used(relighter):
-    """How colours were made, for the line that reports them."""
-    if relighter.used == "exact":
-        return "exactly"
-    facts = relighter.compressed().facts
-    return f"compressed ({facts['method']}, error {facts['error']:.2%})"
+    compress.set_defaults(run=_compress)
 
 
 def _compress(options):
     from prt_core.api import compress_bake
 
-    bar = options.show.Bar(options.quiet or options.json)
-    with options.show.Hushed():
+    bar = Bar(options.quiet or options.json)
+    with Hushed():
         try:
             facts = compress_bake(
                 options.bake,

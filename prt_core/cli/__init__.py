@@ -1,0 +1,50 @@
+"""`prt bake | relight | compress | info | bench`: the command line, also `python -m prt_core`."""
+
+import argparse
+import sys
+
+import prt_core
+from prt_core.cli.bake import add_bake
+from prt_core.cli.bench import add_bench
+from prt_core.cli.compress import add_compress
+from prt_core.cli.info import add_info
+from prt_core.cli.relight import add_relight
+from prt_core.errors import PRTError
+
+__all__ = ["main"]
+
+
+def main(argv=None, in_blender=False):
+    """Run one command; returns the exit code.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Default: the command line.
+    in_blender : bool
+        Inside a running Blender: the scene that is open is used where no .blend is named.
+    """
+    parser = _parser(in_blender)
+    options = parser.parse_args(argv)
+    try:
+        return options.run(options) or 0
+    except PRTError as error:
+        print(f"prt: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("prt: stopped; the same command goes on where it was", file=sys.stderr)
+        return 130
+
+
+def _parser(in_blender):
+    parser = argparse.ArgumentParser(
+        prog="prt", description="Bake how light travels in a scene once, relight it at once."
+    )
+    parser.add_argument("--version", action="version", version=f"prt {prt_core.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    add_bake(commands, in_blender)
+    add_relight(commands, in_blender)
+    add_info(commands)
+    add_compress(commands)
+    add_bench(commands, in_blender)
+    return parser

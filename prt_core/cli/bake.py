@@ -1,0 +1,104 @@
+"""`prt bake`: a .blend file into NAME.prt."""
+
+import json
+from pathlib import Path
+
+import prt_core
+from prt_core.cli.arguments import (
+    bounces,
+    caster_argument,
+    quiet_arguments,
+    scene_argument,
+    size,
+)
+from prt_core.cli.show import Bar, Hushed
+from prt_core.errors import expect
+from prt_core.report import report_lines
+from prt_core.scene import PARAMETRISATIONS
+
+
+def add_bake(commands, in_blender):
+    """Add `bake` to the commands."""
+    bake = commands.add_parser("bake", help="bake a .blend file into NAME.prt")
+    scene_argument(bake, in_blender)
+    bake.add_argument("-o", "--output", help="default: the scene's name with .prt")
+    bake.add_argument("--resolution", type=int, default=32, help="texels along a cube edge (32)")
+    bake.add_argument("--objects", nargs="+", metavar="NAME", help="that receive; default all")
+    bake.add_argument(
+        "--two-sided", nargs="+", metavar="NAME", default=[], help="whose backs are lit as well"
+    )
+    bake.add_argument("--bounces", type=bounces, default=None, help="auto or a number (auto)")
+    bake.add_argument(
+        "--tolerance", type=float, default=1e-2, help="relative error of relit colours (0.01)"
+    )
+    bake.add_argument(
+        "--method", default="auto",
+        help="which entries are traced: exhaustive, agreement, huang, or auto, the cheapest that "
+        "meets the tolerance",
+    )  # fmt: skip
+    bake.add_argument(
+        "--camera-pixels", type=size, metavar="WxH", help="bake what the camera sees as an image"
+    )
+    bake.add_argument(
+        "--pixel-samples", type=int, default=2, help="points along a side of its pixels (2)"
+    )
+    bake.add_argument(
+        "--geometry-image", nargs=2, metavar=("OBJECT", "N"),
+        help="bake an image of N x N texels of an object's surface",
+    )  # fmt: skip
+    bake.add_argument(
+        "--parametrisation", default="auto", choices=PARAMETRISATIONS,
+        help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
+    )  # fmt: skip
+    caster_argument(bake)
+    bake.add_argument("--seed", type=int, default=0)
+    bake.add_argument("--restart", action="store_true", help="replace what the output holds")
+    quiet_arguments(bake)
+    bake.set_defaults(run=_bake)
+
+
+def _geometry_image(words):
+    if words is None:
+        return None
+    expect(words[1].isdigit(), f"--geometry-image: expected OBJECT N, got {' '.join(words)}")
+    return words[0], int(words[1])
+
+
+def _bake(options):
+    blend = options.scene
+    if blend is None:
+        from prt_core.api import import_bpy
+
+        name = import_bpy().data.filepath
+        expect(options.output or name, "output: the open scene has no file; name one with -o")
+    else:
+        name = blend
+    output = Path(options.output or Path(name).with_suffix(".prt"))
+    bar = Bar(options.quiet or options.json)
+    with Hushed():
+        try:
+            report = prt_core.bake(
+                blend,
+                output,
+                objects=options.objects,
+                two_sided=options.two_sided,
+                restart=options.restart,
+                report=bar,
+                resolution=options.resolution,
+                bounces=options.bounces,
+                tolerance=options.tolerance,
+                caster=options.caster,
+                seed=options.seed,
+                method=options.method,
+                camera_pixels=options.camera_pixels,
+                pixel_samples=options.pixel_samples,
+                geometry_image=_geometry_image(options.geometry_image),
+                parametrisation=options.parametrisation,
+            )
+        finally:
+            bar.close()
+    if options.json:
+        print(json.dumps({"bake": str(output), **report}))
+    else:
+        print(*report_lines(output, report), sep="\n")
+    return 0

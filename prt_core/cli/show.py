@@ -1,0 +1,42 @@
+"""What a terminal is shown while a command works."""
+
+import os
+import sys
+
+
+class Bar:
+    """Shows `Progress` as one bar a stage, on stderr."""
+
+    def __init__(self, silent):
+        self._silent = silent or not sys.stderr.isatty()
+        self._stage, self._bar = None, None
+
+    def __call__(self, progress):
+        # A total of 0: a call that cannot be cut is at work.
+        if self._silent or not progress.total:
+            return
+        from tqdm import tqdm
+
+        if progress.stage != self._stage or progress.done < self._bar.n:
+            self.close()
+            self._stage = progress.stage
+            self._bar = tqdm(total=progress.total, desc=progress.stage, unit=" points")
+        self._bar.update(progress.done - self._bar.n)
+
+    def close(self):
+        if self._bar is not None:
+            self._bar.close()
+
+
+class Hushed:
+    """Blender writes its own lines to stdout; keep them off it while `--json` is asked for."""
+
+    def __enter__(self):
+        sys.stdout.flush()
+        self._kept = os.dup(1)
+        os.dup2(2, 1)
+
+    def __exit__(self, *_):
+        sys.stdout.flush()
+        os.dup2(self._kept, 1)
+        os.close(self._kept)

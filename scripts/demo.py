@@ -15,7 +15,7 @@ sys.path.insert(0, str(ROOT / "blend_scenes"))
 import build  # noqa: E402  (lies in blend_scenes)
 import prt_core  # noqa: E402
 from prt_core.api import import_bpy  # noqa: E402
-from prt_core.cli.show import Bar, Hushed  # noqa: E402
+from prt_core.cli.show import Hushed, working  # noqa: E402
 from prt_core.evaluate import contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
 from prt_core.report import report_lines  # noqa: E402
@@ -40,10 +40,8 @@ def main():
             build.build(scene_name, output / "scenes")
     blend = output / "scenes" / f"{name}.blend"
 
-    bar = Bar(False)
-    with Hushed():
+    with working(silent=False) as bar:
         report = prt_core.bake(blend, output / f"{name}.prt", report=bar, restart=True)
-    bar.close()
     print("\n".join(report_lines(output / f"{name}.prt", report)))
 
     bake = prt_core.load(output / f"{name}.prt")

@@ -11,7 +11,7 @@ from prt_core.cli.arguments import (
     scene_argument,
     size,
 )
-from prt_core.cli.show import Bar, Hushed
+from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.report import report_lines
 from prt_core.scene import PARAMETRISATIONS
@@ -74,29 +74,25 @@ def _bake(options):
     else:
         name = blend
     output = Path(options.output or Path(name).with_suffix(".prt"))
-    bar = Bar(options.quiet or options.json)
-    with Hushed():
-        try:
-            report = prt_core.bake(
-                blend,
-                output,
-                objects=options.objects,
-                two_sided=options.two_sided,
-                restart=options.restart,
-                report=bar,
-                resolution=options.resolution,
-                bounces=options.bounces,
-                tolerance=options.tolerance,
-                caster=options.caster,
-                seed=options.seed,
-                method=options.method,
-                camera_pixels=options.camera_pixels,
-                pixel_samples=options.pixel_samples,
-                geometry_image=_geometry_image(options.geometry_image),
-                parametrisation=options.parametrisation,
-            )
-        finally:
-            bar.close()
+    with working(options.quiet or options.json) as bar:
+        report = prt_core.bake(
+            blend,
+            output,
+            objects=options.objects,
+            two_sided=options.two_sided,
+            restart=options.restart,
+            report=bar,
+            resolution=options.resolution,
+            bounces=options.bounces,
+            tolerance=options.tolerance,
+            caster=options.caster,
+            seed=options.seed,
+            method=options.method,
+            camera_pixels=options.camera_pixels,
+            pixel_samples=options.pixel_samples,
+            geometry_image=_geometry_image(options.geometry_image),
+            parametrisation=options.parametrisation,
+        )
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:

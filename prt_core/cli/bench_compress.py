@@ -8,7 +8,7 @@ from pathlib import Path
 from prt_core.bake import BakeSettings, bake_steps, load
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import lights_named, scene_named
-from prt_core.cli.show import Bar, Hushed
+from prt_core.cli.show import working
 from prt_core.compress import method_names
 from prt_core.errors import expect
 from prt_core.progress import run
@@ -52,22 +52,19 @@ def _bench_compress(options):
         options.rungs is None or min(options.rungs) >= 0,
         f"rungs: expected whole numbers >= 0, got {options.rungs}",
     )
-    bar = Bar(options.quiet or options.json)
-    with Hushed(), tempfile.TemporaryDirectory() as folder:
-        try:
-            name, bake = _baked(options, Path(folder), bar)
-            lights = lights_named(options.light, options.rotate, bake.cube_map, every=True)
-            made = {}
-            steps = bench_compress_steps(
-                bake, name, options.methods, lights, options.rungs, options.seed, made
-            )
-            rows = run(steps, bar)
-            caster = bake.make_caster()
-            first = next(iter(lights.items()))
-            report = compress_report(bake, caster, rows, made, *first, len(lights))
-            caster.close()
-        finally:
-            bar.close()
+    silent = options.quiet or options.json
+    with working(silent) as bar, tempfile.TemporaryDirectory() as folder:
+        name, bake = _baked(options, Path(folder), bar)
+        lights = lights_named(options.light, options.rotate, bake.cube_map, every=True)
+        made = {}
+        steps = bench_compress_steps(
+            bake, name, options.methods, lights, options.rungs, options.seed, made
+        )
+        rows = run(steps, bar)
+        caster = bake.make_caster()
+        first = next(iter(lights.items()))
+        report = compress_report(bake, caster, rows, made, *first, len(lights))
+        caster.close()
         page = write_report(options.output, report)
     if options.json:
         print(json.dumps(rows))

@@ -5,7 +5,7 @@ import time
 
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import lights_named, scene_named
-from prt_core.cli.show import Bar, Hushed
+from prt_core.cli.show import working
 from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.rays import make_caster
@@ -51,9 +51,8 @@ def _bench_sampling(options):
     for method in methods:
         method.made_settings(options.seed)
     cube_map = CubeMap(options.resolution)
-    bar = Bar(options.quiet or options.json)
     rows = []
-    with Hushed():
+    with working(options.quiet or options.json) as bar:
         name, scene = scene_named(options.scene)
         lights = lights_named(options.light, options.rotate, cube_map)
         for back_end in options.caster:
@@ -66,7 +65,6 @@ def _bench_sampling(options):
                 rows += more
                 report = sampling_report(scene, cube_map, caster, rows, results, lights)
             finally:
-                bar.close()
                 caster.close()
         page = write_report(options.output, report)
     if options.json:

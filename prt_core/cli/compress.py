@@ -3,7 +3,7 @@
 import json
 
 from prt_core.cli.arguments import quiet_arguments
-from prt_core.cli.show import Bar, Hushed
+from prt_core.cli.show import working
 from prt_core.compress import method_names
 from prt_core.report import compressed_lines, trial_lines
 
@@ -33,21 +33,17 @@ def add_compress(commands):
 def _compress(options):
     from prt_core.api import compress_bake
 
-    bar = Bar(options.quiet or options.json)
-    with Hushed():
-        try:
-            facts = compress_bake(
-                options.bake,
-                method=options.method,
-                tolerance=options.tolerance,
-                megabytes=options.megabytes,
-                milliseconds=options.milliseconds,
-                seed=options.seed,
-                lights=options.light,
-                report=bar,
-            )
-        finally:
-            bar.close()
+    with working(options.quiet or options.json) as bar:
+        facts = compress_bake(
+            options.bake,
+            method=options.method,
+            tolerance=options.tolerance,
+            megabytes=options.megabytes,
+            milliseconds=options.milliseconds,
+            seed=options.seed,
+            lights=options.light,
+            report=bar,
+        )
     if options.json:
         print(json.dumps({"bake": options.bake, **(facts or {"method": "none"})}))
         return 0

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import contextmanager
 
 
 class Bar:
@@ -40,3 +41,14 @@ class Hushed:
         sys.stdout.flush()
         os.dup2(self._kept, 1)
         os.close(self._kept)
+
+
+@contextmanager
+def working(silent):
+    """A bar for `Progress`, and a stdout that is the command's own."""
+    bar = Bar(silent)
+    with Hushed():
+        try:
+            yield bar
+        finally:
+            bar.close()

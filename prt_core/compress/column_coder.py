@@ -13,7 +13,7 @@ from prt_core.compress.column_depth import (
 from prt_core.compress.limit_search import LimitSearch
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.quantise import dequantise, quantise
-from prt_core.compress.sparse_columns import column_bytes
+from prt_core.compress.sparse_columns import TERMS_A_PLACE, column_bytes
 from prt_core.errors import expect
 from prt_core.progress import Progress
 
@@ -25,7 +25,7 @@ _SAMPLE, _SAMPLE_ENTRIES = 240, 1 << 24
 class Column:
     """Terms of one column: places (sorted) and values, times `size` if they are integers.
 
-    A depth below zero counts steps of the transform's `haar`.
+    Integers at the same place add up. A depth below zero counts steps of the transform's `haar`.
     """
 
     name: int
@@ -68,25 +68,43 @@ class ColumnCoder:
             depths, _ = transform_to_best(transform, columns, limit, *allowed)
         found = []
         for name, column, depth in zip(names, columns, depths, strict=True):
-            squares = column * column
-            if not transform.orthonormal:
-                squares *= self._weights(depth)
-            places = np.flatnonzero(squares > np.float32(limit)).astype(np.int32)
-            values, size = column[places], 1.0
-            column[places] = 0
-            if self.bits is not None:
-                rng = np.random.default_rng([self.seed, 8, name]) if self.dither else None
-                levels = self._levels(depth)[places]
-                integers, size = quantise(values, levels, self.bits, self.scaling, rng)
-                column[places] = values - dequantise(integers, levels, size, self.scaling)
-                kept = integers != 0
-                places, values = places[kept], integers[kept]
+            places, values, size = self._cut(name, column, int(depth), np.float32(limit))
             found.append(Column(int(name), int(depth), size, places, values))
         # What is left of the columns now is what was lost.
         rest = columns if transform.orthonormal else invert_from(transform, columns, depths)
         for column, left in zip(found, rest, strict=True):
             column.lost = float(np.einsum("p,p->", left, left, dtype=np.float64))
         return found
+
+    def _cut(self, name, column, depth, limit):
+        """Places, values and size of a column's terms, which are taken out of it."""
+        places = self._above(column, depth, limit)
+        if self.bits is None:
+            values = column[places]
+            column[places] = 0
+            return places, values, 1.0
+        rng = np.random.default_rng([self.seed, 8, name]) if self.dither else None
+        terms, size = [], None
+        for _ in range(TERMS_A_PLACE):
+            levels = self._levels(depth)[places]
+            integers, size = quantise(column[places], levels, self.bits, self.scaling, rng, size)
+            column[places] -= dequantise(integers, levels, size, self.scaling)
+            terms.append((places[integers != 0], integers[integers != 0]))
+            # What quantising leaves of a large term may be worth a term itself.
+            places = self._above(column, depth, limit, places)
+        places, values = map(np.concatenate, zip(*terms, strict=True))
+        order = np.argsort(places, kind="stable")
+        return places[order], values[order], size
+
+    def _above(self, column, depth, limit, places=None):
+        """Places, of some or all, where a term is worth more than the limit."""
+        values = column if places is None else column[places]
+        squares = values * values
+        if not self.transform.orthonormal:
+            weights = self._weights(depth)
+            squares *= weights if places is None else weights[places]
+        above = np.flatnonzero(squares > limit).astype(np.int32)
+        return above if places is None else places[above]
 
     def _scales(self, depth):
         transform = self.transform.haar if depth < 0 else self.transform

@@ -5,7 +5,7 @@ import numpy as np
 SCALINGS = ("root", "levels", "none")
 
 
-def quantise(values, levels, bits, scaling, rng):
+def quantise(values, levels, bits, scaling, rng, size=None):
     """One column's coefficients as integers.
 
     Most coefficients are far smaller than the largest one and would fall into few steps. `root`
@@ -24,6 +24,9 @@ def quantise(values, levels, bits, scaling, rng):
     rng : numpy.random.Generator or None
         For dithering: rounding up as often as the rest is large, so that errors of many columns
         average out instead of adding up. None: to the nearest.
+    size : float, optional
+        As returned before, for more values of the column, none of them larger. Default: the one
+        that just holds the largest value.
 
     Returns
     -------
@@ -36,7 +39,10 @@ def quantise(values, levels, bits, scaling, rng):
     else:
         scaled = np.ldexp(values, levels) if scaling == "levels" else values
     most = (1 << (bits - 1)) - 1
-    size = float(np.abs(scaled).max(initial=0)) / most or 1.0
+    if size is None:
+        size = float(np.abs(scaled).max(initial=0)) / most or 1.0
+    elif scaling == "root":
+        size = size**0.5
     steps = scaled / np.float32(size)
     steps = np.rint(steps) if rng is None else np.floor(steps + rng.random(len(steps), np.float32))
     integers = np.clip(steps, -most, most).astype(np.int16)

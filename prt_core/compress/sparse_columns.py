@@ -13,6 +13,8 @@ import scipy.sparse as sp
 from prt_core.compress.state import array_of
 from prt_core.errors import expect
 
+# A second term at a place is for what quantising the first leaves of it; they add up.
+TERMS_A_PLACE = 2
 _WORDS = (12, 16, 24)
 # Name, count and size of a column.
 _HEAD = 4 + 4 + 4
@@ -175,7 +177,7 @@ def unpack_groups(state, n_rows, n_names, bits):
         own = {name: take(name, n_columns) for name in ("names", "counts", "sizes")}
         counts = own["counts"]
         expect(
-            len(counts) == n_columns and ((counts > 0) & (counts <= n_rows)).all(),
+            len(counts) == n_columns and ((counts > 0) & (counts <= TERMS_A_PLACE * n_rows)).all(),
             "counts: do not fit the rows",
         )
         empty = SparseColumns(n_rows, int(word), bits, **own, high=None, low=None, values=None)

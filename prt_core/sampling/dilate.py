@@ -24,6 +24,8 @@ def dilate(bits, resolution, corners=True):
     -------
     (n, n_bytes) uint8
     """
+    if not len(bits):
+        return bits.copy()
     beside = _beside(resolution)
     rows = _to_rows(bits, resolution)
     n, word = len(bits), rows.dtype.type

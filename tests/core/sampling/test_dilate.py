@@ -38,6 +38,10 @@ def test_a_dilated_mask_is_the_union_of_all_neighbourhoods(resolution, corners):
     np.testing.assert_array_equal(found[:, :n_directions] > 0, wanted)
 
 
+def test_no_mask_is_dilated_to_none():
+    assert dilate(np.zeros((0, 48), np.uint8), 8).shape == (0, 48)
+
+
 def test_a_texel_at_an_edge_spreads_onto_the_next_face():
     mask = np.zeros((1, 6 * 64), bool)
     mask[0, 7] = True

@@ -229,6 +229,7 @@ class _Draws:
         vectors, rng = self._cube_map.vectors, self._rng
         share = worth / worth.sum()
         ways = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        normals = np.ascontiguousarray(self._scene.points.normals[self._points].T)
         samples = self._cube_map.samples.astype(np.float32)
         bits, traced = self._sampled.bits, self._sampled.traced
         counts = dict.fromkeys(("entries", "wrong", "lit"), 0)
@@ -240,11 +241,14 @@ class _Draws:
         self._near_rate += (proposals - self._proposals) * share
         for first in range(0, proposals, _BATCH):
             count = min(_BATCH, proposals - first)
-            direction = np.repeat(np.arange(len(worth)), rng.multinomial(count, share))
-            point = self._points[rng.integers(0, len(self._points), count)]
-            cosine = np.einsum("ij,ij->i", self._scene.points.normals[point], ways[direction])
-            kept = (cosine > 0) & (rng.random(count) < cosine * cosine)
-            point, direction = point[kept], direction[kept]
+            times = rng.multinomial(count, share)
+            drawn = rng.integers(0, len(self._points), count, np.int32)
+            cosine = np.zeros(count, np.float32)
+            for normal, way in zip(normals, ways.T, strict=True):
+                cosine += normal.take(drawn) * np.repeat(way, times)
+            kept = (cosine > 0) & (cosine * cosine > rng.random(count, np.float32))
+            point = self._points[drawn[kept]]
+            direction = np.repeat(np.arange(len(worth)), times)[kept]
             if near > 1:
                 kept = rng.random(len(point)) * near < 1
                 kept[~kept] = self._near(point[~kept], direction[~kept])

@@ -75,7 +75,7 @@ def test_intervals_hold_the_truth_for_every_object_and_light():
 def test_estimates_of_few_draws_are_right_on_average(monkeypatch):
     # So few that most wrong rows are missed, and how likely each was to be found decides.
     monkeypatch.setattr(certificate, "_FEWEST", 1000)
-    rows = coverage(scene_named("balls"), "agreement", CubeMap(8), 200, {"entries": 1})
+    rows = coverage(scene_named("balls"), "agreement", CubeMap(8), 120, {"entries": 1})
     plane = [row for row in rows if row["object"] == "plane"]
     assert len(plane) == 4
     for row in plane:

@@ -23,7 +23,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
-from prt_core.sampling.dilate import dilate
+from prt_core.sampling.dilate import dilate, neighbourhoods
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.tracer import Tracer
@@ -318,9 +318,10 @@ class _Draws:
         return dilate(bits, resolution) & dilate(~bits, resolution)
 
     def _near(self, point, direction):
-        rows, row = np.unique(point, return_inverse=True)
-        edges = self._edges(self._sampled.bits[rows])
-        return (edges[row, direction >> 3] >> (direction & 7).astype(np.uint8)) & 1 > 0
+        """Whether entries are among the `_edges` of their rows."""
+        around = neighbourhoods(self._cube_map.resolution)[direction]
+        said = self._sampled.bits[point[:, None], around >> 3] >> (around & 7).astype(np.uint8) & 1
+        return said.any(axis=1) & ~said.all(axis=1)
 
     def _whole_rows(self, rows):
         """What was said of some points, and the truth, which then is put into the result."""

@@ -4,12 +4,12 @@ import pytest
 from prt_core import PRTError
 from prt_core.basis import ImageWavelet, PointHaar, PointMultiwavelet
 from prt_core.compress import ArrayRows, TransportRows, Wavelet4D
+from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.column_depth import (
     invert_from,
     transform_to_best,
     transform_to_better,
 )
-from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.columns import transposed_steps
 from prt_core.compress.limit_search import LimitSearch
 from prt_core.compress.quantise import dequantise, quantise

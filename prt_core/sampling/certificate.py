@@ -306,7 +306,7 @@ class _Draws:
             # quarter some held 75.
             single = length**2 @ (light**2).sum(axis=1) * len(lights) * len(self._points)
             single /= self._proposals * share * size
-            bounds = weighted_interval(weights, single / _NEAR if len(rows) else single)
+            bounds = weighted_interval(weights, single / 2 if len(rows) else single)
             sure_part = ratio - weights.sum()
             bounds = np.maximum([ratio, *(sure_part + bound for bound in bounds)], 0)
             estimates[name] = Estimate(*map(float, np.sqrt(bounds)))

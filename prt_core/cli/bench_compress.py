@@ -1,14 +1,12 @@
 """`prt bench compress`: compressors side by side on one bake."""
 
-import json
 import tempfile
-import time
 from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps, load
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import lights_named, scene_named
-from prt_core.cli.show import working
+from prt_core.cli.show import show_bench, working
 from prt_core.compress import method_names
 from prt_core.errors import expect
 from prt_core.progress import run
@@ -66,12 +64,7 @@ def _bench_compress(options):
         report = compress_report(bake, caster, rows, made, *first, len(lights))
         caster.close()
         page = write_report(options.output, report)
-    if options.json:
-        print(json.dumps(rows))
-        return 0
-    _print_rows(rows)
-    print(f"{page}: written {time.strftime('%H:%M')}")
-    return 0
+    return show_bench(options, rows, _print_rows, page)
 
 
 def _baked(options, folder, bar):

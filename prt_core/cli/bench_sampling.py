@@ -1,11 +1,8 @@
 """`prt bench sampling`: ways to sample the visibility against every entry traced."""
 
-import json
-import time
-
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import lights_named, scene_named
-from prt_core.cli.show import working
+from prt_core.cli.show import show_bench, working
 from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.rays import make_caster
@@ -67,12 +64,7 @@ def _bench_sampling(options):
             finally:
                 caster.close()
         page = write_report(options.output, report)
-    if options.json:
-        print(json.dumps(rows))
-        return 0
-    _print_rows(rows)
-    print(f"{page}: written {time.strftime('%H:%M')}")
-    return 0
+    return show_bench(options, rows, _print_rows, page)
 
 
 def _print_rows(rows):

@@ -1,7 +1,9 @@
 """What a terminal is shown while a command works."""
 
+import json
 import os
 import sys
+import time
 from contextlib import contextmanager
 
 
@@ -52,3 +54,13 @@ def working(silent):
             yield bar
         finally:
             bar.close()
+
+
+def show_bench(options, rows, print_rows, page):
+    """What a bench found: one JSON list, or its table and where the report is."""
+    if options.json:
+        print(json.dumps(rows))
+    else:
+        print_rows(rows)
+        print(f"{page}: written {time.strftime('%H:%M')}")
+    return 0

@@ -19,6 +19,8 @@ from prt_core.progress import Progress
 
 # Columns, and entries, from which the first limit is found.
 _SAMPLE, _SAMPLE_ENTRIES = 240, 1 << 24
+# Of the squared error, what terms below the limit must at least make up.
+_LEAST_CUT = 0.1
 
 
 @dataclass
@@ -26,6 +28,7 @@ class Column:
     """Terms of one column: places (sorted) and values, times `size` if they are integers.
 
     Integers at the same place add up. A depth below zero counts steps of the transform's `haar`.
+    `lost` is the squared error, of it `cut` what is below the limit; the rest is quantising's.
     """
 
     name: int
@@ -34,6 +37,7 @@ class Column:
     places: np.ndarray
     values: np.ndarray
     lost: float = 0.0
+    cut: float = 0.0
 
 
 class ColumnCoder:
@@ -68,8 +72,7 @@ class ColumnCoder:
             depths, _ = transform_to_best(transform, columns, limit, *allowed)
         found = []
         for name, column, depth in zip(names, columns, depths, strict=True):
-            places, values, size = self._cut(name, column, int(depth), np.float32(limit))
-            found.append(Column(int(name), int(depth), size, places, values))
+            found.append(self._cut(int(name), column, int(depth), np.float32(limit)))
         # What is left of the columns now is what was lost.
         rest = columns if transform.orthonormal else invert_from(transform, columns, depths)
         for column, left in zip(found, rest, strict=True):
@@ -77,12 +80,14 @@ class ColumnCoder:
         return found
 
     def _cut(self, name, column, depth, limit):
-        """Places, values and size of a column's terms, which are taken out of it."""
-        places = self._above(column, depth, limit)
+        """A `Column` of the terms above the limit, which are taken out of the array."""
+        squares = self._squares(column, depth)
+        places = np.flatnonzero(squares > limit).astype(np.int32)
+        cut = float(squares[squares <= limit].sum(dtype=np.float64))
         if self.bits is None:
             values = column[places]
             column[places] = 0
-            return places, values, 1.0
+            return Column(name, depth, 1.0, places, values, cut=cut)
         rng = np.random.default_rng([self.seed, 8, name]) if self.dither else None
         terms, size = [], None
         for _ in range(TERMS_A_PLACE):
@@ -91,20 +96,17 @@ class ColumnCoder:
             column[places] -= dequantise(integers, levels, size, self.scaling)
             terms.append((places[integers != 0], integers[integers != 0]))
             # What quantising leaves of a large term may be worth a term itself.
-            places = self._above(column, depth, limit, places)
+            places = places[self._squares(column, depth, places) > limit]
         places, values = map(np.concatenate, zip(*terms, strict=True))
         order = np.argsort(places, kind="stable")
-        return places[order], values[order], size
+        return Column(name, depth, size, places[order], values[order], cut=cut)
 
-    def _above(self, column, depth, limit, places=None):
-        """Places, of some or all, where a term is worth more than the limit."""
-        values = column if places is None else column[places]
-        squares = values * values
+    def _squares(self, column, depth, places=slice(None)):
+        """What terms are worth, of some places or all."""
+        squares = column[places] ** 2
         if not self.transform.orthonormal:
-            weights = self._weights(depth)
-            squares *= weights if places is None else weights[places]
-        above = np.flatnonzero(squares > limit).astype(np.int32)
-        return above if places is None else places[above]
+            squares *= self._weights(depth)[places]
+        return squares
 
     def _scales(self, depth):
         transform = self.transform.haar if depth < 0 else self.transform
@@ -175,11 +177,14 @@ class ColumnCoder:
                 best = found, reached, limit
         expect(
             best is not None,
-            f"error: {error:g} is out of reach of {self.bits} bits a coefficient; allow more"
+            self._too_few_bits(error)
             if nbytes is None
             else f"nbytes_wanted: {nbytes} is too little for any column; allow more",
         )
         return best
+
+    def _too_few_bits(self, error):
+        return f"error: {error:g} is out of reach of {self.bits} bits a coefficient; allow more"
 
     def _sampled(self, file, strata, wanted, nbytes):
         """The limit that is right for some columns of each stratum."""
@@ -204,10 +209,14 @@ class ColumnCoder:
             )
             found = [column for part in tried for column in part]
             if nbytes is None:
-                lost = weights @ [column.lost for column in found]
+                lost, cut = weights @ [(column.lost, column.cut) for column in found]
                 search.tell(float(np.sqrt(lost / total)))
             else:
                 search.tell(float(weights @ self._bytes(found, file.shape[1])))
+        if nbytes is None:
+            # Ever smaller terms would have to make up for what quantising loses of all.
+            strained = lost > 0.9 * wanted**2 * total and cut < _LEAST_CUT * lost
+            expect(not strained, self._too_few_bits(wanted))
         return limit
 
     def _bytes(self, columns, n_points):

@@ -112,6 +112,18 @@ def test_other_scalings_keep_the_error_too(grey, hierarchy, scaling):
 def test_too_few_bits_are_said(grey, hierarchy):
     with pytest.raises(PRTError, match="3 bits"):
         Wavelet4D(hierarchy, error=0.001, bits=3).fit(grey)
+    # Within reach only of all there is, and of what quantising leaves of it: four times the bytes.
+    rng = np.random.default_rng(3)
+    heavy = np.exp(rng.normal(0, 2, (64, 96, 1))).astype(np.float32)
+    heavy[:, :8] *= 300
+    columns = PointHaar(rng.random((64, 3)))
+    assert Wavelet4D(columns, error=0.05, bits=4).fit(ArrayRows(heavy, 4)).n_coefficients_ < 1000
+    with pytest.raises(PRTError, match="4 bits"):
+        Wavelet4D(columns, error=0.045, bits=4).fit(ArrayRows(heavy, 4))
+    # What has no small terms is not refused, though nothing is cut.
+    spikes = np.zeros((64, 96, 1), np.float32)
+    spikes[np.arange(64), rng.permutation(96)[:64]] = rng.uniform(1, 2, (64, 1))
+    assert Wavelet4D(columns, error=0.01, bits=9).fit(ArrayRows(spikes, 4)).matrix_error_ <= 0.01
 
 
 def test_nine_bits_add_little_and_save_much(grey, hierarchy):

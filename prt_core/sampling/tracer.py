@@ -125,7 +125,7 @@ class Tracer:
         on_all_cores(lambda job: finish(*job), jobs)
 
     def trace_pairs(self, point, direction):
-        """Trace single entries; a generator of `Progress`.
+        """Trace single entries, each once however often it is named; yields `Progress`.
 
         Parameters
         ----------
@@ -136,11 +136,13 @@ class Tracer:
         (m,) bool
             Whether nothing is in the way.
         """
-        return (
-            yield from self._cast(
-                self._origins.take(point, axis=0), self._directions.take(direction, axis=0)
-            )
+        pairs = point.astype(np.int64) * len(self._directions) + direction
+        pairs, place = np.unique(pairs, return_inverse=True)
+        point, direction = np.divmod(pairs, len(self._directions))
+        free = yield from self._cast(
+            self._origins.take(point, axis=0), self._directions.take(direction, axis=0)
         )
+        return free[place]
 
     def _cast(self, origins, directions):
         n_rays = len(origins)

@@ -28,7 +28,7 @@ def test_a_sampled_bake_keeps_the_tolerance_it_reports(scene, tmp_path):
     assert exact["visibility_error"] == 0 and exact["certificate"] == []
     assert report["tolerance_met"] and report["visibility_error"] <= 0.02
     # Of so few rays the certificate takes most.
-    assert report["rays"] < 0.8 * exact["rays"]
+    assert report["rays"] < 0.65 * exact["rays"]
     assert report["entries_percent"] < exact["entries_percent"]
     assert {item["name"] for item in report["certificate"]} == {"ball", "floor"}
     sky = np.ones((bake.cube_map.n_directions, 3), np.float32)

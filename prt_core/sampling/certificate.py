@@ -14,8 +14,7 @@ which a draw was wrong are traced whole. How likely a row was to be found so is 
 squared error divided by that is an unbiased estimate of the sum over all rows (Horvitz and
 Thompson 1952): rows that are far off are found almost surely, and what is sure adds nothing to the
 width of the interval. As many draws again are weighted by the lights, which may be small and
-bright (see `weighted_interval`), and four times as many of them where the bits change from a
-direction to the next: few entries are there, and most of the wrong ones.
+bright (see `weighted_interval`).
 """
 
 from dataclasses import asdict, dataclass, field
@@ -23,7 +22,6 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
-from prt_core.sampling.dilate import dilate, neighbourhoods
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.tracer import Tracer
@@ -37,8 +35,6 @@ _FEWEST = 1 << 14
 # Rows of an object traced whole, at least, if so many are found wrong: of sixteen, few decided, and
 # the interval held the truth 80 times of 100.
 _FEWEST_ROWS = 56
-# How much more often relit colours ask for entries beside a change of the bits.
-_NEAR = 4
 # No row is taken to be surer to be found: rates are those of Poisson draws, which ours nearly are.
 _SUREST = 1 - 1e-4
 
@@ -161,7 +157,7 @@ def certificate_steps(
             matrix = Estimate(0.0, 0.0, 0.0)
             relit = dict.fromkeys(lights, matrix)
         elif lights:
-            yield from draws.draw(worth * _brightness(worth, lights), n_entries, _NEAR)
+            yield from draws.draw(worth * _brightness(worth, lights), n_entries)
             most = max(_FEWEST_ROWS, settings.rows // len(present))
             most = min(most, max(_FEWEST_ROWS // 2, len(points) // 8))
             relit, n_rows = yield from draws.relit(lights, most)
@@ -203,9 +199,8 @@ class _Draws:
     def __init__(self, scene, cube_map, tracer, sampled, points, open_sky, rng):
         self._scene, self._cube_map, self._tracer = scene, cube_map, tracer
         self._sampled, self._points, self._rng = sampled, points, rng
-        # How often each direction was proposed, in all points together, if all cosines were 1: of
-        # every entry, and how much more often of those beside a change of the bits.
-        self._rate, self._near_rate = np.zeros((2, cube_map.n_directions))
+        # How often each direction was proposed, in all points together, if all cosines were 1.
+        self._rate = np.zeros(cube_map.n_directions)
         self._wrong = []
         self._open = open_sky
         self.rays = 0
@@ -221,11 +216,8 @@ class _Draws:
                 return False
         return True
 
-    def draw(self, worth, n_entries, near=1):
-        """Draw about `n_entries` entries by their worth; counts of all, wrong and lit ones.
-
-        Those beside a change of the bits are drawn `near` times as often as the others.
-        """
+    def draw(self, worth, n_entries):
+        """Draw about `n_entries` entries by their worth; counts of all, wrong and lit ones."""
         vectors, rng = self._cube_map.vectors, self._rng
         share = worth / worth.sum()
         ways = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -235,10 +227,8 @@ class _Draws:
         counts = dict.fromkeys(("entries", "wrong", "lit"), 0)
         # A direction by its whole worth, a point evenly, kept by the square of their cosine: one
         # in six is. So the draws are independent, and no sum over the matrix is needed.
-        self._proposals = 6 * n_entries
-        proposals = near * self._proposals
-        self._rate += self._proposals * share
-        self._near_rate += (proposals - self._proposals) * share
+        proposals = self._proposals = 6 * n_entries
+        self._rate += proposals * share
         for first in range(0, proposals, _BATCH):
             count = min(_BATCH, proposals - first)
             times = rng.multinomial(count, share)
@@ -249,10 +239,6 @@ class _Draws:
             kept = (cosine > 0) & (cosine * cosine > rng.random(count, np.float32))
             point = self._points[drawn[kept]]
             direction = np.repeat(np.arange(len(worth)), times)[kept]
-            if near > 1:
-                kept = rng.random(len(point)) * near < 1
-                kept[~kept] = self._near(point[~kept], direction[~kept])
-                point, direction = point[kept], direction[kept]
             geometric = self._scene.points.geometric_normals[point]
             above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
             byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
@@ -278,12 +264,10 @@ class _Draws:
         sizes, estimates = self._sizes(lights), {}
         said, true = yield from self._whole_rows(rows)
         n_directions, vectors = self._cube_map.n_directions, self._cube_map.vectors
-        edges = unpack(self._edges(said), n_directions)
         cosine = np.maximum(self._scene.points.normals[rows].astype(np.float64) @ vectors.T, 0)
         said, true = (cosine * unpack(bits, n_directions, np.float64) for bits in (said, true))
         length = np.linalg.norm(vectors, axis=1)
-        wrong = (cosine / length) ** 2 * (said != true)
-        found = (wrong @ self._rate + (wrong * edges) @ self._near_rate) / len(self._points)
+        found = ((cosine / length) ** 2 * (said != true)) @ self._rate / len(self._points)
         sure = _inclusion(found, share)
         # How much of a row, in standard deviations, is left to chance.
         chance = np.sqrt(1 - np.minimum(sure, _SUREST)) / sure
@@ -311,17 +295,6 @@ class _Draws:
             bounds = np.maximum([ratio, *(sure_part + bound for bound in bounds)], 0)
             estimates[name] = Estimate(*map(float, np.sqrt(bounds)))
         return estimates, len(rows)
-
-    def _edges(self, bits):
-        """Entries beside which, or beside one of whose neighbours, the bits change."""
-        resolution = self._cube_map.resolution
-        return dilate(bits, resolution) & dilate(~bits, resolution)
-
-    def _near(self, point, direction):
-        """Whether entries are among the `_edges` of their rows."""
-        around = neighbourhoods(self._cube_map.resolution)[direction]
-        said = self._sampled.bits[point[:, None], around >> 3] >> (around & 7).astype(np.uint8) & 1
-        return said.any(axis=1) & ~said.all(axis=1)
 
     def _whole_rows(self, rows):
         """What was said of some points, and the truth, which then is put into the result."""

@@ -24,8 +24,6 @@ def dilate(bits, resolution, corners=True):
     -------
     (n, n_bytes) uint8
     """
-    if not len(bits):
-        return bits.copy()
     beside = _beside(resolution)
     rows = _to_rows(bits, resolution)
     n, word = len(bits), rows.dtype.type
@@ -49,23 +47,6 @@ def dilate(bits, resolution, corners=True):
     result[:, :, :1] |= ends[:, 0]
     result[:, :, -1:] |= ends[:, 1]
     return _from_rows(result, resolution, bits.shape[1])
-
-
-@lru_cache(maxsize=8)
-def neighbourhoods(resolution):
-    """Each texel and the eight around it: (6 x resolution^2, 9) int32; at a corner one twice."""
-    n = 6 * resolution**2
-    result = np.repeat(np.arange(n, dtype=np.int32)[:, None], 9, axis=1)
-    for first in range(0, n, 512):
-        own = np.arange(first, min(first + 512, n))
-        alone = np.zeros((len(own), -(-n // 8)), np.uint8)
-        alone[own - first, own >> 3] = 1 << (own & 7)
-        around = np.unpackbits(dilate(alone, resolution), axis=1, count=n, bitorder="little")
-        row, texel = np.nonzero(around)
-        counts = around.sum(axis=1, dtype=np.int64)
-        column = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-        result[first + row, column] = texel
-    return result
 
 
 @lru_cache(maxsize=8)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from prt_core.light import CubeMap
-from prt_core.sampling.dilate import chequer, dilate, neighbourhoods
+from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.tracer import count_bits
 
 
@@ -36,17 +36,6 @@ def test_a_dilated_mask_is_the_union_of_all_neighbourhoods(resolution, corners):
     found = np.unpackbits(found, axis=1, bitorder="little")
     assert not found[:, n_directions:].any()
     np.testing.assert_array_equal(found[:, :n_directions] > 0, wanted)
-
-
-@pytest.mark.parametrize("resolution", [1, 3, 8, 16])
-def test_neighbourhoods_are_those_of_dilation(resolution):
-    table = neighbourhoods(resolution)
-    for texel, (found, wanted) in enumerate(zip(table, around(resolution).T, strict=True)):
-        assert texel in found and set(found) == set(wanted)
-
-
-def test_no_mask_is_dilated_to_none():
-    assert dilate(np.zeros((0, 48), np.uint8), 8).shape == (0, 48)
 
 
 def test_a_texel_at_an_edge_spreads_onto_the_next_face():

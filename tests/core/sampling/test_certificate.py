@@ -76,9 +76,10 @@ def test_estimates_of_few_draws_are_right_on_average(monkeypatch):
     # So few that most wrong rows are missed, and how likely each was to be found decides.
     monkeypatch.setattr(certificate, "_FEWEST", 1000)
     rows = coverage(scene_named("balls"), "agreement", CubeMap(8), 120, {"entries": 1})
-    plane = [row for row in rows if row["object"] == "plane"]
-    assert len(plane) == 4
-    for row in plane:
+    # Under a sun hardly any entry decides: too few for an average of so many seeds.
+    rows = [row for row in rows if row["object"] == "plane" and "sun" not in row["what"]]
+    assert len(rows) == 2
+    for row in rows:
         assert row["mean_estimate"] == pytest.approx(row["true"], rel=0.12), row
 
 

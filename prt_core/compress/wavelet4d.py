@@ -62,8 +62,11 @@ class Wavelet4D(Compressor):
     scaling : {"root", "levels", "none"}
     dither : bool
         How coefficients are quantised (see `quantise`).
+    light_error : float or None
+        Wavelets of a light are left out when relighting, while their expected share of the colours
+        stays below this; 0: all are used. None: a tenth of the matrix' error.
     n_terms : int or None
-        Wavelets a light is cut to when relighting; None: all.
+        Wavelets a light is cut to, at most.
     memory : int
         Bytes that fitting may hold, the result apart. The transformed rows are in a temporary
         file of 4 bytes an entry.
@@ -82,6 +85,8 @@ class Wavelet4D(Compressor):
         Relative L2 of the matrix, measured on the whole of it.
     limit_ : float
         Square of the smallest term that was kept.
+    importance_ : (n_directions,) float16
+        Size of each wavelet's columns, relative to the largest.
     """
 
     def __init__(
@@ -94,6 +99,7 @@ class Wavelet4D(Compressor):
         bits=9,
         scaling="root",
         dither=False,
+        light_error=None,
         n_terms=None,
         memory=1 << 29,
         seed=0,
@@ -106,6 +112,7 @@ class Wavelet4D(Compressor):
         self.bits = bits
         self.scaling = scaling
         self.dither = dither
+        self.light_error = light_error
         self.n_terms = n_terms
         self.memory = memory
         self.seed = seed
@@ -146,7 +153,7 @@ class Wavelet4D(Compressor):
             file, strata.ravel(), self.error, self.nbytes_wanted
         )
         energies = file.energies.reshape(len(mixed), -1).sum(axis=0)
-        self.importance_ = np.sqrt(energies)
+        self.importance_ = _relative(np.sqrt(energies))
         self._pack(found, file.shape[0])
         return self._fitted(rows)
 
@@ -173,6 +180,10 @@ class Wavelet4D(Compressor):
         expect(
             self.scaling in SCALINGS,
             f"scaling: expected one of {', '.join(SCALINGS)}, got {self.scaling!r}",
+        )
+        expect(
+            self.light_error is None or 0 <= self.light_error < 1,
+            f"light_error: expected None or a number from 0 to below 1, got {self.light_error}",
         )
         for name in ("nbytes_wanted", "n_terms"):
             if getattr(self, name) is not None:
@@ -219,17 +230,15 @@ class Wavelet4D(Compressor):
         self._expect_fitted()
         result = sum(packed.nbytes for _, packed in self._groups)
         result += sum(array.nbytes for array in _points_state(self._transform).values())
-        result += 4 * self.n_directions_ if self.n_terms is not None else 0
+        result += self.importance_.nbytes
         return result + (0 if self.gain_ is None else self.gain_.nbytes)
 
-    def choose(self, light, n_terms=None):
+    def choose(self, light):
         """The wavelets that a light is cut to: those that weigh most in the colours.
 
         Parameters
         ----------
         light : (n_directions, n_channels) float
-        n_terms : int, optional
-            Default: the estimator's own.
 
         Returns
         -------
@@ -238,10 +247,16 @@ class Wavelet4D(Compressor):
         """
         light = np.asarray(light, np.float32)
         coefficients = wavelet_rows(light.T, self.resolution_, self.rows).T
-        n_terms = n_terms or self.n_terms
-        if n_terms is not None and n_terms < len(coefficients):
-            weight = (coefficients**2).sum(axis=1) * self.importance_**2
-            coefficients[np.argpartition(weight, -n_terms)[:-n_terms]] = 0
+        share = self.matrix_error_ / 10 if self.light_error is None else self.light_error
+        importance = self.importance_.astype(np.float64)
+        weight = (coefficients.astype(np.float64) ** 2).sum(axis=1) * importance**2
+        order = np.argsort(weight)
+        # What different wavelets lose is as good as independent: squares add up.
+        lost = np.cumsum(weight[order])
+        n_left = np.searchsorted(lost, share**2 * lost[-1])
+        if self.n_terms is not None:
+            n_left = max(n_left, len(order) - self.n_terms)
+        coefficients[order[:n_left]] = 0
         return coefficients
 
     def _relight(self, light):
@@ -301,7 +316,7 @@ class Wavelet4D(Compressor):
         state = {
             "matrix_error": self.matrix_error_,
             "limit": self.limit_,
-            "importance": self.importance_.astype(np.float32),
+            "importance": self.importance_,
             "mixed": self._mixed.astype(np.float32),
             **groups_state(self._groups),
             **_points_state(self._transform),
@@ -321,7 +336,7 @@ class Wavelet4D(Compressor):
             expect_state(self.columns.n == self.n_points_, "'image' has another size")
         mixed = array_of(state, "mixed", (None, self.n_channels_), "float32")
         self._prepare(self.n_points_, mixed)
-        self.importance_ = array_of(state, "importance", (self.n_directions_,), "float32")
+        self.importance_ = array_of(state, "importance", (self.n_directions_,), "float16")
         n_columns = len(mixed) * self.n_directions_
         self._groups = value_of(
             state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
@@ -333,6 +348,11 @@ class Wavelet4D(Compressor):
             "'groups' are too deep",
         )
         self._count(n_columns)
+
+
+def _relative(importance):
+    """Shares of the largest, float16: all that is compared is one wavelet with another."""
+    return (importance / (importance.max(initial=0) or 1)).astype(np.float16)
 
 
 def _invert(transform, picture, before, after):

@@ -43,7 +43,9 @@ FORMAT, VERSION = "prt bake", 2
 # The fact that names the compressed form, and how its folders begin.
 COMPRESSED = "compressed"
 _CODECS = {"bytes", "zstd", "crc32c"}
-_TYPES = {"bool", "int8", "uint8", "int16", "uint16", "int32", "int64", "float32", "float64"}
+_TYPES = {
+    "bool", "int8", "uint8", "int16", "uint16", "int32", "int64", "float16", "float32", "float64",
+}  # fmt: skip
 _MOST_BYTES = 1 << 38
 
 

@@ -42,11 +42,14 @@ def hierarchy(scene):
 
 
 def restored(model):
-    """The matrix that a model holds, column by column, without the gain."""
+    """The matrix that a model holds, column by column, without the gain; no light is cut."""
+    cut, model.light_error = model.light_error, 0.0
     lights = np.eye(model.n_directions_, dtype=np.float32)
     gain = 1 if model.gain_ is None else model.gain_
     white = np.ones((1, model.n_channels_), np.float32)
-    return np.stack([model.relight(light[:, None] * white) / gain for light in lights], axis=1)
+    found = np.stack([model.relight(light[:, None] * white) / gain for light in lights], axis=1)
+    model.light_error = cut
+    return found
 
 
 @pytest.mark.parametrize("wavelet", ["haar", "d4", "d6", "d8"])
@@ -94,7 +97,7 @@ def test_rate_and_distortion_are_monotone(grey, hierarchy):
 def test_a_budget_is_kept_and_used(grey, hierarchy):
     small = Wavelet4D(hierarchy, nbytes_wanted=20_000).fit(grey)
     large = Wavelet4D(hierarchy, nbytes_wanted=40_000).fit(grey)
-    extra = 2 * grey.n_points + hierarchy.features.nbytes + 8
+    extra = 2 * grey.n_points + hierarchy.features.nbytes + 8 + small.importance_.nbytes
     for model, budget in ((small, 20_000), (large, 40_000)):
         assert 0.95 * budget < model.nbytes - extra <= budget
     assert large.matrix_error_ < 0.9 * small.matrix_error_
@@ -166,13 +169,30 @@ def test_float64_rows_give_what_float32_rows_give(grey, hierarchy, light):
 
 
 def test_fewer_wavelets_of_the_light_come_nearer_with_more(rows, hierarchy, light):
-    model = Wavelet4D(hierarchy, error=0.02, n_terms=384).fit(rows)
+    model = Wavelet4D(hierarchy, error=0.02, light_error=0.0, n_terms=384).fit(rows)
     every = model.relight(np.minimum(light, 3))
     errors = []
     for n_terms in (10, 60, 200):
         model.n_terms = n_terms
         errors.append(relative(model.relight(np.minimum(light, 3)), every))
     assert errors == sorted(errors, reverse=True) and 0 < errors[-1] < 0.2 * errors[0]
+
+
+def test_a_light_is_cut_to_what_its_colours_need(rows, hierarchy, light):
+    model = Wavelet4D(hierarchy, error=0.02, light_error=0.0).fit(rows)
+    light = np.minimum(light, 3)
+    every, used = model.relight(light), []
+    for share in (1e-3, 1e-2, 1e-1):
+        model.light_error = share
+        used.append(int(model.choose(light).any(axis=1).sum()))
+        assert 0 < relative(model.relight(light), every) < 2 * share
+    assert 0 < used[2] < used[1] < used[0] <= rows.n_directions
+    model.light_error = None
+    assert 0 < relative(model.relight(light), every) < 2 * model.matrix_error_ / 10
+    # A share of nothing, and of light that no point sees.
+    assert not model.relight(0 * light).any()
+    with pytest.raises(PRTError, match="light_error"):
+        Wavelet4D(hierarchy, light_error=1.0).fit(rows)
 
 
 @pytest.mark.parametrize("columns", ["points", "haar", "image"])

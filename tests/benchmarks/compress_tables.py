@@ -321,7 +321,8 @@ def section(path, blend, work):
     lines += [_run(__file__, "bounces", path), ""]
     lines += [_run(__file__, "haar", path), ""]
     _run("-m", "prt_core", "compress", path, "--method", "cpca", "--tolerance", "0.005")
-    lines += [_run(__file__, "frames", blend, path)]
+    # Blender tells of the file it read, too.
+    lines += [_run(__file__, "frames", blend, path).splitlines()[-1]]
     if data_folder():
         lines += ["", _run(__file__, "sparse", "bunny")]
     return lines

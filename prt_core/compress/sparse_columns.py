@@ -6,6 +6,7 @@ for each term (Elias 1974, Fano 1971). Of the three words a column takes what is
 """
 
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 import scipy.sparse as sp
@@ -145,8 +146,15 @@ _ARRAYS = {"names": "int32", "counts": "int32", "sizes": "float32", "high": "uin
 
 
 def groups_state(groups):
-    """Arrays of (depth, SparseColumns) pairs, joined: name -> array (see `unpack_groups`)."""
-    heads = [(depth, packed.word, len(packed.names)) for depth, packed in groups]
+    """Arrays of (depths, SparseColumns) pairs, joined: name -> array (see `unpack_groups`).
+
+    Columns lie by depth, so that a depth, a word and a number tell of many.
+    """
+    heads = [
+        (depth, packed.word, count)
+        for depths, packed in groups
+        for depth, count in zip(*np.unique(depths, return_counts=True), strict=True)
+    ]
     state = {"groups": np.array(heads, np.int32).reshape(-1, 3)}
     for name, kind in _ARRAYS.items():
         parts = [getattr(packed, name) for _, packed in groups]
@@ -172,8 +180,12 @@ def unpack_groups(state, n_rows, n_names, bits):
         used[name] = first + int(count)
         return state[name][first : first + int(count)]
 
-    for depth, word, n_columns in heads:
-        expect(word in _WORDS and word > (bits or 0) and n_columns >= 0, f"word: {word} bits")
+    expect((heads[:, 2] >= 0).all(), "groups: fewer columns than none")
+    for word, some in groupby(heads, key=lambda head: head[1]):
+        expect(word in _WORDS and word > (bits or 0), f"word: {word} bits")
+        depths = np.concatenate([np.full(count, depth) for depth, _, count in some])
+        expect((np.diff(depths) >= 0).all(), "groups: columns do not lie by depth")
+        n_columns = len(depths)
         own = {name: take(name, n_columns) for name in ("names", "counts", "sizes")}
         counts = own["counts"]
         expect(
@@ -194,7 +206,7 @@ def unpack_groups(state, n_rows, n_names, bits):
             and matrix.indices.max(initial=-1) < n_rows,
             "places: some are outside the rows",
         )
-        groups.append((int(depth), packed))
+        groups.append((depths, packed))
     return groups
 
 

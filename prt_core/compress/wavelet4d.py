@@ -6,8 +6,6 @@ grow. Each column stops at the depth that needs the fewest terms; on a mesh it a
 of two transforms, told by the sign of its depth.
 """
 
-from itertools import groupby
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -23,7 +21,6 @@ from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.columns import transposed_steps
 from prt_core.compress.mixed_rows import mixed_wavelets
-from prt_core.compress.parallel import in_parallel
 from prt_core.compress.quantise import SCALINGS
 from prt_core.compress.sparse_columns import (
     SparseColumns,
@@ -33,6 +30,7 @@ from prt_core.compress.sparse_columns import (
 )
 from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect
+from prt_core.threads import on_all_cores
 
 MODES = ("adaptive", "4d", "2d")
 # Terms that are unpacked at once.
@@ -203,24 +201,23 @@ class Wavelet4D(Compressor):
         depths = np.array([column.depth for column in found], int)
         counts = np.array([len(column.places) for column in found], int)
         _, words = column_bytes(counts, self._transform.n, self.bits)
+        # One packing for each length of words; its columns by depth.
         self._groups = []
-        for depth in np.unique(depths):
-            for word in np.unique(words):
-                mine = np.flatnonzero((depths == depth) & (words == word))
-                if len(mine):
-                    part = [found[i] for i in mine]
-                    packed = SparseColumns.pack(
-                        self._transform.n, int(word), self.bits, names[mine],
-                        [c.size for c in part], [c.places for c in part],
-                        [c.values for c in part],
-                    )  # fmt: skip
-                    self._groups.append((int(depth), packed))
+        for word in np.unique(words):
+            mine = np.flatnonzero(words == word)
+            mine = mine[np.argsort(depths[mine], kind="stable")]
+            part = [found[i] for i in mine]
+            packed = SparseColumns.pack(
+                self._transform.n, int(word), self.bits, names[mine],
+                [c.size for c in part], [c.places for c in part], [c.values for c in part],
+            )  # fmt: skip
+            self._groups.append((depths[mine], packed))
         self._count(n_columns)
 
     def _count(self, n_columns):
         self.depths_, self.counts_ = np.zeros(n_columns, int), np.zeros(n_columns, int)
-        for depth, packed in self._groups:
-            self.depths_[packed.names], self.counts_[packed.names] = abs(depth), packed.counts
+        for depths, packed in self._groups:
+            self.depths_[packed.names], self.counts_[packed.names] = abs(depths), packed.counts
         self.n_coefficients_ = int(self.counts_.sum())
 
     @property
@@ -262,49 +259,59 @@ class Wavelet4D(Compressor):
     def _relight(self, light):
         coefficients = self.choose(light)
         weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
-        groups = [group for group in self._groups if group[0] >= 0]
-        picture = self._picture(weights, self._transform, groups)
-        plain = [(-depth, packed) for depth, packed in self._groups if depth < 0]
+        columns = self._columns(weights)
+        jobs = [({d: part for d, part in columns.items() if d >= 0}, self._transform)]
+        plain = {-d: part for d, part in columns.items() if d < 0}
         if plain:
-            picture += self._picture(weights, self._transform.haar, plain)
+            jobs.append((plain, self._transform.haar))
+        picture = np.sum(on_all_cores(lambda job: self._picture(*job), jobs), axis=0)
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
         result[self._order] = picture.T
         return result if self.gain_ is None else result * self.gain_
 
-    def _picture(self, weights, transform, groups):
-        """(n_channels, n_points) sum of the columns of some (depth, columns), transformed back."""
+    def _picture(self, columns, transform):
+        """(n_channels, n_points) sum of some `_columns`, transformed back."""
         picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
         # Equation 8: deepest columns first, one inverse step between two depths.
         at = 0
-        for depth, product in self._products(weights, transform, groups):
+        for depth, (matrix, light) in sorted(columns.items(), reverse=True):
             _invert(transform, picture, at, depth)
+            product = (matrix @ light).T
+            if self.bits is not None and self.scaling == "levels":
+                product = product * np.exp2(-transform.scales(depth).astype(np.float32))
             picture += product
             at = depth
         _invert(transform, picture, at, 0)
         return picture
 
-    def _products(self, weights, transform, groups):
-        """(depth, (n_channels, n_points)) columns times their weights, the deepest first."""
+    def _columns(self, weights):
+        """Depth -> the columns of it that have a weight, (n_points, k) CSC, and (k, n_channels)."""
         pieces = []
-        for depth, packed in sorted(groups, key=lambda group: -group[0]):
+        for depths, packed in self._groups:
             light = weights[packed.names] * packed.sizes[:, None]
             some = np.flatnonzero(light.any(axis=1))
             pieces += [
-                (depth, packed, part, light[part]) for part in _parts(some, packed.counts[some])
+                (depths[part], packed, part, light[part])
+                for part in _parts(some, packed.counts[some])
             ]
-        # Unpacked beside the products, which hold Python's lock.
-        matrices = in_parallel(lambda piece: piece[1].matrix(piece[2]), pieces)
-        unpacked = zip(pieces, matrices, strict=True)
-        for depth, parts in groupby(unpacked, key=lambda item: item[0][0]):
-            parts = list(parts)
-            light = np.concatenate([piece[3] for piece, _ in parts])
-            matrix = sp.hstack([matrix for _, matrix in parts], format="csc")
-            if self.bits is not None and self.scaling == "root":
-                matrix.data *= np.abs(matrix.data)
-            product = np.ascontiguousarray((matrix @ light).T)
-            if self.bits is not None and self.scaling == "levels":
-                product *= np.exp2(-transform.scales(depth).astype(np.float32))
-            yield depth, product
+        parts = {}
+        for (depths, _, _, light), matrix in zip(
+            pieces, on_all_cores(self._unpacked, pieces), strict=True
+        ):
+            deep, firsts = np.unique(depths, return_index=True)
+            for depth, a, b in zip(deep, firsts, [*firsts[1:], len(depths)], strict=True):
+                terms = slice(matrix.indptr[a], matrix.indptr[b])
+                starts = matrix.indptr[a:b] - matrix.indptr[a]
+                some = matrix.data[terms], matrix.indices[terms], starts, light[a:b]
+                parts.setdefault(int(depth), []).append(some)
+        return {depth: _joined(some, self.n_points_) for depth, some in parts.items()}
+
+    def _unpacked(self, piece):
+        _, packed, part, _ = piece
+        matrix = packed.matrix(part)
+        if self.bits is not None and self.scaling == "root":
+            matrix.data *= np.abs(matrix.data)
+        return matrix
 
     def state(self):
         state = super().state()
@@ -341,7 +348,7 @@ class Wavelet4D(Compressor):
         self._groups = value_of(
             state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
         )
-        depths = [depth for depth, _ in self._groups]
+        depths = [depth for depths, _ in self._groups for depth in depths]
         least = -self._transform.depth if self._transform.haar else 0
         expect_state(
             all(least <= depth <= self._transform.depth for depth in depths),
@@ -358,6 +365,17 @@ def _relative(importance):
 def _invert(transform, picture, before, after):
     for level in range(before - 1, after - 1, -1):
         transform.inverse_step(picture, level)
+
+
+def _joined(parts, n_rows):
+    """One CSC of (values, places, starts, light) of columns side by side, and their light."""
+    values, places, starts, light = zip(*parts, strict=True)
+    ends = np.cumsum([0, *(len(some) for some in values)])
+    starts = [some + first for some, first in zip(starts, ends, strict=False)]
+    indptr = np.concatenate([*starts, ends[-1:]]).astype(np.int32)
+    light = np.concatenate(light)
+    shape = n_rows, len(light)
+    return sp.csc_matrix((np.concatenate(values), np.concatenate(places), indptr), shape), light
 
 
 def _points_state(transform):

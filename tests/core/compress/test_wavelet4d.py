@@ -221,8 +221,12 @@ def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
         # Both transforms are in use.
         assert state["groups"][:, 0].min() < 0 < state["groups"][:, 0].max()
         for deep in (20, -20):
+            heads = state["groups"].copy()
+            heads[:, 0] = deep
             with pytest.raises(PRTError, match="deep"):
-                Wavelet4D.from_state({**state, "groups": state["groups"] * np.int32([deep, 1, 1])})
+                Wavelet4D.from_state({**state, "groups": heads})
+        with pytest.raises(PRTError, match="by depth"):
+            Wavelet4D.from_state({**state, "groups": state["groups"] * np.int32([-1, 1, 1])})
         with pytest.raises(PRTError, match="basis"):
             Wavelet4D.from_state({**state, "features": state["features"][::-1].copy()})
 

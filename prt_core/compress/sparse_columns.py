@@ -17,6 +17,8 @@ from prt_core.errors import expect
 # A second term at a place is for what quantising the first leaves of it; they add up.
 TERMS_A_PLACE = 2
 _WORDS = (12, 16, 24)
+# Terms that are unpacked at once.
+_TERMS = 1 << 18
 # Name, count and size of a column.
 _HEAD = 4 + 4 + 4
 
@@ -180,7 +182,8 @@ def unpack_groups(state, n_rows, n_names, bits):
         used[name] = first + int(count)
         return state[name][first : first + int(count)]
 
-    expect((heads[:, 2] >= 0).all(), "groups: fewer columns than none")
+    number = heads[:, 2]
+    expect((number >= 0).all() and number.sum() == len(state["names"]), "groups: other names")
     for word, some in groupby(heads, key=lambda head: head[1]):
         expect(word in _WORDS and word > (bits or 0), f"word: {word} bits")
         depths = np.concatenate([np.full(count, depth) for depth, _, count in some])
@@ -199,15 +202,22 @@ def unpack_groups(state, n_rows, n_names, bits):
             values=take("values", terms if bits is None else 0),
         )  # fmt: skip
         expect(len(packed.high) == high and len(packed.low) == low, "words: some are missing")
-        matrix = packed.matrix(np.arange(n_columns))
-        expect(
-            len(matrix.indices) == terms
-            and matrix.indices.min(initial=0) >= 0
-            and matrix.indices.max(initial=-1) < n_rows,
-            "places: some are outside the rows",
-        )
+        for some in parts_of_terms(np.arange(n_columns), counts):
+            matrix = packed.matrix(some)
+            expect(
+                len(matrix.indices) == counts[some].sum()
+                and matrix.indices.min(initial=0) >= 0
+                and matrix.indices.max(initial=-1) < n_rows,
+                "places: some are outside the rows",
+            )
         groups.append((depths, packed))
     return groups
+
+
+def parts_of_terms(some, counts):
+    """Pieces of columns `some` of about 2^18 terms each, for the cache."""
+    ends = np.searchsorted(np.cumsum(counts), np.arange(_TERMS, counts.sum(), _TERMS))
+    return [part for part in np.split(some, np.unique(ends)) if len(part)]
 
 
 def _buckets(n_rows, shift):

@@ -26,6 +26,7 @@ from prt_core.compress.sparse_columns import (
     SparseColumns,
     column_bytes,
     groups_state,
+    parts_of_terms,
     unpack_groups,
 )
 from prt_core.compress.state import array_of, expect_state, value_of
@@ -33,8 +34,6 @@ from prt_core.errors import expect
 from prt_core.threads import on_all_cores
 
 MODES = ("adaptive", "4d", "2d")
-# Terms that are unpacked at once.
-_TERMS = 1 << 18
 
 
 class Wavelet4D(Compressor):
@@ -292,7 +291,7 @@ class Wavelet4D(Compressor):
             some = np.flatnonzero(light.any(axis=1))
             pieces += [
                 (depths[part], packed, part, light[part])
-                for part in _parts(some, packed.counts[some])
+                for part in parts_of_terms(some, packed.counts[some])
             ]
         parts = {}
         for (depths, _, _, light), matrix in zip(
@@ -408,9 +407,3 @@ def _index_type(n):
 def _image_wavelet(words):
     height, width, wavelet = words
     return ImageWavelet((int(height), int(width)), wavelet)
-
-
-def _parts(some, counts):
-    """Pieces of `some` of about _TERMS terms each, for the cache."""
-    ends = np.searchsorted(np.cumsum(counts), np.arange(_TERMS, counts.sum(), _TERMS))
-    return [part for part in np.split(some, np.unique(ends)) if len(part)]

@@ -10,6 +10,7 @@ import prt_core
 from prt_core import BakeSettings, BakeStore, Lamp, PRTError, Scene, bake_steps, load, run
 from prt_core.api import compress_bake, relight_points
 from prt_core.compress import Harmonics, Limits, Method, method_names, methods, register_method
+from prt_core.compress.choose import Trial
 from prt_core.compressed import CompressSettings, compress_steps, standing_lights
 from prt_core.light import EnvironmentMap
 from prt_core.progress import Errands, steps_beside
@@ -170,6 +171,15 @@ def test_none_removes_it(chosen, tmp_path):
         compress_bake(path, method="none", tolerance=0.1)
     with pytest.raises(PRTError, match="there is no such bake"):
         compress_bake(tmp_path / "no.prt", method="none")
+
+
+def test_few_lights_must_be_nearer_than_was_asked_for():
+    """Under the lights that measure, errors are larger than under the few that choose."""
+    limits = Limits(tolerance=0.01)
+    trial = Trial("cpca", "", 0, error=0.0079, worst=0.015, megabytes=1, milliseconds=1, seconds=1)
+    assert limits.near(trial)
+    assert not limits.near(replace(trial, error=0.0095))
+    assert not limits.near(replace(trial, worst=0.019))
 
 
 def test_size_is_kept_where_it_is_asked_for(baked):

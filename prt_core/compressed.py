@@ -17,7 +17,7 @@ from prt_core.compress import (
     neighbour_pairs,
     seam,
 )
-from prt_core.compress.choose import Trial, describe, relative_l2, relit
+from prt_core.compress.choose import WORST, Trial, describe, relative_l2, relit
 from prt_core.errors import PRTError, expect
 from prt_core.light import EnvironmentMap, TurningLight
 from prt_core.machine import peak_bytes
@@ -157,8 +157,8 @@ def met(limits, found):
     """Whether what was measured keeps what was asked for; None where no tolerance was."""
     if limits.tolerance is None:
         return None
-    twice = 2 * limits.tolerance
-    return bool(found["error"] <= limits.tolerance and found["worst"] <= twice)
+    most = WORST * limits.tolerance
+    return bool(found["error"] <= limits.tolerance and found["worst"] <= most)
 
 
 def _fit(task, chosen, limits, lights):

@@ -1,6 +1,7 @@
 """What every compressor offers: scikit-learn's conventions, relighting, and its size."""
 
 from abc import ABC, abstractmethod
+from copy import copy
 
 import numpy as np
 
@@ -18,6 +19,13 @@ class Compressor(Parameters, ABC):
     `_relight(light)` and `nbytes`; it calls `_fitted(rows)` once its attributes are set. `_state`
     and `_restore` let it be kept in a store.
     """
+
+    # Parameters with which all of a light is used.
+    _UNCUT = {}
+
+    def uncut(self):
+        """The same form, for lights of which nothing may be spared: white ones, single texels."""
+        return copy(self).set_params(**self._UNCUT)
 
     def fit(self, rows, y=None):
         """Compress rows.

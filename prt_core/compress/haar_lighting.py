@@ -5,6 +5,7 @@ import scipy.sparse as sp
 
 from prt_core.basis import haar_areas, haar_rows
 from prt_core.compress.base import Compressor, expect_count
+from prt_core.compress.light_terms import heaviest
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect
@@ -29,6 +30,8 @@ class HaarLighting(Compressor):
         Quantisation step as a share of the largest coefficient of the direct rows: entries below
         half of it vanish.
     """
+
+    _UNCUT = {"n_terms": None}
 
     def __init__(self, n_terms=256, selection="transport", step=1 / 254):
         self.n_terms = n_terms
@@ -103,9 +106,7 @@ class HaarLighting(Compressor):
             weight = weight * self._areas
         elif selection == "transport":
             weight = weight * self.importance_**2
-        if n_terms is None or n_terms >= len(weight):
-            return np.flatnonzero(weight)
-        return np.sort(np.argpartition(weight, -n_terms)[-n_terms:])
+        return heaviest(weight, n_terms)
 
     def products(self, chosen, coefficients):
         """Colours of some wavelets: (n_points, n_channels) float32."""

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController
 
+from prt_core.compress.light_terms import heaviest
 from prt_core.errors import expect, expect_array
 
 # Slots of a cluster that are one product at most, and what their number is rounded up to.
@@ -190,13 +191,7 @@ class ClusterRelighter:
         """Terms of the light that matter most for one group, in storage order."""
         shares = np.asarray(self.model.code_.groups[index].shares, np.float32)
         weight = (coded**2 @ shares**2) * self._importance[index]
-        most = len(weight) if self.n_terms is None else min(self.n_terms, len(weight))
-        best = np.argpartition(weight, -most)[-most:] if most < len(weight) else np.arange(most)
-        values = np.sort(weight[best])
-        # Errors of different terms are as good as independent: their squares add up.
-        spare = np.searchsorted(np.cumsum(values), self.error**2 * weight.sum())
-        kept = best[weight[best] >= values[min(spare, most - 1)]]
-        return np.sort(kept) if weight.any() else kept[:0]
+        return heaviest(weight, self.n_terms, self.error)
 
     def _clusters(self, batch, products):
         """What clusters give to their points."""

@@ -7,7 +7,6 @@ of two transforms, told by the sign of its depth.
 """
 
 import numpy as np
-import scipy.sparse as sp
 
 from prt_core.basis import (
     ORTHONORMAL,
@@ -19,14 +18,15 @@ from prt_core.basis import (
 )
 from prt_core.compress.base import Compressor, expect_count
 from prt_core.compress.column_coder import ColumnCoder
+from prt_core.compress.column_pictures import columns_by_depth, picture_of
 from prt_core.compress.columns import transposed_steps
+from prt_core.compress.light_terms import heaviest
 from prt_core.compress.mixed_rows import mixed_wavelets
 from prt_core.compress.quantise import SCALINGS
 from prt_core.compress.sparse_columns import (
     SparseColumns,
     column_bytes,
     groups_state,
-    parts_of_terms,
     unpack_groups,
 )
 from prt_core.compress.state import array_of, expect_state, value_of
@@ -85,6 +85,8 @@ class Wavelet4D(Compressor):
     importance_ : (n_directions,) float16
         Size of each wavelet's columns, relative to the largest.
     """
+
+    _UNCUT = {"n_terms": None, "light_error": 0.0}
 
     def __init__(
         self,
@@ -246,71 +248,28 @@ class Wavelet4D(Compressor):
         share = self.matrix_error_ / 10 if self.light_error is None else self.light_error
         importance = self.importance_.astype(np.float64)
         weight = (coefficients.astype(np.float64) ** 2).sum(axis=1) * importance**2
-        order = np.argsort(weight)
-        # What different wavelets lose is as good as independent: squares add up.
-        lost = np.cumsum(weight[order])
-        n_left = np.searchsorted(lost, share**2 * lost[-1])
-        if self.n_terms is not None:
-            n_left = max(n_left, len(order) - self.n_terms)
-        coefficients[order[:n_left]] = 0
-        return coefficients
+        result = np.zeros_like(coefficients)
+        chosen = heaviest(weight, self.n_terms, share)
+        result[chosen] = coefficients[chosen]
+        return result
 
     def _relight(self, light):
         coefficients = self.choose(light)
         weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
-        columns = self._columns(weights)
+        quantised = self.scaling if self.bits is not None else "none"
+        # Quantised are roots (see `quantise`).
+        decode = (lambda v: v * np.abs(v)) if quantised == "root" else np.asarray
+        columns = columns_by_depth(self._groups, weights, decode)
         jobs = [({d: part for d, part in columns.items() if d >= 0}, self._transform)]
         plain = {-d: part for d, part in columns.items() if d < 0}
         if plain:
             jobs.append((plain, self._transform.haar))
-        picture = np.sum(on_all_cores(lambda job: self._picture(*job), jobs), axis=0)
+        parts = on_all_cores(
+            lambda job: picture_of(*job, self.n_channels_, quantised == "levels"), jobs
+        )
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
-        result[self._order] = picture.T
+        result[self._order] = np.sum(parts, axis=0).T
         return result if self.gain_ is None else result * self.gain_
-
-    def _picture(self, columns, transform):
-        """(n_channels, n_points) sum of some `_columns`, transformed back."""
-        picture = np.zeros((self.n_channels_, self.n_points_), np.float32)
-        # Equation 8: deepest columns first, one inverse step between two depths.
-        at = 0
-        for depth, (matrix, light) in sorted(columns.items(), reverse=True):
-            _invert(transform, picture, at, depth)
-            product = (matrix @ light).T
-            if self.bits is not None and self.scaling == "levels":
-                product = product * np.exp2(-transform.scales(depth).astype(np.float32))
-            picture += product
-            at = depth
-        _invert(transform, picture, at, 0)
-        return picture
-
-    def _columns(self, weights):
-        """Depth -> the columns of it that have a weight, (n_points, k) CSC, and (k, n_channels)."""
-        pieces = []
-        for depths, packed in self._groups:
-            light = weights[packed.names] * packed.sizes[:, None]
-            some = np.flatnonzero(light.any(axis=1))
-            pieces += [
-                (depths[part], packed, part, light[part])
-                for part in parts_of_terms(some, packed.counts[some])
-            ]
-        parts = {}
-        for (depths, _, _, light), matrix in zip(
-            pieces, on_all_cores(self._unpacked, pieces), strict=True
-        ):
-            deep, firsts = np.unique(depths, return_index=True)
-            for depth, a, b in zip(deep, firsts, [*firsts[1:], len(depths)], strict=True):
-                terms = slice(matrix.indptr[a], matrix.indptr[b])
-                starts = matrix.indptr[a:b] - matrix.indptr[a]
-                some = matrix.data[terms], matrix.indices[terms], starts, light[a:b]
-                parts.setdefault(int(depth), []).append(some)
-        return {depth: _joined(some, self.n_points_) for depth, some in parts.items()}
-
-    def _unpacked(self, piece):
-        _, packed, part, _ = piece
-        matrix = packed.matrix(part)
-        if self.bits is not None and self.scaling == "root":
-            matrix.data *= np.abs(matrix.data)
-        return matrix
 
     def state(self):
         state = super().state()
@@ -347,10 +306,9 @@ class Wavelet4D(Compressor):
         self._groups = value_of(
             state, "groups", lambda _: unpack_groups(state, self.n_points_, n_columns, self.bits)
         )
-        depths = [depth for depths, _ in self._groups for depth in depths]
         least = -self._transform.depth if self._transform.haar else 0
         expect_state(
-            all(least <= depth <= self._transform.depth for depth in depths),
+            all(least <= d.min() and d.max() <= self._transform.depth for d, _ in self._groups),
             "'groups' are too deep",
         )
         self._count(n_columns)
@@ -359,22 +317,6 @@ class Wavelet4D(Compressor):
 def _relative(importance):
     """Shares of the largest, float16: all that is compared is one wavelet with another."""
     return (importance / (importance.max(initial=0) or 1)).astype(np.float16)
-
-
-def _invert(transform, picture, before, after):
-    for level in range(before - 1, after - 1, -1):
-        transform.inverse_step(picture, level)
-
-
-def _joined(parts, n_rows):
-    """One CSC of (values, places, starts, light) of columns side by side, and their light."""
-    values, places, starts, light = zip(*parts, strict=True)
-    ends = np.cumsum([0, *(len(some) for some in values)])
-    starts = [some + first for some, first in zip(starts, ends, strict=False)]
-    indptr = np.concatenate([*starts, ends[-1:]]).astype(np.int32)
-    light = np.concatenate(light)
-    shape = n_rows, len(light)
-    return sp.csc_matrix((np.concatenate(values), np.concatenate(places), indptr), shape), light
 
 
 def _points_state(transform):

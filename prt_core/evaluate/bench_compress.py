@@ -176,21 +176,12 @@ def _size(n_bytes, task):
     return {"bytes": int(n_bytes), "bits_a_coefficient": 8 * n_bytes / entries}
 
 
-# Parameters with which a light is not cut.
-_EVERY = {"n_terms": None, "light_error": 0.0}
-
-
 def _matrix(model, truth, task):
     """Relative L2 error of the whole matrix, and its PSNR, from white lights.
 
     The mean square of a matrix times white noise is the square of its Frobenius norm.
     """
-    # White lights have no wavelet to spare.
-    every = {name: value for name, value in _EVERY.items() if hasattr(model, name)}
-    if every:
-        whole = model.clone()
-        whole.__dict__.update({**model.__dict__, **every})
-        model = whole
+    model = model.uncut()
     lost = kept = 0.0
     for light, wanted in zip(truth.white, truth.white_colours, strict=True):
         lost += float(((model.relight(light).astype(np.float64) - wanted) ** 2).sum())

@@ -158,9 +158,8 @@ def import_bpy():
         It is not installed for this Python.
     """
     try:
-        import bpy
-
-        import prt_core.blender  # noqa: F401  (makes its ray casters known)
+        # Makes its ray casters known as well.
+        from prt_core.blender import bpy
     except ImportError as error:
         raise PRTError(
             f"bpy: Blender's module cannot be loaded ({error}); pip install 'prt-core[blender]' "

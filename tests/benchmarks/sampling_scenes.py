@@ -36,7 +36,7 @@ def data_folder():
     return None
 
 
-def measuring_scene(name, ground=GROUND, levels=3):
+def measuring_scene(name, ground=GROUND, levels=3, halvings=0):
     """One of MODELS on the ground, as a `Scene` of the objects `model` and `ground`.
 
     Parameters
@@ -45,8 +45,13 @@ def measuring_scene(name, ground=GROUND, levels=3):
         Vertices along an edge of the ground.
     levels : int
         Subdivisions of Suzanne (3: 31,658 vertices; each level has four times as many).
+    halvings : int
+        Times that every edge of the model is halved: the same surface in about four times as many
+        points each.
     """
     vertices, triangles = _model(name, levels)
+    for _ in range(halvings):
+        vertices, triangles = _halved(vertices, triangles)
     return Scene.from_meshes(
         [
             _smooth_mesh("model", vertices, triangles, (0.7, 0.65, 0.6)),
@@ -112,6 +117,17 @@ def _read_with_blender(name, levels):
     low, high = vertices[triangles].min(axis=(0, 1)), vertices[triangles].max(axis=(0, 1))
     vertices = (vertices - [*((low + high)[:2] / 2), low[2]]) * HEIGHT / (high - low)[2]
     return vertices, triangles
+
+
+def _halved(vertices, triangles):
+    """Each triangle as four, by the middles of its edges."""
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
+    edges, edge = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
+    ab, bc, ca = len(vertices) + edge.reshape(-1, 3).T
+    a, b, c = triangles.T
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    middles = vertices[edges].mean(axis=1)
+    return np.concatenate([vertices, middles]), np.concatenate([np.transpose(p) for p in parts])
 
 
 def _grid(n):

@@ -3,9 +3,11 @@
 python tests/benchmarks/wavelet4d_tables.py fit SCENE OBJECT [PART]   compress and keep, untimed
 python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         milliseconds, in one run
 python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
+python tests/benchmarks/wavelet4d_tables.py density SCENE            model at more and fewer points
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR ...]   column filters
 python tests/benchmarks/wavelet4d_tables.py write                    what is kept, into RESULTS.md
 
+`density` halves every edge of the model once, and leaves out points in its hierarchy's order.
 KIND is `camera` (N x N pixels of 2 x 2 points), `ground` (its geometry image, by UVs) or `model`
 (its geometry image, over the sphere; and how far its colours are from those of the vertices).
 SCENE is one of `sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`.
@@ -85,17 +87,18 @@ class SomeRows(Rows):
         return self.rows.features(self.points[points])
 
 
-def baked(name):
+def baked(name, halvings=0):
     """A bake of all bounces at 32 x 32: of a measuring scene, or the one at a path."""
     if name.endswith(".prt"):
         return prt_core.load(name)
-    path = CACHE / f"{name}.prt"
-    run(bake_steps(measuring_scene(name), path, BakeSettings(caster="embree")))
+    path = CACHE / (f"{name}-halved{halvings}.prt" if halvings else f"{name}.prt")
+    scene = measuring_scene(name, halvings=halvings)
+    run(bake_steps(scene, path, BakeSettings(caster="embree")))
     return prt_core.load(path)
 
 
-def prepared(scene, item):
-    bake = baked(scene)
+def prepared(scene, item, halvings=0):
+    bake = baked(scene, halvings)
     points = bake.scene.points
     names = [o.name for o in bake.scene.objects]
     mine = np.arange(len(points))
@@ -155,6 +158,27 @@ def filters(scene, item):
     for name in ("haar", "d4", "d6", "d8"):
         model = Wavelet4D(columns, rows=name, error=0.02).fit(rows)
         print(f"{scene} {item} rows {name}: {model.nbytes / 1e6:.2f} MB", flush=True)
+
+
+def density(scene):
+    """Bytes of the model at 2 %, adaptive and 2D, at a quarter of its points to four times all."""
+    found = []
+    for halvings, share in ((0, 4), (0, 2), (0, 1), (1, 1)):
+        bake, mine, rows, columns = prepared(scene, "model", halvings)
+        if share > 1:
+            # One leaf of each small patch.
+            some = np.sort(columns.order[share // 2 :: share])
+            rows = SomeRows(rows.rows, mine[some])
+            points = bake.scene.points
+            columns = PointMultiwavelet(points.positions[mine[some]], points.normals[mine[some]])
+        sizes = []
+        with run(Wavelet4D(columns).columns_steps(rows)) as file:
+            for mode in ("adaptive", "2d"):
+                model = run(Wavelet4D(columns, error=0.02, mode=mode).fit_columns_steps(rows, file))
+                sizes.append(model.nbytes - (0 if model.gain_ is None else model.gain_.nbytes))
+        found.append((rows.n_points, *sizes))
+        print(scene, "points, adaptive, 2d bytes", *found[-1], flush=True)
+    kept(scene, "model", "density", "json").write_text(json.dumps(found))
 
 
 def image(name, kind, size, *errors):
@@ -388,6 +412,16 @@ def lines():
                     f"{', '.join(f'{d:.1f}' for d in depths)} "
                     f"| {'; '.join(f'{s:,.0f}' for s in sizes)} |"
                 )
+    dense = sorted(CACHE.glob("*-model-density.json"))
+    if dense:
+        found += ["", "The same models in fewer and in more points, at 2 %:", ""]
+        found += ["| model | points | adaptive MB | 2D MB | 2D / adaptive |", "|---" * 5 + "|"]
+    for path in dense:
+        for n, adaptive, plain in json.loads(path.read_text()):
+            found.append(
+                f"| {path.name.split('-')[0]} | {n:,} | {adaptive / 1e6:.2f} | {plain / 1e6:.2f} "
+                f"| {plain / adaptive:.2f} |"
+            )
     found += ["", "What quantising adds to the error of the same terms:", ""]
     ways = None
     for name in names:
@@ -435,5 +469,6 @@ def read(name, setting, kind):
 
 
 if __name__ == "__main__":
-    known = {"fit": fit, "time": times, "filters": filters, "image": image, "write": write}
+    known = {"fit": fit, "time": times, "filters": filters, "density": density}
+    known |= {"image": image, "write": write}
     known[sys.argv[1]](*sys.argv[2:])

@@ -45,7 +45,7 @@ from tests.benchmarks.sampling_scenes import (  # noqa: E402
     measuring_scene,
 )
 
-TERMS = (6, 15, 30, 61, 123, 307, 614)
+SHARES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
 TURNS = (0.0, 120.0, 240.0)
 CLUSTERS = (50, 120)
 SCENES, RUNGS = ("bunny", "dragon", "05_street_bench"), (1, 2, 3)
@@ -64,18 +64,18 @@ def haar_rows(path):
     """Error of relit colours against all wavelets, for each selection and number of terms."""
     bake = prt_core.load(path)
     model = HaarLighting(None, step=1e-3).fit(TransportRows(bake.transport))
-    rows = []
+    n, rows = bake.transport.n_directions, []
     for name, image in images().items():
         for turn in TURNS:
             light = image.to_cube_map(bake.cube_map, turn)
             coefficients = model.transform_light(light)
             every = model.products(model.choose(coefficients, None), coefficients)
             for selection in SELECTIONS:
-                for n_terms in TERMS:
-                    chosen = model.choose(coefficients, n_terms, selection)
+                for share in SHARES:
+                    chosen = model.choose(coefficients, round(share * n), selection)
                     error = relative_l2(model.products(chosen, coefficients), every)
-                    rows.append((name, selection, n_terms, error))
-    return rows, bake.transport.n_directions
+                    rows.append((name, selection, share, error))
+    return rows, n
 
 
 def haar_table(path):
@@ -85,13 +85,13 @@ def haar_table(path):
         f"of them, mean (worst) over {len(set(r[0] for r in rows))} HDRIs at {len(TURNS)} "
         "rotations.",
         "",
-        "| selection | " + " | ".join(f"{t} ({t / n:.1%})" for t in TERMS) + " |",
-        "|---" * (1 + len(TERMS)) + "|",
+        "| selection | " + " | ".join(f"{s:.2%} ({s * n:.0f})" for s in SHARES) + " |",
+        "|---" * (1 + len(SHARES)) + "|",
     ]
     for selection in SELECTIONS:
         cells = []
-        for terms in TERMS:
-            found = [r[3] for r in rows if r[1:3] == (selection, terms)]
+        for share in SHARES:
+            found = [r[3] for r in rows if r[1:3] == (selection, share)]
             cells.append(f"{np.mean(found):.2%} ({max(found):.1%})")
         lines.append(f"| {selection} | " + " | ".join(cells) + " |")
     return lines
@@ -338,11 +338,13 @@ def section(path, blend, work):
     lines = ["## Compression", *method_table(json.loads(rows)), ""]
     lines += [_run(__file__, "scenes", work), ""] if data_folder() else []
     lines += [_run(__file__, "bounces", path), ""]
-    lines += [_run(__file__, "haar", path), ""]
     _run("-m", "prt_core", "compress", path, "--method", "cpca", "--tolerance", "0.005")
     # Blender tells of the file it read, too.
     lines += [_run(__file__, "frames", blend, path).splitlines()[-1]]
-    lines += ["", _run(__file__, "memory", blend, work / "large_64.prt")]
+    large = work / "large_64.prt"
+    lines += ["", _run(__file__, "memory", blend, large)]
+    for bake in (path, large):
+        lines += ["", _run(__file__, "haar", bake)]
     if data_folder():
         lines += ["", _run(__file__, "sparse", "bunny")]
     return lines

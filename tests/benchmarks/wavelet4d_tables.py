@@ -33,7 +33,7 @@ import prt_core  # noqa: E402
 from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
 from prt_core.bake_image import image_steps  # noqa: E402
 from prt_core.basis import WAVELETS, ImageWavelet, PointMultiwavelet, haar_areas  # noqa: E402
-from prt_core.compress import ImageRows, Rows, TransportRows, Wavelet4D  # noqa: E402
+from prt_core.compress import ImageRows, SomeRows, TransportRows, Wavelet4D  # noqa: E402
 from prt_core.compress.column_coder import ColumnCoder  # noqa: E402
 from prt_core.compress.sparse_columns import column_bytes  # noqa: E402
 from prt_core.errors import PRTError  # noqa: E402
@@ -64,29 +64,6 @@ HDRIS, TURNS = ("city", "courtyard", "interior", "sunset"), (0.0, 130.0)
 TITLE = "## 4D wavelets"
 
 
-class SomeRows(Rows):
-    """The rows of some points."""
-
-    def __init__(self, rows, points):
-        self.rows, self.points = rows, points
-        self.n_points, self.n_directions = len(points), rows.n_directions
-        self.n_channels, self.resolution = rows.n_channels, rows.resolution
-        self.gain = rows.gain[points]
-
-    def prepare_steps(self):
-        yield from self.rows.prepare_steps()
-
-    @property
-    def code(self):
-        return self.rows.code
-
-    def block(self, points):
-        return self.rows.block(self.points[points])
-
-    def features(self, points):
-        return self.rows.features(self.points[points])
-
-
 def baked(name, halvings=0):
     """A bake of all bounces at 32 x 32: of a measuring scene, or the one at a path."""
     if name.endswith(".prt"):
@@ -106,9 +83,7 @@ def prepared(scene, item, halvings=0):
         mine = np.flatnonzero(points.object_index == names.index(item))
     place = points.positions[mine], points.normals[mine], points.object_index[mine]
     columns = PointMultiwavelet(*place)
-    rows = TransportRows(bake.transport)
-    run(rows.prepare_steps())
-    return bake, mine, SomeRows(rows, mine), columns
+    return bake, mine, SomeRows(TransportRows(bake.transport), mine), columns
 
 
 def fit(scene, item, part=None):
@@ -168,7 +143,7 @@ def density(scene):
         if share > 1:
             # One leaf of each small patch.
             some = np.sort(columns.order[share // 2 :: share])
-            rows = SomeRows(rows.rows, mine[some])
+            rows = SomeRows(rows, some)
             points = bake.scene.points
             columns = PointMultiwavelet(points.positions[mine[some]], points.normals[mine[some]])
         sizes = []

@@ -131,9 +131,11 @@ class LongWork:
         if now - self._drawn < _REDRAW:
             return
         self._drawn = now
-        state.stage = progress.stage
         if progress.total:
             state.done = progress.done / progress.total
+        elif progress.stage != state.stage:
+            state.done = 0.0
+        state.stage = progress.stage
         bpy.context.workspace.status_text_set(
             f"{self.title}: {state.stage} {state.done:.0%}   (Esc stops, nothing is lost)"
         )

@@ -1,6 +1,7 @@
 """The extension in a real window, by real clicks and keys (see inside/relight_story.py)."""
 
 import shutil
+from itertools import groupby
 
 import numpy as np
 import pytest
@@ -28,11 +29,14 @@ def test_the_zip_is_installed_and_nothing_is_held_against_it(report, blender):
 
 
 def test_the_bake_shows_its_progress_and_ends_in_colours(report):
-    stages = dict(report["progress"])
-    # Short stages may end between two looks.
-    assert {"scene", "visibility"} <= set(stages) and len(stages) >= 3
-    shares = [done for stage, done in report["progress"] if stage == "visibility"]
-    assert shares == sorted(shares) and len(report["progress"]) >= 4
+    seen = report["progress"]
+    stages = {stage for stage, _ in seen}
+    # Any short stage may end between two looks, but not all that cast rays.
+    assert "scene" in stages and len(stages) >= 3, seen
+    assert stages & {"visibility", "certificate", "gather", "bounces"}, seen
+    for _, looks in groupby(seen, key=lambda look: look[0]):
+        shares = [done for _, done in looks]
+        assert shares == sorted(shares), seen
     assert report["said"].startswith("Baked ")
     check(report["baked"])
 

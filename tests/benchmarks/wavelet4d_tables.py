@@ -416,7 +416,8 @@ def lines():
         found += [
             "",
             "Images in each column transform (`ground` by its UV map, `model` over the sphere, "
-            "`camera` with 2 x 2 points a pixel; the `hierarchy` is that of the same texels):",
+            "`camera` with 2 x 2 points a pixel; the `hierarchy` is that of the same texels, and "
+            "holds the order and the features of the points, up to 12 bytes each):",
             "",
         ]
         found += ["| image | transform | mode | MB | terms | error |", "|---|---|---|---|---|---|"]

@@ -5,6 +5,7 @@ python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         millisecon
 python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
 python tests/benchmarks/wavelet4d_tables.py density SCENE            model at more and fewer points
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR ...]   column filters
+python tests/benchmarks/wavelet4d_tables.py image_times SCENE KIND N  milliseconds, in one run
 python tests/benchmarks/wavelet4d_tables.py write                    what is kept, into RESULTS.md
 
 `density` halves every edge of the model once, and leaves out points in its hierarchy's order.
@@ -288,14 +289,53 @@ def levels(model):
     ]
 
 
-def times(scene, item):
-    """Median milliseconds a frame of a turning courtyard: every wavelet, and the default cut."""
+def turning_courtyard(cube_map):
+    """A light for each frame."""
     import bpy
 
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
-    bake = baked(scene)
     environment = EnvironmentMap.read(folder / "courtyard.exr")
-    lights = [environment.to_cube_map(bake.cube_map, rotation=24.0 * k) for k in range(FRAMES)]
+    return [environment.to_cube_map(cube_map, rotation=24.0 * k) for k in range(FRAMES)]
+
+
+def milliseconds(models, lights):
+    """{name: {cut: median milliseconds a frame}}; the first light comes twice, to warm up.
+
+    Frame by frame and method by method: what else the machine does hits all alike.
+    """
+    spent = {name: {cut: [] for cut in CUTS} for name in models}
+    for light in [lights[0], *lights]:
+        for name, model in models.items():
+            for cut, model.light_error in CUTS.items():
+                began = time.perf_counter()
+                model.relight(light)
+                spent[name][cut].append(1e3 * (time.perf_counter() - began))
+    return {
+        name: {cut: float(np.median(found[1:])) for cut, found in cuts.items()}
+        for name, cuts in spent.items()
+    }
+
+
+def image_times(name, kind, size):
+    """Milliseconds a frame of an image that `image` baked, in Haar columns at 2 %."""
+    path = CACHE / f"{name}-{kind}{size}.prt"
+    bake = prt_core.load(path)
+    shown = bake.scene.image
+    rows = ImageRows(TransportRows(bake.transport), shown)
+    columns = ImageWavelet((shown.height, shown.width), "haar")
+    models = {}
+    with run(Wavelet4D(columns).columns_steps(rows)) as file:
+        for mode in MODES:
+            models[mode] = run(Wavelet4D(columns, mode=mode).fit_columns_steps(rows, file))
+    spent = milliseconds(models, turning_courtyard(bake.cube_map))
+    print(path.stem, spent, flush=True)
+    path.with_suffix(".image_ms.json").write_text(json.dumps(spent))
+
+
+def times(scene, item):
+    """Median milliseconds a frame of a turning courtyard: every wavelet, and the default cut."""
+    bake = baked(scene)
+    lights = turning_courtyard(bake.cube_map)
     points = bake.scene.points
     mine = np.arange(len(points))
     if item != "all":
@@ -307,16 +347,9 @@ def times(scene, item):
         for error in ERRORS:
             state = pickle.loads(kept(scene, item, f"{mode}_{error}").read_bytes())
             models[f"{mode}_{error}"] = Wavelet4D.from_state(state)
-    spent = {name: {cut: [] for cut in CUTS} for name in models}
-    # Frame by frame and method by method: what else the machine does hits all alike.
-    for light in [lights[0], *lights]:
-        for name, model in models.items():
-            for cut, model.light_error in CUTS.items():
-                began = time.perf_counter()
-                model.relight(light)
-                spent[name][cut].append(1e3 * (time.perf_counter() - began))
+    spent = milliseconds(models, lights)
     for name, model in models.items():
-        row = {f"ms_{k}": float(np.median(v[1:])) for k, v in spent[name].items()}
+        row = {f"ms_{cut}": spent[name][cut] for cut in CUTS}
         for cut, model.light_error in CUTS.items():
             found = model.relight(lights[0])
             row[f"relit_{cut}"] = float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
@@ -333,6 +366,8 @@ def section():
             times("bunny", item)
         image("bunny", "ground", 256)
         image("bunny", "model", 256, *ERRORS)
+        image_times("bunny", "ground", 256)
+        image_times("bunny", "model", 256)
     return [TITLE, *lines()]
 
 
@@ -428,6 +463,19 @@ def lines():
                 f"| {path.name.removesuffix('.image.json')} | {name} | {mode} | {size / 1e6:.2f} "
                 f"| {terms:,} | {error:.2%} |"
             )
+    timed = sorted(CACHE.glob("*.image_ms.json"))
+    if timed:
+        found += [
+            "",
+            "Milliseconds of a new light for images in Haar columns at 2 %:",
+            "",
+            "| image | all wavelets: adaptive, 2D, 4D | cut: adaptive, 2D, 4D |",
+            "|---" * 3 + "|",
+        ]
+    for path in timed:
+        spent = json.loads(path.read_text())
+        cells = [", ".join(f"{spent[mode][cut]:.0f}" for mode in MODES) for cut in CUTS]
+        found.append(f"| {path.name.removesuffix('.image_ms.json')} | {' | '.join(cells)} |")
     for path in sorted(CACHE.glob("*.remesh.json")):
         far = json.loads(path.read_text())
         found += [
@@ -446,5 +494,5 @@ def read(name, setting, kind):
 
 if __name__ == "__main__":
     known = {"fit": fit, "time": times, "filters": filters, "density": density}
-    known |= {"image": image, "write": write}
+    known |= {"image": image, "image_times": image_times, "write": write}
     known[sys.argv[1]](*sys.argv[2:])

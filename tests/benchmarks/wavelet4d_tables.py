@@ -5,7 +5,7 @@ python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         millisecon
 python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
 python tests/benchmarks/wavelet4d_tables.py density SCENE            model at more and fewer points
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR ...]   column filters
-python tests/benchmarks/wavelet4d_tables.py image_times SCENE KIND N  milliseconds, in one run
+python tests/benchmarks/wavelet4d_tables.py image_times SCENE KIND N [ERROR [MODE ...]]   milliseconds
 python tests/benchmarks/wavelet4d_tables.py write                    what is kept, into RESULTS.md
 
 `density` halves every edge of the model once, and leaves out points in its hierarchy's order.
@@ -316,8 +316,8 @@ def milliseconds(models, lights):
     }
 
 
-def image_times(name, kind, size):
-    """Milliseconds a frame of an image that `image` baked, in Haar columns at 2 %."""
+def image_times(name, kind, size, error=0.02, *modes):
+    """Milliseconds a frame of an image that `image` baked, in Haar columns; all modes, or some."""
     path = CACHE / f"{name}-{kind}{size}.prt"
     bake = prt_core.load(path)
     shown = bake.scene.image
@@ -325,11 +325,12 @@ def image_times(name, kind, size):
     columns = ImageWavelet((shown.height, shown.width), "haar")
     models = {}
     with run(Wavelet4D(columns).columns_steps(rows)) as file:
-        for mode in MODES:
-            models[mode] = run(Wavelet4D(columns, mode=mode).fit_columns_steps(rows, file))
+        for mode in modes or MODES:
+            model = Wavelet4D(columns, error=float(error), mode=mode)
+            models[mode] = run(model.fit_columns_steps(rows, file))
     spent = milliseconds(models, turning_courtyard(bake.cube_map))
     print(path.stem, spent, flush=True)
-    path.with_suffix(".image_ms.json").write_text(json.dumps(spent))
+    path.with_suffix(".image_ms.json").write_text(json.dumps([float(error), spent]))
 
 
 def times(scene, item):
@@ -467,15 +468,16 @@ def lines():
     if timed:
         found += [
             "",
-            "Milliseconds of a new light for images in Haar columns at 2 %:",
+            "Milliseconds of a new light for images in Haar columns:",
             "",
-            "| image | all wavelets: adaptive, 2D, 4D | cut: adaptive, 2D, 4D |",
-            "|---" * 3 + "|",
+            "| image | error | all wavelets: adaptive, 2D, 4D | cut: adaptive, 2D, 4D |",
+            "|---" * 4 + "|",
         ]
     for path in timed:
-        spent = json.loads(path.read_text())
-        cells = [", ".join(f"{spent[mode][cut]:.0f}" for mode in MODES) for cut in CUTS]
-        found.append(f"| {path.name.removesuffix('.image_ms.json')} | {' | '.join(cells)} |")
+        error, spent = json.loads(path.read_text())
+        told = [", ".join(f"{spent[m][cut]:.0f}" for m in MODES if m in spent) for cut in CUTS]
+        named = path.name.removesuffix(".image_ms.json")
+        found.append(f"| {named} | {error:.0%} | {' | '.join(told)} |")
     for path in sorted(CACHE.glob("*.remesh.json")):
         far = json.loads(path.read_text())
         found += [

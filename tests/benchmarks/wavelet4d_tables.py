@@ -5,7 +5,7 @@ python tests/benchmarks/wavelet4d_tables.py time SCENE OBJECT         millisecon
 python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filters
 python tests/benchmarks/wavelet4d_tables.py density SCENE            model at more and fewer points
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR ...]   column filters
-python tests/benchmarks/wavelet4d_tables.py image_times SCENE KIND N [ERROR [MODE ...]]   milliseconds
+python tests/benchmarks/wavelet4d_tables.py image_times SCENE KIND N [ERROR [MODE ...]]   times
 python tests/benchmarks/wavelet4d_tables.py write                    what is kept, into RESULTS.md
 
 `density` halves every edge of the model once, and leaves out points in its hierarchy's order.

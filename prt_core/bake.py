@@ -14,7 +14,7 @@ from prt_core.errors import PRTError, expect
 from prt_core.light import CubeMap, Lamp
 from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
-from prt_core.rays import RelayCaster, make_caster
+from prt_core.rays import RelayCaster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
 from prt_core.transport import Transport
@@ -98,7 +98,7 @@ class Bake:
 
     def make_caster(self, name="auto"):
         """A ray caster over the bake's triangles, for lamps and pictures."""
-        return make_caster(name, self.scene.vertices, self.scene.triangles)
+        return self.scene.make_caster(name)
 
     def colours(self, radiance):
         """Radiance of points as colours of corners.
@@ -193,7 +193,7 @@ def bake_steps(
     made = []
 
     def caster():
-        made.append(make_caster(settings.caster, scene.vertices, scene.triangles))
+        made.append(scene.make_caster(settings.caster))
         return made[0]
 
     parts = (lamps, world, camera, source)

@@ -48,7 +48,7 @@ def image_steps(
         expect(
             camera is not None, "camera pixels: the scene has no perspective camera; add one to it"
         )
-        tracer = make_caster(caster, scene.vertices, scene.triangles)
+        tracer = scene.make_caster(caster)
         try:
             scene = with_camera_image(scene, tracer, camera, *camera_pixels, pixel_samples)
         finally:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.rays import BruteForceCaster, make_caster
+from prt_core.rays import BruteForceCaster
 from prt_core.rays.caster import known_casters
 from prt_core.scene import Mesh
 
@@ -10,7 +10,7 @@ from prt_core.scene import Mesh
 def caster_of(scene):
     """The quickest caster that is here; brute force is the oracle of the rays' own tests."""
     if "embree" in known_casters():
-        return make_caster("embree", scene.vertices, scene.triangles)
+        return scene.make_caster("embree")
     return BruteForceCaster(scene.vertices, scene.triangles)
 
 

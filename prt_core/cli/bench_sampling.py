@@ -5,7 +5,6 @@ from prt_core.cli.bench_scenes import lights_named, scene_named
 from prt_core.cli.show import show_bench, working
 from prt_core.light import CubeMap
 from prt_core.progress import run
-from prt_core.rays import make_caster
 
 _METHODS = ("agreement", "huang")
 
@@ -53,7 +52,7 @@ def _bench_sampling(options):
         name, scene = scene_named(options.scene)
         lights = lights_named(options.light, options.rotate, cube_map)
         for back_end in options.caster:
-            caster = make_caster(back_end, scene.vertices, scene.triangles)
+            caster = scene.make_caster(back_end)
             try:
                 steps = bench_sampling_steps(
                     scene, cube_map, caster, methods, lights, name, options.seed

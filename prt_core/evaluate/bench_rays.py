@@ -5,7 +5,6 @@ import time
 import numpy as np
 
 from prt_core.light import CubeMap
-from prt_core.rays import make_caster
 from prt_core.rays.caster import known_casters
 from prt_core.transport import visibility_bits
 
@@ -35,7 +34,7 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
     origins, directions = _rays(scene, cube_map, points)
     rows, truth = [], None
     for name in [n for n in ("embree", "blender", "bvhtree") if n in known_casters()]:
-        caster = make_caster(name, scene.vertices, scene.triangles)
+        caster = scene.make_caster(name)
         share = _SLOW.get(name, 1)
         few = points[: max(1, len(points) // share)]
         some_origins, some_directions = _rays(scene, cube_map, few)

@@ -51,7 +51,7 @@ class CameraRays:
         matrix = np.asarray(camera["matrix"], np.float64)
         directions = camera_rays(camera, width, height, samples)
         self.directions = directions.astype(np.float32)
-        origin = scene.to_frame(matrix[:3, 3]).astype(np.float32)
+        origin = scene.to_frame(matrix[:3, 3])
         self.points = np.full((len(directions), 3), -1, np.int32)
         self.weights = np.zeros((len(directions), 3), np.float32)
         self.hit = np.zeros(len(directions), bool)

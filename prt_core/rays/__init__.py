@@ -5,6 +5,7 @@ Blender's own BVH is in `prt_core.blender.casters`, which alone may import bpy.
 
 from prt_core.rays import brute
 from prt_core.rays.caster import Hits, RayCaster, as_rays, make_caster, register_caster
+from prt_core.rays.frames import FramedCaster, Frames, precision_frames
 from prt_core.rays.relay import RelayCaster
 from prt_core.rays.shared import shared
 
@@ -22,11 +23,14 @@ BruteForceCaster = brute.BruteForceCaster
 
 __all__ = [
     "BruteForceCaster",
+    "FramedCaster",
+    "Frames",
     "Hits",
     "RayCaster",
     "RelayCaster",
     "as_rays",
     "make_caster",
+    "precision_frames",
     "register_caster",
     "shared",
 ]

@@ -176,7 +176,8 @@ def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
     """Trace whatever was not traced in some points; yields `Progress`, returns `Sampled`."""
     work = _Work(scene, cube_map, caster, tally, pace, 0, sampled)
     yield from work.begin()
-    wanted = np.flatnonzero(points & ~work.open)
+    # Open points as well: what is asked for whole is judged by rays alone.
+    wanted = np.flatnonzero(points)
     for first in range(0, len(wanted), _BLOCK):
         some = wanted[first : first + _BLOCK]
         yield from work.trace_whole("rest", some)
@@ -217,7 +218,8 @@ class _Work:
         self.open = open_points(scene)
         if self.bits is None:
             self.bits, self.traced = np.zeros_like(self.above), np.zeros_like(self.above)
-        self.bits[self.open] = self.above[self.open]
+        traced = self.traced[self.open]
+        self.bits[self.open] = self.above[self.open] & ~traced | self.bits[self.open] & traced
         self._spent("horizon", start)
 
     def cheap(self, share):

@@ -3,8 +3,9 @@
 Two questions, two designs, each for every object apart.
 
 *The matrix.* Entries (point, direction) are drawn independently, each with a probability in
-proportion to what it is worth, the square of its cosine integral; entries that were traced, lie
-below the horizon or see no surface (`open_points`) are known and cost no ray. Of the draws, those
+proportion to what it is worth, the square of its cosine integral; entries that were traced or lie
+below the horizon are known and cost no ray. No shortcut of the sampling is believed, that of open
+points neither. Of the draws, those
 that are really lit and those that are wrong estimate the squared norm of the matrix and of the
 error by their mere counts, so `error^2 = wrong / lit`. The draws are independent, so the count of
 wrong ones is binomial however the errors cluster in points (see `binomial_interval`).
@@ -23,7 +24,6 @@ import numpy as np
 from scipy.special import gammainc, gammaincc
 
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
-from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.tracer import Tracer
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 
@@ -140,13 +140,11 @@ def certificate_steps(
     tracer.done = len(scene.points)
     index = scene.points.object_index
     present = np.unique(index)
-    # What is proven needs no ray.
-    open_sky = open_points(scene)
     certified = []
     for number in present if objects is None else objects:
         rng = np.random.default_rng([settings.seed, _SEED_STAGE, turn, int(number)])
         points = np.flatnonzero(index == number)
-        draws = _Draws(scene, cube_map, tracer, sampled, points, open_sky, rng)
+        draws = _Draws(scene, cube_map, tracer, sampled, points, rng)
         size = len(points) * cube_map.n_directions
         n_entries = max(_FEWEST, min(settings.entries // len(present), size // 8))
         worth = (cube_map.vectors**2).sum(axis=1)
@@ -196,13 +194,12 @@ def _brightness(worth, lights):
 class _Draws:
     """Independent draws of entries of one object, and what they found."""
 
-    def __init__(self, scene, cube_map, tracer, sampled, points, open_sky, rng):
+    def __init__(self, scene, cube_map, tracer, sampled, points, rng):
         self._scene, self._cube_map, self._tracer = scene, cube_map, tracer
         self._sampled, self._points, self._rng = sampled, points, rng
         # How often each direction was proposed, in all points together, if all cosines were 1.
         self._rate = np.zeros(cube_map.n_directions)
         self._wrong = []
-        self._open = open_sky
         self.rays = 0
 
     def all_known(self):
@@ -210,8 +207,6 @@ class _Draws:
         for first in range(0, len(self._points), _SIZE_ROWS):
             some = self._points[first : first + _SIZE_ROWS]
             left = horizon_bits(self._scene, self._cube_map, some) & ~self._sampled.traced[some]
-            # Points that see no surface are lit, whatever was said of them.
-            left[self._open[some]] &= ~self._sampled.bits[some][self._open[some]]
             if left.any():
                 return False
         return True
@@ -243,11 +238,9 @@ class _Draws:
             above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
             byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
             said = (bits[point, byte] >> bit) & 1 > 0
-            open_sky = self._open[point]
-            asked = above & ((traced[point, byte] >> bit) & 1 == 0) & ~open_sky
-            asked = np.flatnonzero(asked)
+            asked = np.flatnonzero(above & ((traced[point, byte] >> bit) & 1 == 0))
             self.rays += len(asked)
-            lit = np.where(open_sky, above, said)
+            lit = said.copy()
             lit[asked] = yield from self._tracer.trace_pairs(point[asked], direction[asked])
             self._wrong.append(point[lit != said])
             counts["entries"] += len(point)

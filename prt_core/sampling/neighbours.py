@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-# How far apart two points count whose normals differ by 1, in units of the scene's size.
-_NORMAL = 0.05
+# How far apart two points count whose normals differ by 1: in units of the scene's size, and of
+# that of their object where it is small.
+_NORMAL, _OF_OBJECT = 0.05, 0.2
 # Objects are this far apart, beyond any distance inside a scene.
 _APART = 10.0
 # How much further a neighbour may be if it lies on the side where none is yet.
@@ -33,7 +34,7 @@ def surface_levels(points, first, growth, rng):
         Every point once; each level in the curve's order.
     """
     n_points = len(points)
-    rest = np.lexsort((_morton(points.positions), points.object_index))
+    rest = np.lexsort((_morton(*_places(points)), points.object_index))
     levels, known = [], 0
     while len(rest):
         wanted = first if not known else max(1, round(known * (growth - 1)))
@@ -58,10 +59,12 @@ class Neighbours:
     """
 
     def __init__(self, points):
-        # Positions already come in units of the scene's size.
+        # In float64: with thousands of objects apart from each other float32 would be coarse.
+        places, extent = _places(points)
+        weight = np.minimum(_NORMAL, _OF_OBJECT * extent)[:, None]
         self._features = np.hstack(
-            [points.positions, _NORMAL * points.normals, _APART * points.object_index[:, None]]
-        ).astype(np.float32)
+            [places, weight * points.normals, _APART * points.object_index[:, None]]
+        )
 
     def around(self, known, wanted, n_neighbours, n_candidates, itself=False):
         """Neighbours of some points among the known.
@@ -90,7 +93,7 @@ class Neighbours:
         distance = distance.reshape(len(wanted), -1).astype(np.float32)
         found = known[index.reshape(len(wanted), -1)]
         distance[(distance > _APART / 2) | ((found == wanted[:, None]) & itself)] = np.inf
-        way = self._features[found] - here[:, None]
+        way = (self._features[found] - here[:, None]).astype(np.float32)
         way /= np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-12)
         rows = np.arange(len(wanted))
         chosen = np.full((len(wanted), n_neighbours), -1, np.int64)
@@ -106,13 +109,22 @@ class Neighbours:
         return chosen
 
 
-def _morton(positions):
-    """Place of each position along a Morton curve, uint64."""
-    low = positions.min(axis=0)
-    extent = max(float((positions.max(axis=0) - low).max()), 1e-30)
-    code = np.zeros(len(positions), np.uint64)
+def _places(points):
+    """Positions from the low corner of each point's object, and the size of that object."""
+    index = points.object_index
+    low = np.full((int(index.max(initial=-1)) + 1, 3), np.inf)
+    high = -low
+    np.minimum.at(low, index, points.positions)
+    np.maximum.at(high, index, points.positions)
+    return points.positions - low[index], (high - low).max(axis=1)[index]
+
+
+def _morton(places, extent):
+    """Place of each point along a Morton curve through its object, uint64."""
+    scale = 1023 / np.maximum(extent, 1e-300)
+    code = np.zeros(len(places), np.uint64)
     for axis in range(3):
-        x = ((positions[:, axis] - low[axis]) / extent * 1023).astype(np.uint64)
+        x = (places[:, axis] * scale).astype(np.uint64)
         for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
             x = (x | (x << np.uint64(shift))) & np.uint64(mask)
         code |= x << np.uint64(axis)

@@ -92,7 +92,7 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     expect_size(width, height)
     expect(1 <= samples <= 8, f"pixel samples: expected 1 to 8 along each side, got {samples}")
     ways = camera_rays(camera, width, height, samples).astype(np.float32)
-    origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3]).astype(np.float32)
+    origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3])
     row, column = np.divmod(np.arange(len(ways)), width * samples)
     pixel = row // samples * width + column // samples
     triangle, barycentric = intersect(caster, np.broadcast_to(origin, ways.shape), ways)
@@ -129,7 +129,7 @@ def surface_points(scene, triangle, barycentric, back):
     around, weights = scene.hit_points(triangle, barycentric, back)
     lit = around[:, 0] >= 0
     around, weights, triangle = around[lit], weights[lit].astype(np.float64), triangle[lit]
-    corners = scene.vertices[scene.triangles[triangle]].astype(np.float64)
+    corners = scene.vertices[scene.triangles[triangle]]
     second, third = np.asarray(barycentric[lit], np.float64).T
     places = np.stack([1 - second - third, second, third], axis=1)
     geometric = scene.triangle_normals[triangle] * np.where(back[lit], -1, 1)[:, None]
@@ -141,10 +141,10 @@ def surface_points(scene, triangle, barycentric, back):
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-30), geometric)
     points = BakePoints(
-        positions=np.einsum("mk,mkx->mx", places, corners).astype(np.float32),
+        positions=np.einsum("mk,mkx->mx", places, corners),
         normals=normals.astype(np.float32),
         geometric_normals=geometric.astype(np.float32),
-        inward=np.zeros((len(around), 3), np.float32),
+        ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
         areas=np.zeros(len(around), np.float32),
         albedo=between(scene.points.albedo).astype(np.float32),
         object_index=scene.triangle_object[triangle].astype(np.int32),

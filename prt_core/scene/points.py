@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from prt_core.scene.ray_offset import ray_lifts
 from prt_core.scene.refine import lattice_coordinates, lattice_size
 
 # Corners of one vertex share a point when normals and albedo agree to these steps.
@@ -20,11 +21,13 @@ class BakePoints:
 
     Attributes
     ----------
-    positions, normals, geometric_normals : (n_points, 3) float32
-        Normals are unit vectors; the geometric one belongs to the faces around the point.
-    inward : (n_points, 3) float32
-        Along a flat surface towards its middle, zero elsewhere: points on the rim of a wall
-        must not look along the wall that touches it there.
+    positions : (n_points, 3) float64
+    normals, geometric_normals : (n_points, 3) float32
+        Unit vectors; the geometric one belongs to the faces around the point.
+    ray_offset : (n_points, 3) float32
+        From the position to where its rays start: off the surface, and on flat parts a little
+        towards their middle, for points on the rim of a wall must not look along the wall that
+        touches it there.
     areas : (n_points,) float32
         Share of the surface, in squared frame units.
     albedo : (n_points, 3) float32
@@ -36,7 +39,7 @@ class BakePoints:
     positions: np.ndarray
     normals: np.ndarray
     geometric_normals: np.ndarray
-    inward: np.ndarray
+    ray_offset: np.ndarray
     areas: np.ndarray
     albedo: np.ndarray
     object_index: np.ndarray
@@ -50,8 +53,15 @@ class BakePoints:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-def make_points(stacked, levels):
+def make_points(stacked, levels, frames):
     """Bake points of stacked meshes, and the lattice of points of each triangle.
+
+    Parameters
+    ----------
+    stacked : dict of arrays
+        All meshes, one after the other, in the scene's frame.
+    levels : (n_triangles,) int64
+    frames : Frames
 
     Returns
     -------
@@ -89,11 +99,13 @@ def make_points(stacked, levels):
         np.einsum("tx,tkx->tk", face_normal, geometric[columns]).ravel(),
     )
     inward = np.where((bend > _FLAT)[:, None], middle - positions, 0)
+    lifts = ray_lifts(frames.local(vertices, stacked["triangles"].astype(np.int64)), face_normal)
+    lift, sideways = (_largest(of_triangle, columns, n_points) for of_triangle in lifts)
     points = {
         "positions": positions,
         "normals": normals,
         "geometric_normals": geometric,
-        "inward": inward,
+        "ray_offset": _ray_offset(geometric, inward, lift, sideways),
         "areas": np.bincount(columns.ravel(), share.ravel(), n_points),
         "albedo": summed.mean(stacked["corner_albedo"][of_corner], weight),
         "object_index": np.zeros(n_points, np.int64),
@@ -103,7 +115,7 @@ def make_points(stacked, levels):
     points["visible"] = stacked["receives"][points["object_index"]]
 
     start, lattice, hidden = _lattices(
-        columns, levels, face_normal, doubled[:, 0], points, stacked, normal, corners
+        columns, levels, face_normal, doubled[:, 0], points, stacked, normal, corners, lifts
     )
     lattice_back = np.full(len(lattice), -1, np.int64)
     two_sided = stacked["two_sided"][stacked["triangle_object"].astype(np.int64)]
@@ -115,10 +127,15 @@ def make_points(stacked, levels):
         back_of[front] = len(points["positions"]) + np.arange(len(front))
         lattice_back = np.where(two_sided[owner], back_of[lattice], -1)
         back = {key: value[front] for key, value in points.items()}
-        back["normals"], back["geometric_normals"] = -back["normals"], -back["geometric_normals"]
+        normal = back["geometric_normals"]
+        back["ray_offset"] = (
+            back["ray_offset"]
+            - 2 * normal * np.einsum("nx,nx->n", normal, back["ray_offset"])[:, None]
+        )
+        back["normals"], back["geometric_normals"] = -back["normals"], -normal
         back["visible"] = np.zeros(len(front), bool)
         points = {key: np.concatenate([points[key], back[key]]) for key in points}
-    kinds = {"object_index": np.int32, "visible": bool}
+    kinds = {"positions": np.float64, "object_index": np.int32, "visible": bool}
     return SimpleNamespace(
         points=BakePoints(
             **{k: np.asarray(v, kinds.get(k, np.float32)) for k, v in points.items()}
@@ -128,6 +145,19 @@ def make_points(stacked, levels):
         lattice=lattice.astype(np.int32),
         lattice_back=lattice_back.astype(np.int32),
     )
+
+
+def _largest(of_triangle, columns, n_points):
+    """(n_points,) the largest value of the triangles around each point."""
+    result = np.zeros(n_points)
+    np.maximum.at(result, columns.ravel(), np.repeat(of_triangle, 3))
+    return result
+
+
+def _ray_offset(normals, inward, lift, sideways):
+    length = np.linalg.norm(inward, axis=1)
+    share = np.minimum(0.25, sideways / np.maximum(length, 1e-30))
+    return lift[:, None] * normals + share[:, None] * inward
 
 
 def _usable_normals(corner_normal, corners, face_normal):
@@ -185,7 +215,7 @@ def _corner_angles(a, b, c):
     return np.stack([angle(a, b, c), angle(b, c, a), angle(c, a, b)], axis=1)
 
 
-def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, corners):
+def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, corners, lifts):
     """Lattice point indices of every triangle, and the hidden points they need."""
     sizes = lattice_size(levels)
     start = np.concatenate([[0], np.cumsum(sizes)[:-1]])
@@ -230,7 +260,12 @@ def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, co
             hidden["areas"].append(np.repeat(cell, len(inner)))
             middle = points["positions"][triangle].mean(axis=1, keepdims=True)
             place = np.einsum("lk,tkx->tlx", weights, points["positions"][triangle])
-            hidden["inward"].append((middle - place).reshape(-1, 3))
+            lift, sideways = (np.repeat(x[which], len(inner)) for x in lifts)
+            hidden["ray_offset"].append(
+                _ray_offset(
+                    hidden["geometric_normals"][-1], (middle - place).reshape(-1, 3), lift, sideways
+                )
+            )
             hidden["object_index"].append(
                 np.repeat(points["object_index"][triangle[:, 0]], len(inner))
             )

@@ -1,7 +1,7 @@
 """`Scene`: triangles in a frame of their own, bake points, and what each hit means.
 
-The frame: positions are kept relative to the scene's centre and divided by its size, so that
-float32 rays and one ray offset serve scenes of size 1e-3 and 1e5, and far from the origin.
+The frame: positions are kept relative to the scene's centre and divided by its size, in float64.
+Rays are cast in float32, about one zero or several (see `rays.frames`).
 """
 
 import hashlib
@@ -11,12 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_array
+from prt_core.rays import FramedCaster, make_caster, precision_frames
 from prt_core.scene.point_images import PointImage
 from prt_core.scene.points import BakePoints, make_points
+from prt_core.scene.ray_offset import ray_lifts
 from prt_core.scene.refine import lattice_of_hits, refinement_levels
-
-# Rays start this far above the surface, in units of the scene's size; self-hits begin near 1e-7.
-RAY_OFFSET = 2e-5
 
 
 @dataclass
@@ -150,7 +149,7 @@ class Scene:
     ----------
     centre : (3,) float64, size : float
         World position = centre + size * frame position.
-    vertices : (n_vertices, 3) float32, triangles : (n_triangles, 3) int32
+    vertices : (n_vertices, 3) float64, triangles : (n_triangles, 3) int32
         What rays hit.
     points : BakePoints
     objects : list of SceneObject
@@ -208,7 +207,15 @@ class Scene:
         centre, size = _frame(stacked["vertices"][stacked["triangles"]].reshape(-1, 3))
         stacked["vertices"] = (stacked["vertices"] - centre) / size
         levels = refinement_levels(stacked, max_hidden)
-        built = make_points(stacked, levels)
+        frames = precision_frames(
+            stacked["vertices"], stacked["triangles"], stacked["triangle_object"]
+        )
+        for number in np.unique(stacked["triangle_object"][frames.coarse]):
+            messages.append(
+                f"{meshes[int(number)].name}: lies so far from the rest for its size that its "
+                "shadows are coarse; bake what lies apart in files of its own"
+            )
+        built = make_points(stacked, levels, frames)
         objects = [
             SceneObject(
                 mesh.name,
@@ -228,7 +235,7 @@ class Scene:
         return cls(
             centre=centre,
             size=size,
-            vertices=stacked["vertices"].astype(np.float32),
+            vertices=stacked["vertices"],
             triangles=stacked["triangles"].astype(np.int32),
             points=built.points,
             objects=objects,
@@ -241,26 +248,42 @@ class Scene:
         )
 
     @cached_property
-    def ray_origins(self):
-        """(n_points, 3) float32: where the rays of each point start, in the scene's frame.
+    def frames(self):
+        """The `Frames` in which the triangles are cast."""
+        return precision_frames(self.vertices, self.triangles, self.triangle_object)
 
-        Off the surface along the geometric normal; on flat parts also a little inwards, so that
-        the rim of a floor does not look along the wall it touches.
+    def make_caster(self, name="auto"):
+        """A ray caster over the triangles, by name (see `rays.make_caster`)."""
+
+        def factory(vertices, triangles):
+            return make_caster(name, vertices, triangles)
+
+        if len(self.frames) == 1:
+            return factory(self.vertices.astype(np.float32), self.triangles)
+        return FramedCaster(factory, self.vertices, self.triangles, self.frames)
+
+    @cached_property
+    def ray_origins(self):
+        """(n_points, 3): where the rays of each point start, in the scene's frame.
+
+        float32; where several frames serve the triangles float64.
         """
-        points = self.points
-        inward = points.inward.astype(np.float64)
-        length = np.linalg.norm(inward, axis=1, keepdims=True)
-        inward *= np.minimum(0.25, 2 * RAY_OFFSET / np.maximum(length, 1e-30))
-        offset = RAY_OFFSET * points.geometric_normals.astype(np.float64)
-        return (points.positions + offset + inward).astype(np.float32)
+        origins = self.points.positions + self.points.ray_offset
+        return origins.astype(np.float32) if len(self.frames) == 1 else origins
 
     @cached_property
     def triangle_normals(self):
         """(n_triangles, 3) float32: unit normals of the front sides."""
-        a, b, c = np.moveaxis(self.vertices[self.triangles].astype(np.float64), 1, 0)
+        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
         normal = np.cross(b - a, c - a)
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         return (normal / np.maximum(length, 1e-300)).astype(np.float32)
+
+    @cached_property
+    def triangle_lifts(self):
+        """(n_triangles,) float64: how far above each triangle rays must start."""
+        corners = self.frames.local(self.vertices, self.triangles)
+        return ray_lifts(corners, self.triangle_normals)[0]
 
     def hit_points(self, triangle, barycentric, back):
         """The bake points around hits and their weights.
@@ -304,6 +327,7 @@ class Scene:
             self.points.positions,
             self.points.normals,
             self.points.geometric_normals,
+            self.points.ray_offset,
             self.points.albedo,
             self.points.visible,
             self.lattice,

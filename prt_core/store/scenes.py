@@ -6,10 +6,10 @@ from prt_core.errors import PRTError, expect
 from prt_core.scene import BakePoints, PointImage, Scene, SceneObject
 
 _POINTS = {
-    "positions": ("float32", 3),
+    "positions": ("float64", 3),
     "normals": ("float32", 3),
     "geometric_normals": ("float32", 3),
-    "inward": ("float32", 3),
+    "ray_offset": ("float32", 3),
     "areas": ("float32", 0),
     "albedo": ("float32", 3),
     "object_index": ("int32", 0),
@@ -67,7 +67,7 @@ def read_scene(store):
             for name, (dtype, width) in _POINTS.items()
         }
     )
-    vertices = store.read("scene_vertices", (None, 3), "float32")
+    vertices = store.read("scene_vertices", (None, 3), "float64")
     triangles = store.read("scene_triangles", (None, 3), "int32")
     lattice = store.read("scene_lattice", (None,), "int32")
     lattice_back = store.read("scene_lattice_back", (len(lattice),), "int32")

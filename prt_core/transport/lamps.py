@@ -6,8 +6,9 @@ from prt_core.light.local import lamp_samples
 from prt_core.progress import Pace, Progress, run
 
 _SEED_STAGE = 2
-# Shadow rays end this share before the lamp, so that a lamp's own mesh does not shade it.
-_SHORT = 1 - 1e-4
+# Shadow rays end this share of their length before the lamp, and so many steps of float32 of the
+# lamp's coordinates: a ceiling in which a lamp lies does not shade it, whatever rounding says.
+_SHORT, _STEPS = 1 - 2e-6, 16 * 2.0**-24
 # Points whose random numbers are drawn together; rays a call of the caster at most.
 _BLOCK, _RAYS = 4096, 1 << 18
 
@@ -66,7 +67,9 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                 light = _unshaded(points, point, direction, irradiance)
                 lit = np.flatnonzero(light.any(axis=1))
                 if len(lit):
-                    limit = (distance[lit] / scene.size * _SHORT).astype(np.float32)
+                    limit = _before_the_lamp(
+                        origins[point[lit]], direction[lit], distance[lit] / scene.size
+                    )
                     free = ~caster.occluded(
                         origins[point[lit]],
                         direction[lit].astype(np.float32),
@@ -79,6 +82,13 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                 rays.worked()
                 yield Progress("lamps", int(point[-1]) + 1, n_points)
     return (received / (np.pi * count)).astype(np.float32)
+
+
+def _before_the_lamp(starts, directions, distances):
+    """(n,) float32: how far shadow rays go, all in the scene's frame; infinity stays."""
+    ends = starts + directions * np.where(np.isfinite(distances), distances, 0)[:, None]
+    steps = _STEPS * np.maximum(np.abs(ends).max(axis=1), np.abs(starts).max(axis=1))
+    return np.maximum(distances * _SHORT - steps, 0).astype(np.float32)
 
 
 def _unshaded(points, which, direction, irradiance):

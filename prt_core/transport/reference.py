@@ -7,7 +7,6 @@ the albedo and normals of the mesh are.
 
 import numpy as np
 
-from prt_core.scene.scene import RAY_OFFSET
 from prt_core.transport.gather import _frames
 
 
@@ -76,7 +75,7 @@ def _bounce(scene, caster, alive, state, rng):
     found = caster.intersect(origins, directions)
     usable = (found.triangle >= 0) & ((directions * geometric).sum(axis=1) > 0)
     alive, directions, weight = alive[usable], directions[usable], weight[usable]
-    triangle, barycentric = found.triangle[usable], found.barycentric[usable]
+    triangle, barycentric = found.triangle[usable], found.barycentric[usable].astype(np.float64)
     flat = scene.triangle_normals[triangle]
     back = (directions * flat).sum(axis=1) > 0
     around, share = scene.hit_points(triangle, barycentric, back)
@@ -90,7 +89,7 @@ def _bounce(scene, caster, alive, state, rng):
     side = np.where(back[:, None], -flat, flat)
     albedo = np.einsum("ij,ijk->ik", share, scene.points.albedo[around])
     state = (
-        (position + RAY_OFFSET * side).astype(np.float32),
+        position + scene.triangle_lifts[triangle[lit], None] * side,
         normal.astype(np.float32),
         side.astype(np.float32),
         weight[lit] * albedo,

@@ -14,7 +14,6 @@ import numpy as np
 
 from prt_core.light import CubeMap
 from prt_core.progress import run
-from prt_core.rays import make_caster
 from prt_core.sampling import Sampled, sampler_named
 from prt_core.sampling.certificate import CertificateSettings, certificate_steps, probe_lights
 from prt_core.scene import Scene
@@ -64,7 +63,7 @@ def true_errors(scene, cube_map, truth, sampled, lights):
 def coverage(scene, method, cube_map, n_seeds, settings=None, **sampler_settings):
     """Rows of counts for one scene and method."""
     lights = probe_lights(cube_map)
-    caster = make_caster("auto", scene.vertices, scene.triangles)
+    caster = scene.make_caster("auto")
     sampler, kind = sampler_named(method)
     sampled = run(sampler(scene, cube_map, caster, kind(**sampler_settings)))
     truth = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))

@@ -101,13 +101,12 @@ def sparse_task(name):
     """Transport of a measuring scene, with bounces, and the dense points of a sparse bake."""
     from scipy.spatial import cKDTree
 
-    from prt_core.rays import make_caster
     from prt_core.sampling import sampler_named
     from prt_core.transport import Transport, gather_hits, gather_operator
 
     scene, cube_map = measuring_scene(name), CubeMap(32)
     bits = exhaustive_bits(name, scene, cube_map)
-    caster = make_caster("embree", scene.vertices, scene.triangles)
+    caster = scene.make_caster("embree")
     every = slice(0, len(scene.points))
     hits = [gather_hits(scene, caster, every, 0, r).hits for r in range(2)]
     gather = gather_operator(np.concatenate(hits, axis=1), len(scene.points))

@@ -22,7 +22,6 @@ sys.path[:0] = [str(ROOT)]
 from prt_core.evaluate.bench_sampling import matrix_errors  # noqa: E402
 from prt_core.light import CubeMap  # noqa: E402
 from prt_core.progress import run  # noqa: E402
-from prt_core.rays import make_caster  # noqa: E402
 from prt_core.sampling.adaptive_angle import AngularGrid, spread_grid  # noqa: E402
 from prt_core.sampling.dense import dense_steps  # noqa: E402
 from prt_core.sampling.huang import HuangSettings, sample_huang  # noqa: E402
@@ -79,7 +78,7 @@ def relative(errors, sizes):
 def prepared(name):
     scene = measuring_scene(name)
     truth = exhaustive_bits(name, scene, CUBE)
-    return scene, truth, make_caster("embree", scene.vertices, scene.triangles)
+    return scene, truth, scene.make_caster("embree")
 
 
 class Sparse:
@@ -212,7 +211,7 @@ def indirect(names):
     bpy.ops.wm.open_mainfile(filepath=str(path))
     scene = read_scene()
     cube_map = CubeMap(16)
-    caster = make_caster("embree", scene.vertices, scene.triangles)
+    caster = scene.make_caster("embree")
     everything = slice(0, len(scene.points))
     bits = visibility_bits(scene, cube_map, caster, everything)
     hits = gather_hits(scene, caster, everything, 0, 0).hits

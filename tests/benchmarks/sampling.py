@@ -33,7 +33,6 @@ from prt_core.evaluate.bench_sampling import (  # noqa: E402
 )
 from prt_core.evaluate.sampling_report import error_plot  # noqa: E402
 from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
-from prt_core.rays import make_caster  # noqa: E402
 from prt_core.sampling import sampler_named  # noqa: E402
 from prt_core.sampling.tracer import count_bits  # noqa: E402
 from tests.benchmarks.certificate_coverage import coverage, scene_named  # noqa: E402
@@ -73,7 +72,7 @@ def objects(names):
     for name in names or available():
         scene = measuring_scene(name)
         truth = exhaustive_bits(name, scene, CUBE)
-        caster = make_caster("embree", scene.vertices, scene.triangles)
+        caster = scene.make_caster("embree")
         for text in METHODS:
             method = parse_method(text)
             sampler = sampler_named(method.name)[0]
@@ -95,7 +94,7 @@ def curve(names):
     """Errors at many settings of all samplers."""
     for name in names or available():
         scene = measuring_scene(name)
-        caster = make_caster("embree", scene.vertices, scene.triangles)
+        caster = scene.make_caster("embree")
         methods = [parse_method(text) for text in CURVE]
         rows, _ = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, name))
         caster.close()
@@ -124,7 +123,7 @@ def time_(back_ends):
 
             import prt_core.blender  # noqa: F401
         scene = measuring_scene("suzanne")
-        caster = make_caster(back_end, scene.vertices, scene.triangles)
+        caster = scene.make_caster(back_end)
         methods = [parse_method("agreement"), parse_method("huang")]
         rows, results = run(bench_sampling_steps(scene, CUBE, caster, methods, {}, "suzanne"))
         caster.close()
@@ -141,7 +140,7 @@ def growth(_):
     """Rays and seconds of the same scene, ever finer."""
     for levels, ground in SIZES:
         scene = measuring_scene("suzanne", ground, levels)
-        caster = make_caster("embree", scene.vertices, scene.triangles)
+        caster = scene.make_caster("embree")
         caster.occluded(scene.ray_origins[:1], CUBE.samples[:1].astype(np.float32))
         start = time.perf_counter()
         found = run(sampler_named("agreement")[0](scene, CUBE, caster))

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.light import CubeMap
-from prt_core.rays import make_caster
 from prt_core.scene import Mesh, Scene
 from prt_core.transport import visibility_bits
 
@@ -66,7 +65,7 @@ def exhaustive_bits(name, scene, cube_map, caster="embree"):
     kept = _CACHE / "truth" / key
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)
-        tracer = make_caster(caster, scene.vertices, scene.triangles)
+        tracer = scene.make_caster(caster)
         bits = visibility_bits(scene, cube_map, tracer, slice(0, len(scene.points)))
         tracer.close()
         part = kept.with_suffix(f".{os.getpid()}.part")

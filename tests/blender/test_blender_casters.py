@@ -2,7 +2,7 @@ import bpy
 import numpy as np
 import pytest
 
-from prt_core.rays import BruteForceCaster, make_caster
+from prt_core.rays import BruteForceCaster
 from prt_core.scene import Scene
 from tests.meshes import plane, sphere
 
@@ -20,8 +20,8 @@ def rays():
 @pytest.mark.parametrize("name", ["blender", "bvhtree"])
 def test_blender_agrees_with_brute_force(rays, name):
     scene, origins, directions = rays
-    caster = make_caster(name, scene.vertices, scene.triangles)
-    oracle = BruteForceCaster(scene.vertices, scene.triangles)
+    caster = scene.make_caster(name)
+    oracle = BruteForceCaster(scene.vertices.astype(np.float32), scene.triangles)
     try:
         np.testing.assert_array_equal(
             caster.occluded(origins, directions), oracle.occluded(origins, directions)
@@ -31,8 +31,11 @@ def test_blender_agrees_with_brute_force(rays, name):
         assert (limited != oracle.occluded(origins, directions, reach)).sum() <= 2
         assert 0 < limited.sum() < caster.occluded(origins, directions).sum()
         hits, wanted = caster.intersect(origins, directions), oracle.intersect(origins, directions)
-        # A ray on the edge of two triangles may be given to either.
-        assert (hits.triangle != wanted.triangle).sum() <= 3
+        # A ray on the edge of two triangles may be given to either, and so may one that goes
+        # into the very surface it starts from, at a vertex.
+        away = wanted.distance > 1e-5
+        assert (hits.triangle != wanted.triangle)[away].sum() <= 3
+        assert ((hits.triangle >= 0) != (wanted.triangle >= 0)).sum() <= 1
         same = (hits.triangle == wanted.triangle) & (hits.triangle >= 0)
         np.testing.assert_allclose(hits.distance[same], wanted.distance[same], rtol=1e-4, atol=1e-6)
         assert len(caster.occluded(origins[:0], directions[:0])) == 0
@@ -40,10 +43,42 @@ def test_blender_agrees_with_brute_force(rays, name):
         caster.close()
 
 
+@pytest.mark.parametrize("name", ["blender", "bvhtree"])
+@pytest.mark.parametrize("seed", [None, 5])
+def test_contacts_and_great_planes(name, seed):
+    """A plate 1 mm above a floor in a scene of a kilometre; no surface meets its own rays."""
+    matrix = np.eye(3)
+    if seed is not None:
+        matrix = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+        matrix *= np.linalg.det(matrix)
+    ground, plate = plane(3, -500, 500, name="ground"), plane(5, -1, 1, name="plate", z=1e-3)
+    for mesh in (ground, plate):
+        mesh.vertices = mesh.vertices @ matrix.T
+        mesh.corner_normal = mesh.corner_normal @ matrix.T
+    scene = Scene.from_meshes([ground, plate])
+    points = scene.points
+    middle = np.linalg.norm(scene.to_world(points.positions), axis=1) < 0.5
+    angle = np.linspace(0, 2 * np.pi, 41)[:-1]
+    caster = scene.make_caster(name)
+    try:
+        for rise in (1, 0.3, 1e-2, 1e-4):
+            local = np.stack([np.cos(angle), np.sin(angle), np.full(40, rise)], axis=1)
+            ways = (local / np.linalg.norm(local, axis=1, keepdims=True)) @ matrix.T
+            ways = np.tile(ways.astype(np.float32), (len(points), 1))
+            blocked = caster.occluded(np.repeat(scene.ray_origins, 40, axis=0), ways)
+            blocked = blocked.reshape(-1, 40)
+            if rise >= 1e-2:
+                assert blocked[middle & (points.object_index == 0)].all()
+            assert not blocked[points.object_index == 1].any()
+            assert not blocked[(points.object_index == 0) & ~middle & points.visible].any()
+    finally:
+        caster.close()
+
+
 def test_the_open_scene_is_left_alone(rays):
     scene, origins, directions = rays
     before = bpy.context.scene, len(bpy.data.objects), len(bpy.data.meshes)
-    caster = make_caster("blender", scene.vertices, scene.triangles)
+    caster = scene.make_caster("blender")
     caster.occluded(origins, directions)
     caster.close()
     assert before == (bpy.context.scene, len(bpy.data.objects), len(bpy.data.meshes))

@@ -95,7 +95,6 @@ def test_radiance_hdr_is_read_through_blender(tmp_path):
 
 def test_cycles_agrees_on_where_the_light_is(world, hdri):
     """A plane turned six ways, lit by an HDRI: Cycles' bake against ours."""
-    from prt_core import make_caster
     from prt_core.blender.depsgraph import read_scene
     from prt_core.transport import Transport, visibility_bits
     from tests.benchmarks import cycles_truth
@@ -106,7 +105,7 @@ def test_cycles_agrees_on_where_the_light_is(world, hdri):
         bpy.context.object.data.materials.append(build.diffuse("d", (0.8, 0.8, 0.8)))
     scene = read_scene()
     cube_map = CubeMap(16)
-    caster = make_caster("blender", scene.vertices, scene.triangles)
+    caster = scene.make_caster("blender")
     bits = visibility_bits(scene, cube_map, caster, slice(0, len(scene.points)))
     caster.close()
     points = scene.points

@@ -6,7 +6,7 @@ from pathlib import Path
 import prt_core
 
 ROOT = Path(prt_core.__file__).parent
-FLOORS = [{"scene", "light", "rays", "basis"}, {"transport"}, {"reconstruct"}, {"sampling"},
+FLOORS = [{"rays", "basis", "light"}, {"scene"}, {"transport"}, {"reconstruct"}, {"sampling"},
           {"compress"}, {"store"}, {"evaluate"}]  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -17,8 +18,11 @@ from prt_core.progress import STOP, Errands, Progress, steps_beside
 from prt_core.rays import RelayCaster
 from prt_core.scene import Scene
 from prt_core.store import BakeStore, read_scene, write_scene
-from prt_core.transport import Transport
+from prt_core.transport import Transport, detail_steps
 from prt_core.transport.gather import ROUND
+
+# Share of the bounce rays that may meet places without a bake point before it is said.
+_MANY_HIDDEN = 0.005
 
 
 @dataclass(frozen=True)
@@ -234,22 +238,24 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
         return facts["report"]
     caster = new_caster()
     _write_lights(store, *parts)
-    if "identity" not in facts:
-        write_scene(store, scene)
-        store.update(settings=asdict(settings), identity=identity)
-        yield Progress("scene", 0, 0)
     seconds = dict(facts.get("seconds", {}))
+    if "identity" in facts:
+        scene = read_scene(store)
+    else:
+        start = time.perf_counter()
+        if settings.bounces != 0:
+            scene = yield from detail_steps(scene, caster, settings.seed)
+        write_scene(store, scene)
+        seconds["details"] = time.perf_counter() - start
+        store.update(settings=asdict(settings), identity=identity, seconds=seconds)
+        yield Progress("scene", 0, 0)
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
     )
-    gathered, error, rounds, skipped = 0, None, 0, {}
+    bounced = 0, None, 0, 0.0, {}
     if settings.bounces != 0:
-        gathered, error, rounds, skipped = yield from bounce_steps(
-            store, scene, cube_map, caster, settings, seconds
-        )
-    report = _report(
-        scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store
-    )
+        bounced = yield from bounce_steps(store, scene, cube_map, caster, settings, seconds)
+    report = _report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
     store.update(report=report, complete=True)
     report["bytes"] = store.nbytes()
     store.update(report=report)
@@ -287,10 +293,11 @@ def _spared(scene, cube_map, seen):
     return found
 
 
-def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store):
+def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
+    gathered, error, rounds, hidden, skipped = bounced
     messages = list(scene.messages)
     if rounds:
-        back = store.array("gather_rays")[:rounds, :, 1:].sum(axis=(0, 1))
+        back = store.array("gather_rays")[:rounds, :, 2:].sum(axis=(0, 1))
         for item, count in zip(scene.objects, back, strict=True):
             share = count / (len(scene.points) * rounds * ROUND)
             if share > 0.02:
@@ -300,14 +307,12 @@ def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, sec
                 )
     traced = sum(seconds.get(stage, 0) for stage in ("visibility", "certificate", "gather"))
     rays = seen["rays"]
-    if not seen["tolerance_met"]:
-        messages.append(
-            f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
-            "than the tolerance; bake with --method exhaustive"
-        )
+    messages += _missed(seen, error, rounds, hidden, settings.tolerance)
+    met = seen["tolerance_met"] and (error is None or error <= settings.tolerance)
     return {
         "points": len(scene.points),
         "hidden_points": int((~scene.points.visible).sum()),
+        "details": len(scene.details),
         "triangles": len(scene.triangles),
         "directions": cube_map.n_directions,
         "back_end": caster.name,
@@ -317,7 +322,10 @@ def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, sec
         "rays_per_second": (rays + gathered) / max(traced, 1e-9),
         "rays_a_point": rounds * ROUND,
         "error": error,
-        **{key: value for key, value in seen.items() if key != "rays"},
+        "tolerance": settings.tolerance,
+        "tolerance_met": met,
+        "hidden_hits": hidden,
+        **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
         "skipped": {**_spared(scene, cube_map, seen), **skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "bytes": 0,
@@ -330,6 +338,26 @@ def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, sec
         },
         "messages": messages,
     }
+
+
+def _missed(seen, error, rounds, hidden, tolerance):
+    """What is not as it was asked for, in a line each."""
+    if not seen["tolerance_met"]:
+        yield (
+            f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
+            f"than the tolerance of {tolerance:.2%}; bake with --method exhaustive"
+        )
+    if error is not None and error > tolerance:
+        yield (
+            f"the bounces may be {error:.2%} off in relit colours, more than the tolerance of "
+            f"{tolerance:.2%}, with the most rays that are cast ({rounds * ROUND} a point); "
+            "light reaches this scene through little of what its points see"
+        )
+    if hidden > _MANY_HIDDEN:
+        yield (
+            f"{hidden:.1%} of the bounce rays met places that none of their bake points sees, "
+            "and were taken as dark; make the faces there smaller"
+        )
 
 
 def load(path):

@@ -12,11 +12,13 @@ from prt_core.progress import Progress
 from prt_core.sampling import open_points
 from prt_core.sampling.dilate import dilate
 from prt_core.threads import on_all_cores
-from prt_core.transport import all_bounces, gather_operator, gather_parts
-from prt_core.transport.gather import DARK, ROUND
+from prt_core.transport import Sharing, all_bounces, gather_operator, gather_parts, ray_ends
+from prt_core.transport.gather import DARK, ROUND, STAND
 from prt_core.transport.visibility import received_light
 
-MOST_ROUNDS = 16
+MOST_ROUNDS = 64
+# Rays of all points together at most: what K holds of them has to fit into memory.
+_MOST_RAYS = 1 << 31
 _TOGETHER = 4
 
 
@@ -29,6 +31,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     error : float
     rounds : int
         0 where bounces are too weak to matter.
+    hidden : float
+        Share of the rays that met a place which sees none of its bake points.
     skipped : dict
         What was not done because the scene does not need it.
     """
@@ -37,7 +41,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     shape, chunks = (n_points, MOST_ROUNDS * ROUND), (bake_visibility.BLOCK, ROUND)
     # No ray ends at -3, so that no chunk is left out for being equal to the fill.
     hits = store.create("gather", shape, "int32", chunks, -3)
-    table = (MOST_ROUNDS, len(parts), 1 + len(scene.objects))
+    # Of each block and round the rays, those that met hidden places, and backs by object.
+    table = (MOST_ROUNDS, len(parts), 2 + len(scene.objects))
     counts = store.create("gather_rays", table, "int64", (1, 1, table[2]), -1)
     start = time.perf_counter()
     probes = yield from _probe_light(store, scene, cube_map, parts)
@@ -48,23 +53,23 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     bound = _most_bounced(scene.points.albedo, probes, spared)
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
-        return 0, bound, 0, skipped
+        return 0, bound, 0, 0.0, skipped
     # Of an even sky a point receives what is not blocked.
     blocked = np.clip(1 - probes[:, 0], 0, 1)
     store.write("blocked", blocked)
-    rounds, error = 0, np.inf
-    clear = _Clear(store.array("visibility"), cube_map)
+    rounds, error, most = 0, np.inf, most_rounds(n_points)
+    clear, sharing = _Clear(store.array("visibility"), cube_map), Sharing(scene)
 
     def write(job):
         (index, turn), one = job
-        counts[turn, index] = np.concatenate([[one.n_rays], one.n_back])
+        counts[turn, index] = np.concatenate([[one.n_rays, one.n_hidden], one.n_back])
         hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
 
     # Blocks worked on together: a caster that is called once for all likes its calls large.
     group = caster.threads if caster.threads > 1 else _TOGETHER
-    while rounds < MOST_ROUNDS and error > settings.tolerance:
-        turns = (rounds, rounds + 1)
-        rounds += 2
+    while rounds < most and error > settings.tolerance:
+        turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
+        rounds = turns.stop
         yield Progress("gather", 0, n_points)
         for first in range(0, len(parts), group):
             some = range(first, min(first + group, len(parts)))
@@ -72,7 +77,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
             if todo:
                 start = time.perf_counter()
                 jobs = [(parts[index], turn) for index, turn in todo]
-                found = gather_parts(scene, caster, jobs, settings.seed, spared, clear)
+                found = gather_parts(scene, caster, jobs, settings.seed, spared, clear, sharing)
                 on_all_cores(write, zip(todo, found, strict=True))
                 add_seconds(store, seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", parts[some[-1]].stop, n_points)
@@ -81,9 +86,22 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         yield Progress("bounces", n_points, n_points)
         add_seconds(store, seconds, "error", time.perf_counter() - start)
     store.update(rounds=rounds)
-    cast = int(counts[:rounds, :, 0].sum())
+    cast, hidden = (int(counts[:rounds, :, column].sum()) for column in (0, 1))
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
-    return cast, float(error), rounds, skipped
+    return cast, float(error), rounds, hidden / max(cast, 1), skipped
+
+
+def most_rounds(n_points):
+    """Rounds of rays that the bounces may take."""
+    return min(MOST_ROUNDS, max(2, _MOST_RAYS // (max(n_points, 1) * ROUND) // 2 * 2))
+
+
+def _next_rounds(rounds, error, tolerance, most):
+    """Rounds after which the error should be within the tolerance: it falls with their root."""
+    if not rounds:
+        return 2
+    wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** 2 / 2))
+    return min(max(wanted, rounds + 2), most)
 
 
 def _is_done(store, index, turn):
@@ -175,11 +193,12 @@ def read_gather(hits, rounds, blocked):
     def one(block):
         chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
         chunk = chunk[:, rounds].reshape(len(chunk), -1)
+        ends = ray_ends(chunk) if chunk.min() > STAND - ROUND else chunk
         expect(
-            chunk.min() >= DARK and chunk.max() < n_points,
+            ends.min() >= DARK and ends.max() < n_points,
             "gather: a hit names a point that does not exist; the bake is damaged",
         )
-        return gather_operator(chunk, n_points, blocked[block])
+        return gather_operator(ends, n_points, blocked[block])
 
     parts = on_all_cores(one, blocks(n_points))
     return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]

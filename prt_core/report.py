@@ -41,8 +41,8 @@ def _traced(report):
 def _errors(report):
     certificate = report.get("certificate")
     if certificate:
-        met = "within" if report["tolerance_met"] else "NOT within"
-        yield f"{report['visibility_error']:.2%} of direct light, {met} the tolerance; at 95 %:"
+        found = report["visibility_error"]
+        yield f"{found:.2%} of direct light, {_met(report, found)}; at 95 %:"
         for item in certificate:
             parts = [("matrix", item["matrix"]), *item["relit"].items()]
             yield f"  {item['name']}: " + ", ".join(
@@ -51,9 +51,18 @@ def _errors(report):
             )
     else:
         yield "none of direct light"
-    if report["error"] is not None:
+    found = report["error"]
+    if found is not None:
         rays = report["rays_a_point"]
-        yield f"{report['error']:.2%} of relit colours, from the bounces ({rays} rays a point)"
+        yield (
+            f"{found:.2%} of relit colours, from the bounces ({rays} rays a point), "
+            f"{_met(report, found)}"
+        )
+
+
+def _met(report, error):
+    tolerance = report["tolerance"]
+    return f"{'within' if error <= tolerance else 'NOT within'} the tolerance of {tolerance:.2%}"
 
 
 def _spared(skipped):

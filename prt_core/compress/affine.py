@@ -6,6 +6,7 @@ import numpy as np
 
 from prt_core.compress.linalg import orthonormal_columns, principal_rows
 from prt_core.compress.parallel import in_parallel
+from prt_core.seeds import Stage, generator
 
 # Rows that are held at once; more are read in blocks, several times.
 MOST_ROWS = 4096
@@ -82,7 +83,7 @@ def fit_affine(rows, points, rank, seed=0):
 
 
 def _fit_blocks(rows, points, rank, seed):
-    rng = np.random.default_rng([seed, 5])
+    rng = generator(seed, Stage.SUBSPACE)
     blocks = [points[f : f + _BLOCK] for f in range(0, len(points), _BLOCK)]
 
     def sums(block):

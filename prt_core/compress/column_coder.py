@@ -16,6 +16,7 @@ from prt_core.compress.quantise import dequantise, quantise
 from prt_core.compress.sparse_columns import TERMS_A_PLACE, column_bytes
 from prt_core.errors import expect
 from prt_core.progress import Progress
+from prt_core.seeds import Stage, generator
 
 # Columns, and entries, from which the first limit is found.
 _SAMPLE, _SAMPLE_ENTRIES = 240, 1 << 24
@@ -88,7 +89,7 @@ class ColumnCoder:
             values = column[places]
             column[places] = 0
             return Column(name, depth, 1.0, places, values, cut=cut)
-        rng = np.random.default_rng([self.seed, 8, name]) if self.dither else None
+        rng = generator(self.seed, Stage.DITHER, name) if self.dither else None
         terms, size = [], None
         for _ in range(TERMS_A_PLACE):
             levels = self._levels(depth)[places]
@@ -191,7 +192,7 @@ class ColumnCoder:
         alive = file.energies > 1e-14 * file.energies.sum()
         groups = [np.flatnonzero(alive & (strata == value)) for value in np.unique(strata[alive])]
         each = max(1, min(_SAMPLE, _SAMPLE_ENTRIES // file.shape[1]) // len(groups))
-        rng = np.random.default_rng([self.seed, 9])
+        rng = generator(self.seed, Stage.COLUMN_SAMPLE)
         chosen = [np.sort(rng.choice(g, min(len(g), each), replace=False)) for g in groups]
         names = np.concatenate(chosen)
         weights = np.repeat(

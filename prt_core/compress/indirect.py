@@ -10,6 +10,7 @@ import numpy as np
 from prt_core.compress.linalg import orthonormal_columns
 from prt_core.compress.parallel import SplitMatrix, in_parallel
 from prt_core.progress import Progress
+from prt_core.seeds import Stage, generator
 from prt_core.transport.bounce import all_bounces
 
 _BLOCK = 512
@@ -34,7 +35,7 @@ def indirect_factors(transport, channels, rank, seed=0):
         `left @ right` is the best of K T within the range that `rank` random lights span.
     """
     rank = min(rank, transport.n_points, transport.n_directions)
-    rng = np.random.default_rng([seed, 4])
+    rng = generator(seed, Stage.INDIRECT)
     lights = rng.standard_normal((transport.n_directions, rank), np.float32)
     # Light goes back and forth between few points where most are pixels, which only receive.
     arriving = transport.gather.T.tocsr()

@@ -4,6 +4,7 @@ import numpy as np
 
 from prt_core.compress.parallel import in_parallel
 from prt_core.progress import Progress, beside
+from prt_core.seeds import Stage, generator
 
 # Points of a block, and distances of a block: each stays in a core's cache.
 _BLOCK, _DISTANCES = 2048, 1 << 19
@@ -36,7 +37,7 @@ def kmeans_steps(coordinates, n_clusters, seed=0):
         return np.zeros(n_points, np.int32)
     if n_clusters == n_points:
         return np.arange(n_points, dtype=np.int32)
-    rng = np.random.default_rng([seed, 8])
+    rng = generator(seed, Stage.KMEANS)
     centres = yield from beside("clusters", _first_centres, coordinates, n_clusters, rng)
     labels = np.full(n_points, -1, np.int32)
     for turn in range(_ROUNDS):

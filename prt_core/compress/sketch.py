@@ -7,6 +7,7 @@ import numpy as np
 from prt_core.compress.linalg import principal_rows
 from prt_core.compress.parallel import in_parallel
 from prt_core.progress import Progress, beside
+from prt_core.seeds import Stage, generator
 
 _BLOCK, _SAMPLE_FACTOR, _LEAST_SAMPLE = 512, 4, 1024
 
@@ -41,7 +42,7 @@ def sketch_basis(rows, points, n_sketch, seed=0):
     if hasattr(rows, "prepare_steps"):
         yield from rows.prepare_steps()
     n_sketch = min(n_sketch, len(points), rows.code.n_features)
-    rng = np.random.default_rng([seed, 6])
+    rng = generator(seed, Stage.SKETCH)
     n_sample = min(max(_SAMPLE_FACTOR * n_sketch, _LEAST_SAMPLE), len(points))
     sample = np.sort(rng.choice(points, n_sample, replace=False))
     return (yield from beside("sketch", lambda: principal_rows(rows.features(sample), n_sketch)[0]))

@@ -10,6 +10,7 @@ from prt_core.compress.choose import describe, relative_l2
 from prt_core.errors import expect
 from prt_core.machine import peak_bytes, reset_peak
 from prt_core.progress import Progress
+from prt_core.seeds import Stage, generator
 
 # White lights that estimate the matrix' error; points of the dense product that is timed.
 _WHITE, _DENSE_POINTS = 6, 2048
@@ -115,7 +116,7 @@ def _truth(transport, lights, seed):
         colours[name] = transport.relight(light)
         seconds.append(time.perf_counter() - start)
         yield Progress("exact", index + 1, len(lights))
-    rng = np.random.default_rng([seed, 11])
+    rng = generator(seed, Stage.BENCH_MATRIX)
     shape = transport.n_directions, 3
     white = [rng.standard_normal(shape).astype(np.float32) for _ in range(_WHITE)]
     some = np.sort(rng.choice(transport.n_points, min(64, transport.n_points), replace=False))

@@ -20,6 +20,7 @@ from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler
 from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.sampling.votes import Asked, coin, on_rows
+from prt_core.seeds import Stage, generator
 from prt_core.transport.gather import _frames
 from prt_core.transport.visibility import horizon_bits
 
@@ -28,7 +29,9 @@ _BLOCK = 16384
 # Steps of following what the neighbours had missed: nearly all ends within the first, by one
 # texel each; the few large parts that are left are followed by more texels at once.
 _MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
-_SEED_STAGE, _REFINE, _LOOK = 4, 1000, 2000
+_REFINE, _LOOK, _DETAILS = 1000, 2000, 3000
+# How carefully details are asked about.
+_FOR_DETAILS = {"neighbours": 3, "candidates": 8, "checks": 8, "edge_halvings": 3}
 
 
 @dataclass(frozen=True)
@@ -121,23 +124,31 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     settings = settings or AgreementSettings()
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed)
     yield from work.begin()
-    rng = np.random.default_rng([settings.seed, _SEED_STAGE])
-    closed = np.flatnonzero(~work.open)
+    rng = generator(settings.seed, Stage.AGREEMENT)
+    # Details stand where little agrees: they come last, when all around them is known.
+    is_detail = np.zeros(len(scene.points), bool)
+    is_detail[scene.details.point] = True
+    closed = np.flatnonzero(~work.open & ~is_detail)
     first = max(64, -(-len(closed) // settings.first))
     levels = surface_levels(scene.points, first, settings.growth, rng)
-    levels = [level[~work.open[level]] for level in levels]
+    levels = [level[~(work.open | is_detail)[level]] for level in levels]
     known = np.flatnonzero(work.open)
     for index, level in enumerate(levels):
-        share = (len(known) + len(level)) / max(len(scene.points), 1)
+        share = (len(known) + len(level)) / max(len(scene.points) - len(scene.details), 1)
         halvings = max(0, round(settings.edge_halvings + np.log2(share)))
         if index == 0:
             yield from work.trace_whole("first", level)
         else:
             yield from work.ask(level, known, settings, halvings, (index,))
         known = np.concatenate([known, level])
+    ordered = _in_order(scene)
+    details = ordered[(is_detail & ~work.open)[ordered]]
+    careful = replace(settings, **_FOR_DETAILS)
+    for turn, some in enumerate(_interleaved(details)):
+        yield from work.ask(some, known, careful, careful.edge_halvings, (_DETAILS + turn,))
+        known = np.concatenate([known, some])
     most = settings.look_neighbours
     look = replace(settings, neighbours=most, candidates=most, checks=0)
-    ordered = _in_order(scene)
     for turn in range(settings.looks):
         again = ordered[work.cheap(settings.look_share)[ordered]]
         yield from work.ask(again, ordered, look, None, (_LOOK + turn,), settings.look_reach)
@@ -184,9 +195,14 @@ def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
     return work.result(sampled.facts.get("levels", []))
 
 
+def _interleaved(ordered):
+    """Points in an order along a curve in three levels, each among those before it."""
+    return [some for some in (ordered[::4], ordered[2::4], ordered[1::2]) if len(some)]
+
+
 def _in_order(scene):
     """All points along a curve through the scene."""
-    return surface_levels(scene.points, len(scene.points), 2.0, np.random.default_rng(0))[0]
+    return surface_levels(scene.points, len(scene.points), 2.0, generator(0, Stage.AGREEMENT))[0]
 
 
 class _Work:
@@ -252,7 +268,7 @@ class _Work:
         self._spent("neighbours", start)
         for index, first in enumerate(range(0, len(points), _BLOCK)):
             part = slice(first, first + _BLOCK)
-            rng = np.random.default_rng([self._seed, _SEED_STAGE, *key, index])
+            rng = generator(self._seed, Stage.AGREEMENT, *key, index)
             yield from self._ask_block(points[part], around[part], settings, halvings, rng, reach)
             self._tracer.done = len(known) + first
             yield self._tracer.progress()

@@ -25,9 +25,9 @@ from scipy.special import gammainc, gammaincc
 
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.tracer import Tracer
+from prt_core.seeds import Stage, generator
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 
-_SEED_STAGE = 5
 # Proposals made at once; rows whose light is summed, to know how much there is.
 _BATCH, _SIZE_ROWS = 1 << 18, 2048
 # Draws of an object at least: fewer would often find nothing wrong where something is.
@@ -142,7 +142,7 @@ def certificate_steps(
     present = np.unique(index)
     certified = []
     for number in present if objects is None else objects:
-        rng = np.random.default_rng([settings.seed, _SEED_STAGE, turn, int(number)])
+        rng = generator(settings.seed, Stage.CERTIFICATE, turn, number)
         points = np.flatnonzero(index == number)
         draws = _Draws(scene, cube_map, tracer, sampled, points, rng)
         size = len(points) * cube_map.n_directions

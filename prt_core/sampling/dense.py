@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from prt_core.progress import Progress
 from prt_core.sampling.adaptive_angle import AdaptiveRows, adaptive_steps
+from prt_core.seeds import Stage, generator
 from prt_core.transport.visibility import unpack
 
 _CHUNK = 2048
@@ -56,7 +57,7 @@ def dense_steps(scene, tracer, grid, settings):
     DensePoints
     """
     n_points = len(scene.points)
-    rng = np.random.default_rng([settings.seed, 11])
+    rng = generator(settings.seed, Stage.DENSE_POINTS)
     objects = [
         np.flatnonzero(scene.points.object_index == index) for index in range(len(scene.objects))
     ]
@@ -112,7 +113,7 @@ def sketch_matrix(grid, seed, size=96):
     A few rows span a small space, whose singular values a projection onto so many random signs
     keeps to some ten per cent (Johnson & Lindenstrauss 1984; Halko, Martinsson & Tropp 2011).
     """
-    rng = np.random.default_rng([seed, 12])
+    rng = generator(seed, Stage.RANK_SIGNS)
     signs = rng.integers(0, 2, (len(grid.grid), size)) * 2 - 1
     return (signs / np.sqrt(size)).astype(np.float32)
 

@@ -13,6 +13,7 @@ from prt_core.progress import Progress
 from prt_core.reconstruct import gram, l1_batched, least_squares
 from prt_core.sampling.columns import best_columns, feature_weights, membership
 from prt_core.sampling.rivals import COLUMN_CHOICES
+from prt_core.seeds import Stage, generator
 from prt_core.threads import on_all_cores
 from prt_core.transport.visibility import horizon_bits, unpack
 
@@ -180,7 +181,7 @@ class SparsePoints:
         """The same columns for all points of an object, as the rivals choose them."""
         index = int(self.scene.points.object_index[group.points[0]])
         if index not in self._fixed:
-            rng = np.random.default_rng([self.settings.seed, 13, index])
+            rng = generator(self.settings.seed, Stage.SPARSE_RAYS, index)
             mine = np.flatnonzero(self.scene.points.object_index[self.dense.points] == index)
             mine = rng.choice(mine, min(len(mine), self.settings.reduced_rows), replace=False)
             rows = unpack(self.dense.rows.bits[mine], self.cube_map.n_directions)

@@ -1,19 +1,26 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
 from prt_core.scene.changes import Changes, changes, mesh_digests
+from prt_core.scene.details import Details, with_details
 from prt_core.scene.geometry_images import (
     PARAMETRISATIONS,
     Layout,
     geometry_layout,
     with_geometry_image,
 )
-from prt_core.scene.point_images import PointImage, camera_rays, with_camera_image
+from prt_core.scene.point_images import (
+    PointImage,
+    camera_rays,
+    surface_points,
+    with_camera_image,
+)
 from prt_core.scene.points import BakePoints
 from prt_core.scene.scene import Mesh, Scene, SceneObject
 
 __all__ = [
     "BakePoints",
     "Changes",
+    "Details",
     "Layout",
     "Mesh",
     "PARAMETRISATIONS",
@@ -24,6 +31,8 @@ __all__ = [
     "changes",
     "geometry_layout",
     "mesh_digests",
+    "surface_points",
     "with_camera_image",
+    "with_details",
     "with_geometry_image",
 ]

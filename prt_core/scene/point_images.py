@@ -4,11 +4,12 @@ Such points receive light and bounce none: rays end at the points of the meshes,
 on as ever. A pixel is the mean of its points, which smooths its edges.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from prt_core.errors import expect
+from prt_core.scene.details import joined
 from prt_core.scene.points import BakePoints
 
 _BATCH = 1 << 20
@@ -156,11 +157,7 @@ def surface_points(scene, triangle, barycentric, back):
 def extended(scene, points, image):
     """The scene with more bake points, and an image that shows them."""
     expect(len(points), "image: nothing of the scene is in it")
-    joined = {
-        f.name: np.concatenate([getattr(scene.points, f.name), getattr(points, f.name)])
-        for f in fields(BakePoints)
-    }
-    return replace(scene, points=BakePoints(**joined), image=image)
+    return replace(scene, points=joined(scene.points, points), image=image)
 
 
 def intersect(caster, origins, directions):

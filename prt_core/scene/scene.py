@@ -12,10 +12,11 @@ import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_array
 from prt_core.rays import FramedCaster, make_caster, precision_frames
+from prt_core.scene.details import Details, no_details
 from prt_core.scene.point_images import PointImage
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_offset import ray_lifts
-from prt_core.scene.refine import lattice_of_hits, refinement_levels
+from prt_core.scene.refine import lattice_of_hits, lattice_size, refinement_levels
 
 
 @dataclass
@@ -162,6 +163,8 @@ class Scene:
         Points of the back side, -1 where the back returns no light.
     image : PointImage or None
         Pixels that some of the points belong to.
+    details : Details
+        Points inside of triangles.
     """
 
     centre: np.ndarray
@@ -177,6 +180,7 @@ class Scene:
     lattice_back: np.ndarray
     messages: list = field(default_factory=list)
     image: PointImage | None = None
+    details: Details = field(default_factory=no_details)
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -261,6 +265,11 @@ class Scene:
         if len(self.frames) == 1:
             return factory(self.vertices.astype(np.float32), self.triangles)
         return FramedCaster(factory, self.vertices, self.triangles, self.frames)
+
+    @property
+    def lattice_sizes(self):
+        """(n_triangles,) int64: how many points each triangle's lattice has."""
+        return lattice_size(self.triangle_level.astype(np.int64))
 
     @cached_property
     def ray_origins(self):

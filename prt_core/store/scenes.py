@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.scene import BakePoints, PointImage, Scene, SceneObject
+from prt_core.scene import BakePoints, Details, PointImage, Scene, SceneObject
 
 _POINTS = {
     "positions": ("float64", 3),
@@ -29,6 +29,8 @@ def write_scene(store, scene):
     for name in (*_CORNERS, "face_sizes"):
         parts = [getattr(item, name) for item in scene.objects]
         store.write(f"object_{name}", np.concatenate(parts).astype(np.int32))
+    store.write("detail_point", scene.details.point)
+    store.write("detail_triangle", scene.details.triangle)
     if scene.image is not None:
         store.write("image_pixel", scene.image.pixel)
         store.write("image_point", scene.image.point)
@@ -77,6 +79,8 @@ def read_scene(store):
     }
     corners = {name: store.read(f"object_{name}", (None,), "int32") for name in _CORNERS}
     faces = store.read("object_face_sizes", (None,), "int32")
+    detail_point = store.read("detail_point", (None,), "int32")
+    detail_triangle = store.read("detail_triangle", (len(detail_point),), "int32")
     facts = store.facts
     try:
         objects, corner, face = [], 0, 0
@@ -107,6 +111,7 @@ def read_scene(store):
             lattice=lattice,
             lattice_back=lattice_back,
             image=_read_image(store, facts.get("image")),
+            details=Details(detail_point, detail_triangle),
             **by_triangle,
         )
     except (KeyError, TypeError, ValueError) as error:
@@ -149,6 +154,8 @@ def _check(store, scene, n_corners, n_faces):
         and inside(scene.lattice_start, 0, len(scene.lattice))
         and inside(scene.lattice_start + cells, 0, len(scene.lattice) + 1)
         and inside(scene.points.object_index, 0, len(scene.objects))
+        and inside(scene.details.point, 0, len(scene.points))
+        and inside(scene.details.triangle, 0, len(scene.triangles))
         and sum(item.n_vertices for item in scene.objects) == len(scene.vertices)
         and all(
             inside(item.corner_point, -1, len(scene.points))

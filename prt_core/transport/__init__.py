@@ -1,20 +1,32 @@
 """How light travels: visibility as bits, the gather operator K, and the factored transport."""
 
 from prt_core.transport.bounce import all_bounces
-from prt_core.transport.gather import gather_hits, gather_operator, gather_parts
+from prt_core.transport.details import detail_steps
+from prt_core.transport.gather import (
+    gather_directions,
+    gather_hits,
+    gather_operator,
+    gather_parts,
+    ray_ends,
+)
 from prt_core.transport.lamps import lamp_light, lamp_steps
 from prt_core.transport.reference import reference_rows
+from prt_core.transport.sharing import Sharing
 from prt_core.transport.transport import Transport
 from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
+    "Sharing",
     "Transport",
     "all_bounces",
+    "detail_steps",
+    "gather_directions",
     "gather_hits",
     "gather_operator",
     "gather_parts",
     "lamp_light",
     "lamp_steps",
+    "ray_ends",
     "received_light",
     "reference_rows",
     "visibility_bits",

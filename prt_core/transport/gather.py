@@ -1,9 +1,11 @@
 """The gather operator K: what each point sees of the scene, by cosine-distributed rays.
 
 Each round shoots ROUND rays from every point. A hit is handed to one of the bake points around
-it, chosen with the probability of its barycentric weight, so `K[x, y]` is the share of x's rays
-that ended at y: unbiased, and one non-zero a ray at most. Where the visibility says that rays
-will meet nothing, one of them is cast for many: unbiased as well, for any of them may be the one.
+it, chosen with the probability of its barycentric weight among those that it sees (see
+`transport.sharing`), so `K[x, y]` is the share of x's rays that ended at y: unbiased, and one
+non-zero a ray at most. Where the visibility says that rays will meet nothing, one of them is cast
+for many: unbiased as well, for any of them may be the one. Hits keep the order of their rays, so
+that each still has its direction (`gather_directions`).
 
 How much of its sky is blocked a point knows from its visibility, far better than from some dozen
 rays. So a row is scaled until its rays meet something as often as that: what is left to chance is
@@ -17,13 +19,14 @@ import scipy.sparse as sp
 
 from prt_core.light import CubeMap
 from prt_core.rays import Hits
+from prt_core.seeds import Stage, generator
 from prt_core.sobol import sobol_points
 from prt_core.threads import on_all_cores
+from prt_core.transport.sharing import DARK, MISS, Sharing
 
 ROUND = 32
-# Ends of rays that meet no light: none, or the back of a surface.
-MISS, DARK = -1, -2
-_SEED_STAGE = 1
+# A ray that was not cast: the one in slot s of its round stands for it where its hit is STAND - s.
+STAND = -4
 # Rays of a point that are likely to meet nothing, of which one is cast.
 _GROUP = 16
 # Rays of a row that should meet something, at least, for the row to be scaled.
@@ -37,16 +40,19 @@ class Gathered:
     Attributes
     ----------
     hits : (n, ROUND) int32
-        Bake points, sorted along each row; MISS where the ray left the scene, DARK where it met a
-        side without light.
+        Bake points, in the order of the rays; MISS where the ray left the scene, DARK where it
+        met a side without light, STAND - s where the ray in slot s of the row stands for it.
     n_back : (n_objects,) int64
         Hits on back sides that return no light, by object.
+    n_hidden : int
+        Hits on places that see none of their bake points.
     n_rays : int
         That were cast.
     """
 
     hits: np.ndarray
     n_back: np.ndarray
+    n_hidden: int
     n_rays: int
 
 
@@ -58,7 +64,30 @@ def gather_hits(scene, caster, points, seed, round_index):
     return gather_parts(scene, caster, [(points, round_index)], seed)[0]
 
 
-def gather_parts(scene, caster, parts, seed, spared=None, clear=None):
+def gather_directions(scene, points, seed, round_index):
+    """Directions of one round of rays of a block of points, in the order of their hits.
+
+    Parameters
+    ----------
+    scene : Scene
+    points : slice
+        As it was cut when the rays were cast.
+    seed, round_index : int
+
+    Returns
+    -------
+    (n, ROUND, 3) float32
+        Unit vectors, cosine-distributed about the shading normals.
+    """
+    return _directions(scene, points, generator(seed, Stage.GATHER, round_index, points.start))
+
+
+def _directions(scene, points, rng):
+    normals = scene.points.normals[points]
+    return cosine_directions(normals, rng.random((len(normals), 2), np.float32))
+
+
+def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=None):
     """The bake points that rays of some blocks of points, in some rounds, end at.
 
     Parameters
@@ -74,27 +103,31 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None):
     clear : callable(slice, (n, ROUND, 3) float32) -> (n, ROUND) bool, optional
         Rays that are likely to meet nothing: one of each `_GROUP` of a point, chosen at random,
         is cast, and stands for the others.
+    sharing : Sharing, optional
+        Of the scene, where it is used again and again.
 
     Returns
     -------
     list of Gathered
     """
+    sharing = sharing or Sharing(scene)
 
     def prepare(part):
         return _Rays(scene, *part, seed, spared, clear)
 
     def cast(rays):
-        return caster.intersect(rays.origins, rays.directions)
+        found = caster.intersect(rays.origins, rays.directions)
+        return rays.gathered(found, *sharing.ends(caster, found, rays.directions, rays.pick))
 
     rays = on_all_cores(prepare, parts)
-    found = on_all_cores(cast, rays) if caster.threads > 1 else _cast_together(caster, rays)
-    return on_all_cores(lambda pair: pair[0].ends(pair[1]), zip(rays, found, strict=True))
+    return on_all_cores(cast, rays) if caster.threads > 1 else _together(caster, sharing, rays)
 
 
-def _cast_together(caster, rays):
-    """Hits of each part, from calls as large as the caster likes them, of rays that look alike."""
-    origins, directions = (
-        np.concatenate([getattr(r, name) for r in rays]) for name in ("origins", "directions")
+def _together(caster, sharing, rays):
+    """`Gathered` of each part, from calls as large as the caster likes them, of like rays."""
+    origins, directions, pick = (
+        np.concatenate([getattr(r, name) for r in rays])
+        for name in ("origins", "directions", "pick")
     )
     order = np.argsort(CubeMap(4).texel_along(*directions.T), kind="stable")
     origins, directions = origins[order], directions[order]
@@ -102,10 +135,14 @@ def _cast_together(caster, rays):
         slice(first, first + caster.batch) for first in range(0, max(len(order), 1), caster.batch)
     ]
     found = Hits.joined([caster.intersect(origins[part], directions[part]) for part in batches])
+    ended = sharing.ends(caster, found, directions, pick[order])
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    ends = np.cumsum([len(r.origins) for r in rays])
-    return [found[part] for part in np.split(place, ends[:-1])]
+    parts = np.split(place, np.cumsum([len(r.origins) for r in rays])[:-1])
+    return [
+        r.gathered(found[part], *(values[part] for values in ended))
+        for r, part in zip(rays, parts, strict=True)
+    ]
 
 
 class _Rays:
@@ -114,9 +151,8 @@ class _Rays:
     def __init__(self, scene, points, round_index, seed, spared, clear):
         self._scene = scene
         starts = scene.ray_origins[points]
-        rng = np.random.default_rng([seed, _SEED_STAGE, round_index, points.start])
-        shift = rng.random((len(starts), 2), np.float32)
-        directions = cosine_directions(scene.points.normals[points], shift)
+        rng = generator(seed, Stage.GATHER, round_index, points.start)
+        directions = _directions(scene, points, rng)
         geometric = scene.points.geometric_normals[points]
         # Below its own surface a point sees nothing.
         wanted = np.matmul(directions, geometric[:, :, None])[:, :, 0] > 0
@@ -130,18 +166,22 @@ class _Rays:
             wanted &= ~quiet
             wanted.reshape(-1)[self._speaker] = True
         self._wanted = wanted
-        self._pick = rng.random(np.count_nonzero(wanted), np.float32)
+        self.pick = rng.random(np.count_nonzero(wanted), np.float32)
         self.directions = directions[wanted]
         self.origins = np.repeat(starts, np.count_nonzero(wanted, axis=1), axis=0)
 
-    def ends(self, found):
-        """`Gathered` from their `Hits`."""
+    def gathered(self, found, ends, unlit, hidden):
+        """`Gathered` from their `Hits` and where these were handed."""
         hits = self._hits
-        hits[self._wanted], n_back = _ends(self._scene, found, self.directions, self._pick)
-        flat = hits.reshape(-1)
-        flat[self._silent] = flat[self._speaker]
-        hits.sort(axis=1)
-        return Gathered(hits, n_back, len(self.directions))
+        hits[self._wanted] = ends
+        silent = self._silent != self._speaker
+        hits.reshape(-1)[self._silent[silent]] = STAND - self._speaker[silent] % ROUND
+        n_back = np.bincount(
+            self._scene.triangle_object[found.triangle[unlit]], minlength=len(self._scene.objects)
+        )
+        return Gathered(
+            hits, n_back.astype(np.int64), int(np.count_nonzero(hidden)), len(self.directions)
+        )
 
 
 def _speakers(quiet, rng):
@@ -163,7 +203,7 @@ def _speakers(quiet, rng):
     return silent, silent[start[row] + first + (chance * size).astype(np.int64)]
 
 
-def cosine_directions(normals, shift):
+def cosine_directions(normals, shift, count=ROUND):
     """Cosine-distributed directions about normals (Malley's method on a shifted Sobol set).
 
     Parameters
@@ -171,12 +211,14 @@ def cosine_directions(normals, shift):
     normals : (n, 3) float32
     shift : (n, 2) float32
         Random shift of each point's set.
+    count : int
+        Directions of each.
 
     Returns
     -------
-    (n, ROUND, 3) float32
+    (n, count, 3) float32
     """
-    base = sobol_points(int(np.log2(ROUND))) + 0.5 / ROUND
+    base = sobol_points(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
     uv = (base.astype(np.float32)[None] + shift[:, None]) % np.float32(1)
     radius = np.sqrt(uv[..., 0])
     angle = np.float32(2 * np.pi) * uv[..., 1]
@@ -196,22 +238,25 @@ def _frames(normals):
     return np.stack([u, v, np.stack([x, y, z], axis=1)], axis=1).astype(np.float32)
 
 
-def _ends(scene, found, directions, pick):
-    """Bake point of each hit, MISS or DARK, and the hits on unlit backs by object."""
-    ends = np.full(len(directions), MISS, np.int32)
-    hit = np.flatnonzero(found.triangle >= 0)
-    triangle = found.triangle[hit]
-    back = (directions[hit] * scene.triangle_normals[triangle]).sum(axis=1) > 0
-    around, weights = scene.hit_points(triangle, found.barycentric[hit], back)
-    cumulative = np.cumsum(weights[:, :2], axis=1)
-    chosen = (pick[hit, None] >= cumulative).sum(axis=1)
-    ends[hit] = np.take_along_axis(around, chosen[:, None], axis=1)[:, 0]
-    unlit = back & (ends[hit] < 0)
-    ends[hit[unlit]] = DARK
-    n_back = np.bincount(
-        scene.triangle_object[triangle[unlit]], minlength=len(scene.objects)
-    ).astype(np.int64)
-    return ends, n_back
+def ray_ends(hits):
+    """What every ray of a row stands for: `hits` without those that stand for others.
+
+    Parameters
+    ----------
+    hits : (n, n_rounds * ROUND) int32
+        See `Gathered`.
+
+    Returns
+    -------
+    (n, n_rounds * ROUND) int32
+        Bake points, MISS or DARK.
+    """
+    silent = hits <= STAND
+    if not silent.any():
+        return hits
+    slot = np.arange(hits.shape[1])
+    speaker = np.where(silent, slot - slot % ROUND + STAND - hits, slot)
+    return np.take_along_axis(hits, speaker, axis=1)
 
 
 def gather_operator(hits, n_points, blocked=None):
@@ -219,8 +264,8 @@ def gather_operator(hits, n_points, blocked=None):
 
     Parameters
     ----------
-    hits : (n, n_rays) int32
-        Of any number of rounds side by side; negative where no light was met.
+    hits : (n, n_rounds * ROUND) int32
+        Of any number of rounds side by side (see `Gathered`).
     n_points : int
     blocked : (n,) float32, optional
         Share of the cosine-weighted hemisphere of each point in which something is in the way:
@@ -228,7 +273,7 @@ def gather_operator(hits, n_points, blocked=None):
         small a share that its rays are few are left as they are, unbiased.
     """
     n, n_rays = hits.shape
-    hits = np.sort(hits, axis=1)
+    hits = np.sort(ray_ends(hits), axis=1)
     first = np.ones(hits.shape, bool)
     first[:, 1:] = hits[:, 1:] != hits[:, :-1]
     start = np.flatnonzero(first)

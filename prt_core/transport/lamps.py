@@ -4,8 +4,8 @@ import numpy as np
 
 from prt_core.light.local import lamp_samples
 from prt_core.progress import Pace, Progress, run
+from prt_core.seeds import Stage, generator
 
-_SEED_STAGE = 2
 # Shadow rays end this share of their length before the lamp, and so many steps of float32 of the
 # lamp's coordinates: a ceiling in which a lamp lies does not shade it, whatever rounding says.
 _SHORT, _STEPS = 1 - 2e-6, 16 * 2.0**-24
@@ -53,7 +53,7 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
     rays = pace or Pace()
     for block in range(0, n_points, _BLOCK):
         inside = slice(block, min(block + _BLOCK, n_points))
-        rng = np.random.default_rng([seed[0], _SEED_STAGE, *seed[1:], block])
+        rng = generator(seed[0], Stage.LAMPS, *seed[1:], block)
         uv = lamp_samples(count, rng.random((inside.stop - block, 2)))
         # Ray r belongs to point r // count, sample r % count; a step is a range of rays.
         n_rays = (inside.stop - block) * count

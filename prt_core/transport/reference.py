@@ -7,6 +7,7 @@ the albedo and normals of the mesh are.
 
 import numpy as np
 
+from prt_core.seeds import Stage, generator
 from prt_core.transport.gather import _frames
 
 
@@ -28,7 +29,7 @@ def reference_rows(scene, cube_map, caster, points, n_paths=256, max_bounces=8, 
     errors : (n, n_directions, 3) float64
         Standard error of the indirect part; the direct part is exact.
     """
-    rng = np.random.default_rng([seed, 3])
+    rng = generator(seed, Stage.REFERENCE)
     rows, errors = [], []
     for point in points:
         normals = scene.points.normals[[point]]

@@ -109,3 +109,27 @@ def test_progress_never_goes_back(scene, tmp_path, method, monkeypatch):
     run(bake_steps(scene, tmp_path / "p.prt", settings), shown.append)
     shares = [p.done / p.total for p in shown if p.stage == "visibility" and p.total]
     assert shares == sorted(shares) and len(set(shares)) > 3 and shares[-1] > 0.5
+
+
+def test_bounces_go_on_until_the_tolerance_and_say_where_they_cannot(tmp_path, monkeypatch):
+    """A room that is lit through a small window needs many rays; with too few it is said."""
+    from prt_core import bake_bounces
+    from prt_core.report import report_lines
+
+    room = sphere(10, inside=True, albedo=0.8)
+    room.triangle_corners = room.triangle_corners[6:]
+    scene = Scene.from_meshes([room, plane(5, -0.4, 0.4, z=-0.5)])
+
+    def bake(name, **settings):
+        steps = bake_steps(scene, tmp_path / name, BakeSettings(resolution=4, **settings))
+        return run(steps)
+
+    near = bake("near.prt", tolerance=0.02)
+    assert near["rays_a_point"] > 64 and near["error"] <= 0.02 and near["tolerance_met"]
+    monkeypatch.setattr(bake_bounces, "MOST_ROUNDS", 4)
+    far = bake("far.prt", tolerance=0.02)
+    assert far["rays_a_point"] == 128 and far["error"] > 0.02 and not far["tolerance_met"]
+    assert any("the bounces may be" in m and "2.00%" in m for m in far["messages"])
+    lines = "\n".join(report_lines("far.prt", far))
+    assert "from the bounces (128 rays a point), NOT within the tolerance of 2.00%" in lines
+    assert "NOT" not in "\n".join(report_lines("near.prt", near))

@@ -7,15 +7,17 @@ from prt_core.scene import Scene
 from prt_core.transport import (
     Transport,
     all_bounces,
+    gather_directions,
     gather_hits,
     gather_operator,
     gather_parts,
     lamp_light,
+    ray_ends,
     received_light,
     reference_rows,
     visibility_bits,
 )
-from prt_core.transport.gather import DARK, MISS, ROUND, cosine_directions
+from prt_core.transport.gather import DARK, MISS, ROUND, STAND, cosine_directions
 from tests.meshes import caster_of, plane, sphere
 
 
@@ -225,7 +227,7 @@ def test_rows_meet_as_much_as_is_blocked(bench):
     hits = gather_hits(bench, caster, every, 0, 0).hits
     raw = gather_operator(hits, len(bench.points))
     scaled = gather_operator(hits, len(bench.points), blocked)
-    lit, lost = np.asarray(raw.sum(axis=1)).ravel(), (hits == DARK).mean(axis=1)
+    lit, lost = np.asarray(raw.sum(axis=1)).ravel(), (ray_ends(hits) == DARK).mean(axis=1)
     enough = (blocked * ROUND >= 2) & (lit + lost > 0)
     assert 20 < enough.sum() < len(enough)
     found = np.asarray(scaled.sum(axis=1)).ravel()
@@ -263,10 +265,37 @@ def test_a_ray_towards_the_open_sky_stands_for_others(bench):
     whole = gather_parts(bench, caster, parts, 0)
     n_some, n_whole = (sum(one.n_rays for one in found) for found in (some, whole))
     assert n_whole / 16 <= n_some < n_whole / 10
-    share = [np.mean([(one.hits >= 0).mean(axis=1) for one in found], axis=0)
+    share = [np.mean([(ray_ends(one.hits) >= 0).mean(axis=1) for one in found], axis=0)
              for found in (some, whole)]  # fmt: skip
     # Two representatives a row and round: a standard deviation of at most 0.5 / sqrt(2 x 60).
     assert np.abs(share[0] - share[1]).max() < 5 * 0.5 / np.sqrt(120)
     assert abs(share[0].mean() - share[1].mean()) < 0.01
-    counts = np.unique((some[0].hits == MISS).sum(axis=1))
-    assert len(counts) < len(np.unique((whole[0].hits == MISS).sum(axis=1)))
+    counts = np.unique((ray_ends(some[0].hits) == MISS).sum(axis=1))
+    assert len(counts) < len(np.unique((ray_ends(whole[0].hits) == MISS).sum(axis=1)))
+
+
+def test_every_ray_of_a_round_keeps_its_direction(bench):
+    """Cast again along `gather_directions`, each ray ends where its slot says."""
+    every, caster = slice(0, len(bench.points)), caster_of(bench)
+
+    def some_are_clear(points, directions):
+        return directions[:, :, 0] > 0.3
+
+    found = gather_parts(bench, caster, [(every, 3)], 5, None, some_are_clear)[0]
+    ways = gather_directions(bench, every, 5, 3)
+    assert ways.shape == (len(bench.points), ROUND, 3)
+    origins = np.repeat(bench.ray_origins, ROUND, axis=0)
+    met = caster.intersect(origins, ways.reshape(-1, 3))
+    met = (met.triangle >= 0).reshape(-1, ROUND)
+    above = np.einsum("nrx,nx->nr", ways, bench.points.geometric_normals) > 0
+    cast = (found.hits > STAND) & above
+    assert cast.sum() == found.n_rays < 0.8 * above.sum()
+    np.testing.assert_array_equal((found.hits == MISS)[cast], ~met[cast])
+    # Those that were not cast name one of their own kind that was, and end as it does.
+    row, slot = np.nonzero(found.hits <= STAND)
+    speaker = STAND - found.hits[row, slot]
+    assert (ways[row, slot, 0] > 0.3).all() and (ways[row, speaker, 0] > 0.3).all()
+    assert (found.hits[row, speaker] > STAND).all() and (speaker != slot).all()
+    ends = ray_ends(found.hits)
+    np.testing.assert_array_equal(ends[row, slot], found.hits[row, speaker])
+    np.testing.assert_array_equal(ends[found.hits > STAND], found.hits[found.hits > STAND])

@@ -1,0 +1,217 @@
+"""Where bake points inside of triangles are needed: found by a few rays, before anything is baked.
+
+K hands what a ray meets to bake points around that place (see `transport.sharing`). Two kinds of
+places are not told by those:
+
+*Hidden places*, which see none of them: the floor of a room that stands inside one large face.
+*Near places*, met from nearer than the nearest of them, where they differ: the rim of a gap below a
+box. There radiosity changes over the width of the gap, not over that of the cell. How much the
+corners differ is told by a coarse solution from the same rays, in which all that is open for some
+distance brings light, so that rooms without a sky count as well.
+
+Both get points of their own, as far apart as the rays that met them were long.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from prt_core.progress import Progress
+from prt_core.scene import surface_points, with_details
+from prt_core.seeds import Stage, generator
+from prt_core.threads import on_all_cores
+from prt_core.transport.gather import cosine_directions
+from prt_core.transport.sharing import MISS, Places, Sharing
+
+# Rays of every point, and more of those that met such a place.
+_FEW, _MORE = 8, 24
+# Corners differ where their light does by so much of an open sky's.
+_DIFFER = 0.12
+# Light comes from what is this share of the object's size away, and less from what is nearer.
+_OPEN = 0.1
+_BOUNCES = 3
+# Details lie this share of a ray's length apart; those of hidden places, which are all there is,
+# are nearer to each other.
+_APART, _HIDDEN_APART = 1.0, 0.25
+# More of them than this share of the points, or so many, are not made.
+_MOST, _LEAST_MOST = 0.15, 1500
+_BLOCK = 8192
+
+
+def detail_steps(scene, caster, seed):
+    """The scene with details where it needs them; a generator of `Progress`.
+
+    Parameters
+    ----------
+    scene : Scene
+    caster : RayCaster
+    seed : int
+
+    Returns
+    -------
+    Scene
+        The same object where none are needed.
+    """
+    probe = _Probe(scene, caster, seed)
+    ends, ambient, found = yield from probe.cast_all(np.arange(len(scene.points)), _FEW, 0)
+    light = _light(scene, ends, ambient)
+    found = _told_apart(found, light)
+    _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 1)
+    found = _spread(scene, _Found.joined([found, _told_apart(more, light)]), light)
+    if not len(found):
+        return scene
+    points, _ = surface_points(scene, found.triangle, found.barycentric, found.back)
+    points = replace(points, visible=np.zeros(len(found), bool))
+    return with_details(scene, points, found.triangle)
+
+
+class _Found:
+    """Places that may need a detail.
+
+    Attributes
+    ----------
+    asked_by : (n,) int64
+        The bake points whose rays met them.
+    triangle, barycentric, back : (n,), (n, 2), (n,)
+    around : (n, 3) int32
+    distance : (n,) float64
+        How long the ray was.
+    hidden : (n,) bool
+        Whether no corner is seen.
+    """
+
+    _NAMES = (
+        "asked_by", "triangle", "barycentric", "back", "around", "distance", "hidden",
+    )  # fmt: skip
+
+    def __init__(self, *arrays):
+        for name, array in zip(self._NAMES, arrays, strict=True):
+            setattr(self, name, array)
+
+    def __len__(self):
+        return len(self.asked_by)
+
+    def __getitem__(self, some):
+        return _Found(*(getattr(self, name)[some] for name in self._NAMES))
+
+    @classmethod
+    def joined(cls, parts):
+        return cls(*(np.concatenate([getattr(p, n) for p in parts]) for n in cls._NAMES))
+
+
+class _Probe:
+    """Casts the rays, and sorts out what they meet."""
+
+    def __init__(self, scene, caster, seed):
+        self._scene, self._caster, self._seed = scene, caster, seed
+        self._sharing = Sharing(scene)
+        index = scene.points.object_index
+        low = np.full((len(scene.objects), 3), np.inf)
+        high = -low
+        np.minimum.at(low, index, scene.points.positions)
+        np.maximum.at(high, index, scene.points.positions)
+        self._open = _OPEN * (high - low).max(axis=1)[index]
+
+    def cast_all(self, points, count, turn):
+        """Rays of some points; a generator of `Progress`.
+
+        Parameters
+        ----------
+        points : (n,) int
+        count : int
+            Rays of each.
+        turn : int
+            Another one casts other rays.
+
+        Returns
+        -------
+        ends : (n, count) int32
+            Bake points that share what was met, negative where none does.
+        ambient : (n,) float64
+            How open the points are, 0 to 1.
+        found : _Found
+        """
+        blocks = [points[f : f + _BLOCK] for f in range(0, max(len(points), 1), _BLOCK)]
+        together, parts = max(1, self._caster.threads), []
+        for first in range(0, len(blocks), together):
+            some = blocks[first : first + together]
+            parts += on_all_cores(lambda block: self._cast(block, count, turn), some)
+            yield Progress("details", sum(len(ends) for ends, _, _ in parts), len(points))
+        ends, ambient, found = zip(*parts, strict=True)
+        return np.concatenate(ends), np.concatenate(ambient), _Found.joined(found)
+
+    def _cast(self, points, count, turn):
+        scene, caster = self._scene, self._caster
+        rng = generator(self._seed, Stage.DETAILS, turn, points[0] if len(points) else 0)
+        shift = rng.random((len(points), 2), np.float32)
+        ways = cosine_directions(scene.points.normals[points], shift, count).reshape(-1, 3)
+        geometric = np.repeat(scene.points.geometric_normals[points], count, axis=0)
+        above = np.flatnonzero(np.einsum("rx,rx->r", ways, geometric) > 0)
+        origin = np.repeat(np.arange(len(points)), count)[above]
+        ways = ways[above]
+        pick = rng.random(len(above), np.float32)
+        hits = caster.intersect(scene.ray_origins[points[origin]], ways)
+        met = np.flatnonzero(hits.triangle >= 0)
+        places = Places(scene, hits.triangle[met], hits.barycentric[met], ways[met])
+        chosen = self._sharing.choose(caster, places, pick[met])
+        ends = np.full(len(points) * count, MISS, np.int32)
+        ends[above[met]] = chosen
+        # Light that reaches the point from this ray: all where it leaves, less where it is short.
+        brings = np.minimum(hits.distance / self._open[points[origin]], 1)
+        ambient = np.bincount(origin, brings, len(points)) / count
+        lit = places.around[:, 0] >= 0
+        away = np.where(lit[:, None], self._sharing.corner_distances(places), 0)
+        distance = hits.distance[met].astype(np.float64)
+        hidden = lit & (chosen < 0)
+        wanted = np.flatnonzero(hidden | (lit & (distance < away.min(axis=1))))
+        found = _Found(
+            points[origin[met[wanted]]],
+            hits.triangle[met[wanted]],
+            hits.barycentric[met[wanted]],
+            places.back[wanted],
+            places.around[wanted],
+            distance[wanted],
+            hidden[wanted],
+        )
+        return ends.reshape(len(points), count), ambient, found
+
+
+def _light(scene, ends, ambient):
+    """(n_points,) received light where all that is open brings some, with a few bounces."""
+    albedo = scene.points.albedo.mean(axis=1).astype(np.float64)
+    received = ambient
+    for _ in range(_BOUNCES):
+        sent = np.append(albedo * received, 0.0)
+        received = ambient + sent[np.maximum(ends, -1)].mean(axis=1)
+    return received
+
+
+def _told_apart(found, light):
+    """Those that are hidden, or whose corners differ."""
+    return found[found.hidden | (np.ptp(light[found.around], axis=1) > _DIFFER)]
+
+
+def _spread(scene, found, light):
+    """As many of them as have to be, apart from each other as their rays were long."""
+    if not len(found):
+        return found
+    apart = np.where(found.hidden, _HIDDEN_APART, _APART) * found.distance
+    level = np.ceil(np.log2(np.maximum(apart, 1e-12)))
+    second, third = found.barycentric.astype(np.float64).T[:, :, None]
+    a, b, c = np.moveaxis(scene.vertices[scene.triangles[found.triangle]], 1, 0)
+    place = a + second * (b - a) + third * (c - a)
+    facing = scene.triangle_normals[found.triangle] * np.where(found.back, -1, 1)[:, None]
+    key = np.column_stack(
+        [level, np.floor(place / np.exp2(level)[:, None]), np.rint(4 * facing),
+         scene.triangle_object[found.triangle]]
+    )  # fmt: skip
+    matters = np.where(found.hidden, 1.0, np.ptp(light[found.around], axis=1))
+    # Of each cube of space the one that matters most, then the first.
+    order = np.lexsort((np.arange(len(found)), -matters))
+    _, first = np.unique(key[order], axis=0, return_index=True)
+    kept = np.sort(order[first])
+    most = max(_LEAST_MOST, int(_MOST * len(scene.points)))
+    if len(kept) > most:
+        weight = (matters * apart**2)[kept]
+        kept = np.sort(kept[np.argsort(-weight, kind="stable")[:most]])
+    return found[kept]

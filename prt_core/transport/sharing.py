@@ -1,0 +1,212 @@
+"""Which bake point a ray's end is handed to: only one that the place that was met can see.
+
+A hit lies in a cell of its triangle's lattice, and is handed to one of the three bake points
+around it with the probability of its barycentric weight. But a wall may stand on that cell, with a
+corner behind it: then light of the other side would be let in. So a short ray asks whether the
+place that was met sees the chosen point; if it does not, another of the three is chosen, in
+proportion to their weights. Where there are points inside of cells (see `transport.details`) the
+nearest of them comes first, and where no corner is seen they are all that is left.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+MISS, DARK = -1, -2
+# A detail serves places nearer to it than any corner, and than this share of the farthest one.
+_NEAR = 0.2
+# Details asked where no corner is seen.
+_MOST = 8
+# A detail lies in the plane of the place it serves, but for so much of its distance.
+_FLAT = 0.02
+# Short rays end this share of their length before the point.
+_SHORT = 1 - 1e-4
+
+
+class Places:
+    """Where rays met the surface.
+
+    Parameters
+    ----------
+    scene : Scene
+    triangle : (m,) int
+    barycentric : (m, 2) float
+    directions : (m, 3) float32
+        Of the rays.
+
+    Attributes
+    ----------
+    back : (m,) bool
+    normal : (m, 3) float32
+        Of the side that was met.
+    around, weights : (m, 3)
+        The bake points around each place (see `Scene.hit_points`).
+    position, start : (m, 3) float64
+        And where a ray from there starts.
+    """
+
+    def __init__(self, scene, triangle, barycentric, directions):
+        front = scene.triangle_normals[triangle]
+        self.triangle = triangle
+        self.back = np.einsum("mx,mx->m", directions, front) > 0
+        self.normal = np.where(self.back[:, None], -front, front)
+        self.around, self.weights = scene.hit_points(triangle, barycentric, self.back)
+        second, third = np.asarray(barycentric, np.float64).T[:, :, None]
+        a, b, c = np.moveaxis(scene.vertices[scene.triangles[triangle]], 1, 0)
+        self.position = a + second * (b - a) + third * (c - a)
+        self.start = self.position + scene.triangle_lifts[triangle, None] * self.normal
+
+
+class Sharing:
+    """Hands hits of a scene to its bake points.
+
+    Parameters
+    ----------
+    scene : Scene
+    """
+
+    def __init__(self, scene):
+        self._scene = scene
+        self._near_details = _triangles_near(scene)
+        points, details = scene.points, scene.details.point
+        self._details = points.positions[details]
+        # Sides that face otherwise are far away.
+        self._tree = cKDTree(np.hstack([self._details, points.geometric_normals[details]]))
+
+    def ends(self, caster, found, directions, pick):
+        """Where rays end.
+
+        Parameters
+        ----------
+        caster : RayCaster
+        found : Hits
+        directions : (m, 3) float32
+        pick : (m,) float32
+            Uniform random numbers: which of the points around a hit.
+
+        Returns
+        -------
+        ends : (m,) int32
+            Bake points; MISS where nothing was met, DARK where a side without light was, or a
+            place that sees no bake point of its own.
+        unlit : (m,) bool
+            Whether a back was met that returns no light.
+        hidden : (m,) bool
+            Whether a place was met that sees no bake point of its own.
+        """
+        hit = np.flatnonzero(found.triangle >= 0)
+        places = Places(self._scene, found.triangle[hit], found.barycentric[hit], directions[hit])
+        chosen = self.choose(caster, places, pick[hit])
+        ends = np.full(len(directions), MISS, np.int32)
+        ends[hit] = np.where(chosen >= 0, chosen, DARK)
+        unlit, hidden = np.zeros((2, len(directions)), bool)
+        unlit[hit] = places.around[:, 0] < 0
+        hidden[hit] = (chosen < 0) & (places.around[:, 0] >= 0)
+        return ends, unlit, hidden
+
+    def choose(self, caster, places, pick):
+        """(m,) int32: the bake point of each place, -1 where none is seen."""
+        chosen = np.full(len(places.triangle), -1, np.int32)
+        left = np.flatnonzero(places.around[:, 0] >= 0)
+        left = self._try_nearest_detail(caster, places, left, chosen)
+        left = self._try_corners(caster, places, left, chosen, pick.astype(np.float64))
+        self._try_details(caster, places, left, chosen)
+        return chosen
+
+    def corner_distances(self, places):
+        """(m, 3) float64: how far the corners of its cell are from each place."""
+        corners = self._scene.points.positions[places.around]
+        return np.linalg.norm(corners - places.position[:, None], axis=2)
+
+    def _hand(self, caster, places, some, points, chosen):
+        """Hand places to bake points where they see them: whether they do."""
+        scene = self._scene
+        starts = places.start[some]
+        ways = scene.ray_origins[points] - starts
+        lengths = np.linalg.norm(ways, axis=1)
+        # A ray that is not longer than what it starts above the surface is of the same place.
+        seen = lengths <= 8 * scene.triangle_lifts[places.triangle[some]]
+        asked = np.flatnonzero(~seen)
+        if len(asked):
+            directions = (ways[asked] / lengths[asked, None]).astype(np.float32)
+            starts, limit = starts[asked], (lengths[asked] * _SHORT).astype(np.float32)
+            if scene.ray_origins.dtype == np.float32:
+                starts = starts.astype(np.float32)
+            seen[asked] = ~caster.occluded(starts, directions, limit)
+        chosen[some[seen]] = points[seen]
+        return seen
+
+    def _try_nearest_detail(self, caster, places, left, chosen):
+        """Those that have a detail right beside them; returns the others."""
+        some = left[self._near_details[places.triangle[left]]]
+        if not len(some):
+            return left
+        index, distance = self._nearest_details(places, some, 1)
+        away = np.linalg.norm(
+            self._scene.points.positions[places.around[some]] - places.position[some, None], axis=2
+        )
+        near = distance[:, 0] < np.minimum(away.min(axis=1), _NEAR * away.max(axis=1))
+        some, points = some[near], self._scene.details.point[index[near, 0]]
+        seen = self._hand(caster, places, some, points, chosen)
+        return np.setdiff1d(left, some[seen], assume_unique=True)
+
+    def _try_corners(self, caster, places, left, chosen, pick):
+        """One of the corners that each place sees; returns those that see none."""
+        weights, lost = places.weights.astype(np.float64), []
+        for _ in range(3):
+            total = weights[left].sum(axis=1)
+            # A corner without weight is not around the place.
+            some = total > 1e-6
+            lost.append(left[~some])
+            left, total = left[some], total[some, None]
+            if not len(left):
+                break
+            shares = weights[left] / total
+            ends = np.cumsum(shares, axis=1)
+            corner = np.minimum((pick[left, None] >= ends[:, :2]).sum(axis=1), 2)
+            row = np.arange(len(left))
+            points = places.around[left, corner]
+            seen = self._hand(caster, places, left, points, chosen)
+            # Within the share of a corner that is refused the number is uniform again.
+            share = shares[row, corner]
+            within = (pick[left] - ends[row, corner] + share) / np.maximum(share, 1e-12)
+            pick[left] = np.clip(within, 0, 1 - 1e-12)
+            weights[left, corner] = 0
+            left = left[~seen]
+        return np.sort(np.concatenate([*lost, left]))
+
+    def _try_details(self, caster, places, left, chosen):
+        """The nearest detail that each place sees, however far."""
+        left = left[self._near_details[places.triangle[left]]]
+        if not len(left):
+            return
+        index, distance = self._nearest_details(places, left, _MOST)
+        for which in range(index.shape[1]):
+            some = np.isfinite(distance[:, which])
+            seen = np.zeros(len(left), bool)
+            points = self._scene.details.point[index[some, which]]
+            seen[some] = self._hand(caster, places, left[some], points, chosen)
+            left, index, distance = left[~seen], index[~seen], distance[~seen]
+
+    def _nearest_details(self, places, some, count):
+        """Indices and distances (n, count) of details in the same plane; infinite where not."""
+        place, normal = places.position[some], places.normal[some]
+        count = min(count, len(self._details))
+        _, index = self._tree.query(np.hstack([place, normal]), k=count)
+        index = index.reshape(len(some), count)
+        way = self._details[index] - place[:, None]
+        distance = np.linalg.norm(way, axis=2)
+        height = np.abs(np.einsum("mkx,mx->mk", way, normal.astype(np.float64)))
+        lift = self._scene.triangle_lifts[places.triangle[some], None]
+        return index, np.where(height <= _FLAT * distance + 2 * lift, distance, np.inf)
+
+
+def _triangles_near(scene):
+    """(n_triangles,) bool: triangles with details, and their neighbours."""
+    owner = np.repeat(np.arange(len(scene.triangles)), scene.lattice_sizes)
+    holds = np.zeros(len(scene.triangles), bool)
+    holds[scene.details.triangle] = True
+    points = np.zeros(len(scene.points), bool)
+    points[scene.lattice[holds[owner]]] = True
+    near = np.zeros(len(scene.triangles), bool)
+    near[owner[points[scene.lattice]]] = True
+    return near

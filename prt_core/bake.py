@@ -287,8 +287,8 @@ def _spared(scene, cube_map, seen):
     if facts:
         found["visibility_rays"] = facts["hemisphere_entries"] - seen["rays"]
         found["open_points"] = facts.get("open_points", 0)
-    albedo = scene.points.albedo
-    if (albedo == albedo[:, :1]).all():
+    albedo = np.hstack([scene.points.albedo, scene.points.mean_albedo])
+    if (albedo.reshape(-1, 2, 3) == albedo.reshape(-1, 2, 3)[..., :1]).all():
         found["grey"] = True
     return found
 
@@ -392,7 +392,8 @@ def load(path):
         bounces, tolerance = settings["bounces"], float(settings["tolerance"])
     except (KeyError, TypeError) as error:
         raise PRTError(f"{path}: its description is damaged ({error!r})") from error
-    n_points, n_bytes = len(scene.points), -(-cube_map.n_directions // 8)
+    points = scene.points
+    n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
     bits = store.read("visibility", (n_points, n_bytes), "uint8")
     gather = None
     if rounds:
@@ -417,10 +418,11 @@ def load(path):
         cube_map,
         bits,
         gather,
-        scene.points.normals,
-        scene.points.albedo,
+        points.normals,
+        points.albedo,
         min(tolerance / 5, 1e-3),
         bounces,
+        None if (points.mean_albedo == points.albedo).all() else points.mean_albedo,
     )
     source = facts.get("source") or {}
     return Bake(scene, transport, lamps, world, camera, settings, report, source, Path(path))

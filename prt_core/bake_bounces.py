@@ -50,7 +50,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     # What nothing can be in front of gathers nothing.
     spared = open_points(scene)
     skipped = {"gather_open_points": int(spared.sum())}
-    bound = _most_bounced(scene.points.albedo, probes, spared)
+    points = scene.points
+    bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
         return 0, bound, 0, 0.0, skipped
@@ -97,10 +98,13 @@ def most_rounds(n_points):
 
 
 def _next_rounds(rounds, error, tolerance, most):
-    """Rounds after which the error should be within the tolerance: it falls with their root."""
+    """Rounds after which the error should be within the tolerance.
+
+    Errors of rays in a Sobol sequence fall with the 0.7th to 0.75th power of their number.
+    """
     if not rounds:
         return 2
-    wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** 2 / 2))
+    wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** (1 / 0.7) / 2))
     return min(max(wanted, rounds + 2), most)
 
 
@@ -164,10 +168,12 @@ def _probe_light(store, scene, cube_map, parts):
 def _bounce_error(hits, scene, rounds, probes, blocked, settings):
     """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
     halves = []
-    albedo = scene.points.albedo.mean(axis=1, keepdims=True)
+    albedo, mean = (
+        x.mean(axis=1, keepdims=True) for x in (scene.points.albedo, scene.points.mean_albedo)
+    )
     for half in (0, 1):
         operator = read_gather(hits, range(half, rounds, 2), blocked)
-        halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces)[0])
+        halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0])
         del operator
     seen = scene.points.visible
     if not seen.any():

@@ -25,6 +25,7 @@ class Stage(IntEnum):
     SUBSPACE = 15
     DITHER = 16
     BENCH_MATRIX = 17
+    GATHER_SHIFT = 18
 
 
 def generator(seed, stage, *key):

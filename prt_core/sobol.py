@@ -1,10 +1,13 @@
 """The first two dimensions of Sobol's sequence."""
 
+from functools import lru_cache
+
 import numpy as np
 
 _BITS = 30
 
 
+@lru_cache(maxsize=32)
 def sobol_points(power):
     """The first `2**power` points of the unit square, in Gray code order.
 
@@ -31,4 +34,6 @@ def sobol_points(power):
         directions = 1 << (_BITS - 1 - bit), second
         points ^= (gray >> bit & 1)[:, None] * np.array(directions)
         second ^= second >> 1
-    return points / (1 << _BITS)
+    points = points / (1 << _BITS)
+    points.flags.writeable = False
+    return points

@@ -240,7 +240,7 @@ def _to_mesh(name, source, data, matrix, messages):
         data.uv_layers.active.data.foreach_get("uv", uv)
         uv = uv.reshape(-1, 2)
     corner_slot = np.repeat(slots, sizes)
-    albedo = corner_albedo(materials, data, corner_slot, corner_vertex, messages)
+    albedo, paint = corner_albedo(materials, data, corner_slot, corner_vertex, messages)
     return Mesh(
         name=name,
         vertices=world,
@@ -251,6 +251,7 @@ def _to_mesh(name, source, data, matrix, messages):
         corner_material=corner_slot,
         face_sizes=sizes,
         corner_uv=uv,
+        paint=paint,
     )
 
 

@@ -1,18 +1,20 @@
-"""Diffuse albedo of Blender materials at face corners."""
+"""Diffuse albedo of Blender materials: at face corners, and of image textures between them."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import has_nodes
-from prt_core.blender.images import pixels_of
+from prt_core.blender.textures import Picture, Texture, TexturePaint
 from prt_core.errors import PRTError
 
 # What Blender shows for a face without material.
 _NO_MATERIAL = (0.8, 0.8, 0.8)
 
 
-def corner_albedo(source, data, corner_slot, corner_vertex, messages):
-    """(n_corners, 3) float64 albedo in [0, 1]; what is not understood is said in `messages`.
+def corner_albedo(source, data, corner_slot, corner_vertex, messages, pictures=None):
+    """Albedo of a mesh; what is not understood is said in `messages`.
 
     Parameters
     ----------
@@ -21,8 +23,18 @@ def corner_albedo(source, data, corner_slot, corner_vertex, messages):
     data : bpy.types.Mesh
     corner_slot, corner_vertex : (n_corners,) int
     messages : list of str
+    pictures : dict, optional
+        Images that were read already, by their `session_uid`.
+
+    Returns
+    -------
+    albedo : (n_corners, 3) float64
+        In [0, 1].
+    paint : TexturePaint or None
+        What is between the corners, where images are.
     """
-    albedo = np.empty((len(corner_slot), 3))
+    albedo, textures = np.empty((len(corner_slot), 3)), {}
+    pictures = {} if pictures is None else pictures
     for slot in np.unique(corner_slot):
         which = corner_slot == slot
         material = None
@@ -31,10 +43,16 @@ def corner_albedo(source, data, corner_slot, corner_vertex, messages):
         if material is None:
             albedo[which] = _NO_MATERIAL
             continue
-        albedo[which] = _material_albedo(material, data, corner_vertex, which, messages)
+        reads = data, corner_vertex, which, messages, pictures
+        found = _material_albedo(material, *reads)
+        if isinstance(found, Texture):
+            textures[int(slot)] = found
+            found = found.at(found.uv[which])
+        albedo[which] = found
     if (albedo < 0).any() or (albedo > 1).any():
         _say(messages, f"{source.name}: albedo outside 0..1 was cut to it")
-    return np.clip(np.nan_to_num(albedo), 0, 1)
+    albedo = np.clip(np.nan_to_num(albedo), 0, 1)
+    return albedo, TexturePaint(corner_slot, albedo, textures) if textures else None
 
 
 def _say(messages, text):
@@ -42,16 +60,18 @@ def _say(messages, text):
         messages.append(text)
 
 
-def _material_albedo(material, data, corner_vertex, which, messages):
+def _material_albedo(material, data, corner_vertex, which, messages, pictures):
+    """An albedo, one for each of some corners, or a `Texture`."""
     what = f"material '{material.name}'"
     shader = _surface_shader(material)
     if shader is None:
         _say(messages, f"{what}: no surface shader; its viewport colour was used")
         return np.array(material.diffuse_color[:3])
     if shader.type == "BSDF_DIFFUSE":
-        return _colour(shader.inputs["Color"], data, corner_vertex, which, what, messages)
+        return _colour(shader.inputs["Color"], data, corner_vertex, which, what, messages, pictures)
     if shader.type == "BSDF_PRINCIPLED":
-        colour = _colour(shader.inputs["Base Color"], data, corner_vertex, which, what, messages)
+        base = shader.inputs["Base Color"]
+        colour = _colour(base, data, corner_vertex, which, what, messages, pictures)
         share = 1.0
         for name in ("Metallic", "Transmission Weight"):
             amount = _constant(shader.inputs[name], what, messages)
@@ -79,6 +99,8 @@ def _material_albedo(material, data, corner_vertex, which, messages):
                 ignored.remove("emission")
         if ignored:
             _say(messages, f"{what}: {', '.join(ignored)} ignored, the diffuse colour is baked")
+        if isinstance(colour, Texture):
+            return replace(colour, factor=share)
         return colour * share
     _say(
         messages,
@@ -114,7 +136,7 @@ def _constant(socket, what, messages):
     return float(socket.default_value)
 
 
-def _colour(socket, data, corner_vertex, which, what, messages):
+def _colour(socket, data, corner_vertex, which, what, messages, pictures):
     source = _source(socket)
     if source is None:
         return np.array(socket.default_value[:3])
@@ -129,10 +151,11 @@ def _colour(socket, data, corner_vertex, which, what, messages):
         _say(messages, f"{what}: there is no colour attribute '{name}'; its viewport grey is used")
         return np.array(_NO_MATERIAL)
     if node.type == "TEX_IMAGE" and source.name == "Color" and node.image is not None:
-        uv = _texture_coordinates(node, data, which, what, messages)
+        uv = _texture_coordinates(node, data, what, messages)
         if uv is not None:
             try:
-                return _sample(pixels_of(node.image), uv, node)
+                picture = Picture.of(node.image, pictures)
+                return Texture(picture, uv, node.interpolation, node.extension)
             except PRTError as error:
                 _say(messages, f"{what}: {error}; grey is used")
                 return np.array(_NO_MATERIAL)
@@ -156,7 +179,8 @@ def _attribute_colour(data, name, corner_vertex, which):
     return values[which] if attribute.domain == "CORNER" else values[corner_vertex[which]]
 
 
-def _texture_coordinates(node, data, which, what, messages):
+def _texture_coordinates(node, data, what, messages):
+    """(n_corners, 2) float32, or None where they are not understood."""
     source = _source(node.inputs["Vector"])
     name = None
     if source is not None:
@@ -174,32 +198,4 @@ def _texture_coordinates(node, data, which, what, messages):
         return None
     uv = np.empty(len(data.loops) * 2, np.float32)
     layer.data.foreach_get("uv", uv)
-    return uv.reshape(-1, 2)[which].astype(np.float64)
-
-
-def _sample(pixels, uv, node):
-    """Texture values at UV (m, 2), as the node's interpolation and extension say."""
-    height, width = pixels.shape[:2]
-    position = uv * [width, height] - 0.5
-    if node.interpolation == "Closest":
-        position = np.floor(position + 0.5)
-    first = np.floor(position).astype(np.int64)
-    share = position - first
-    result = np.zeros((len(uv), 3))
-    for dx in (0, 1):
-        for dy in (0, 1):
-            x, y = first[:, 0] + dx, first[:, 1] + dy
-            if node.extension == "REPEAT":
-                x, y = x % width, y % height
-            elif node.extension == "MIRROR":
-                x, y = (
-                    np.minimum(k % (2 * n), 2 * n - 1 - k % (2 * n))
-                    for k, n in ((x, width), (y, height))
-                )
-            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-            x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
-            weight = np.abs(1 - dx - share[:, 0]) * np.abs(1 - dy - share[:, 1])
-            if node.extension == "CLIP":
-                weight = weight * inside
-            result += weight[:, None] * pixels[height - 1 - y, x, :3]
-    return result
+    return uv.reshape(-1, 2)

@@ -48,7 +48,7 @@ def indirect_factors(transport, channels, rank, seed=0):
     before = None if transport.bounces is None else transport.bounces - 1
     left, weights = [], []
     for channel in channels:
-        albedo = transport.albedo[senders][:, [channel]]
+        albedo = transport.bounced_albedo[senders][:, [channel]]
         sent, n_bounces = all_bounces(between, albedo, received, transport.tolerance, before)
         left.append(orthonormal_columns(leaving @ sent))
         yield Progress("indirect", transport.n_points, transport.n_points)

@@ -58,6 +58,7 @@ class Task:
             gather=None,
             normals=self.transport.normals[points],
             albedo=self.transport.albedo[points],
+            mean_albedo=None,
         )
         rows = SomeRows(self.rows, points)
         place = self.positions[points], self.normals[points], self.groups[points]

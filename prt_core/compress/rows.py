@@ -118,7 +118,8 @@ class TransportRows(Rows):
         even = (3**-0.5,) * 3
         groups, lefts = [Group(even, direct=True)], []
         if self.rank and transport.gather is not None and transport.bounces != 0:
-            grey = (transport.albedo == transport.albedo[:, :1]).all()
+            albedo = transport.bounced_albedo
+            grey = (albedo == albedo[:, :1]).all()
             channels = [0] if grey else [0, 1, 2]
             factors = yield from indirect_factors(transport, channels, self.rank, self.seed)
             left, right = factors

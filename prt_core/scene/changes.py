@@ -22,6 +22,8 @@ def mesh_digests(meshes):
             np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),
         ):
             digest.update(np.ascontiguousarray(array))
+        if mesh.paint is not None:
+            digest.update(mesh.paint.digest())
         digests[mesh.name] = digest.hexdigest()
     return digests
 

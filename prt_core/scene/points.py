@@ -31,6 +31,9 @@ class BakePoints:
     areas : (n_points,) float32
         Share of the surface, in squared frame units.
     albedo : (n_points, 3) float32
+        Of the place itself: what it shows.
+    mean_albedo : (n_points, 3) float32
+        Of the area that the point stands for: what it bounces.
     object_index : (n_points,) int32
     visible : (n_points,) bool
         Whether a corner of a receiving object shows the point; the others only bounce.
@@ -42,6 +45,7 @@ class BakePoints:
     ray_offset: np.ndarray
     areas: np.ndarray
     albedo: np.ndarray
+    mean_albedo: np.ndarray
     object_index: np.ndarray
     visible: np.ndarray
 
@@ -53,7 +57,7 @@ class BakePoints:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-def make_points(stacked, levels, frames):
+def make_points(stacked, levels, frames, surfaces):
     """Bake points of stacked meshes, and the lattice of points of each triangle.
 
     Parameters
@@ -62,6 +66,7 @@ def make_points(stacked, levels, frames):
         All meshes, one after the other, in the scene's frame.
     levels : (n_triangles,) int64
     frames : Frames
+    surfaces : Surfaces
 
     Returns
     -------
@@ -115,11 +120,12 @@ def make_points(stacked, levels, frames):
     points["visible"] = stacked["receives"][points["object_index"]]
 
     start, lattice, hidden = _lattices(
-        columns, levels, face_normal, doubled[:, 0], points, stacked, normal, corners, lifts
+        columns, levels, face_normal, doubled[:, 0], points, surfaces, normal, corners, lifts
     )
     lattice_back = np.full(len(lattice), -1, np.int64)
     two_sided = stacked["two_sided"][stacked["triangle_object"].astype(np.int64)]
     points = {key: np.concatenate([points[key], hidden[key]]) for key in points}
+    points["mean_albedo"] = surfaces.mean_albedo(levels, start, lattice, points["albedo"])
     if two_sided.any():
         owner = np.repeat(np.arange(len(levels)), lattice_size(levels))
         front = np.unique(lattice[two_sided[owner]])
@@ -215,7 +221,7 @@ def _corner_angles(a, b, c):
     return np.stack([angle(a, b, c), angle(b, c, a), angle(c, a, b)], axis=1)
 
 
-def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, corners, lifts):
+def _lattices(columns, levels, face_normal, doubled, points, surfaces, normal, corners, lifts):
     """Lattice point indices of every triangle, and the hidden points they need."""
     sizes = lattice_size(levels)
     start = np.concatenate([[0], np.cumsum(sizes)[:-1]])
@@ -253,9 +259,7 @@ def _lattices(columns, levels, face_normal, doubled, points, stacked, normal, co
             )
             hidden["geometric_normals"].append(np.repeat(face_normal[which], len(inner), axis=0))
             hidden["albedo"].append(
-                np.einsum("lk,tkx->tlx", weights, stacked["corner_albedo"][corners[which]]).reshape(
-                    -1, 3
-                )
+                surfaces.albedo(np.repeat(which, len(inner)), np.tile(uv, (len(which), 1)))
             )
             hidden["areas"].append(np.repeat(cell, len(inner)))
             middle = points["positions"][triangle].mean(axis=1, keepdims=True)

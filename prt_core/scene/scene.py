@@ -13,6 +13,7 @@ import numpy as np
 from prt_core.errors import PRTError, expect, expect_array
 from prt_core.rays import FramedCaster, make_caster, precision_frames
 from prt_core.scene.details import Details, no_details
+from prt_core.scene.paint import Paint, Surfaces
 from prt_core.scene.point_images import PointImage
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_offset import ray_lifts
@@ -51,6 +52,8 @@ class Mesh:
         The object a person knows it by: that of the instances, or itself.
     corner_uv : (n_corners, 2) float, optional
         For geometry images.
+    paint : Paint, optional
+        The albedo between the corners; default: as they say, in between.
     """
 
     name: str
@@ -66,6 +69,7 @@ class Mesh:
     own_mesh: bool = False
     owner: str | None = None
     corner_uv: np.ndarray | None = None
+    paint: Paint | None = None
 
     def __post_init__(self):
         self.owner = self.owner or self.name
@@ -165,6 +169,8 @@ class Scene:
         Pixels that some of the points belong to.
     details : Details
         Points inside of triangles.
+    surfaces : Surfaces or None
+        What was between the corners of the meshes it was made from; not kept on disk.
     """
 
     centre: np.ndarray
@@ -181,6 +187,7 @@ class Scene:
     messages: list = field(default_factory=list)
     image: PointImage | None = None
     details: Details = field(default_factory=no_details)
+    surfaces: Surfaces | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -219,7 +226,8 @@ class Scene:
                 f"{meshes[int(number)].name}: lies so far from the rest for its size that its "
                 "shadows are coarse; bake what lies apart in files of its own"
             )
-        built = make_points(stacked, levels, frames)
+        surfaces = Surfaces(stacked, [mesh.paint for mesh in meshes], counts["first_corner"])
+        built = make_points(stacked, levels, frames, surfaces)
         objects = [
             SceneObject(
                 mesh.name,
@@ -249,6 +257,7 @@ class Scene:
             lattice=built.lattice,
             lattice_back=built.lattice_back,
             messages=messages,
+            surfaces=surfaces,
         )
 
     @cached_property
@@ -317,6 +326,13 @@ class Scene:
         points = np.where(back[:, None], self.lattice_back[index], self.lattice[index])
         return points.astype(np.int32), weights
 
+    def albedo_at(self, triangle, barycentric, back):
+        """(m, 3) float64 albedo of places (see `hit_points`)."""
+        if self.surfaces is not None:
+            return self.surfaces.albedo(triangle, barycentric)
+        around, weights = self.hit_points(triangle, barycentric, back)
+        return np.einsum("mk,mkc->mc", weights, self.points.albedo[around].astype(np.float64))
+
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""
         return self.centre + self.size * np.asarray(positions, np.float64)
@@ -338,6 +354,7 @@ class Scene:
             self.points.geometric_normals,
             self.points.ray_offset,
             self.points.albedo,
+            self.points.mean_albedo,
             self.points.visible,
             self.lattice,
             self.lattice_back,

@@ -12,6 +12,7 @@ _POINTS = {
     "ray_offset": ("float32", 3),
     "areas": ("float32", 0),
     "albedo": ("float32", 3),
+    "mean_albedo": ("float32", 3),
     "object_index": ("int32", 0),
     "visible": ("bool", 0),
 }

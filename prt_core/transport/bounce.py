@@ -7,7 +7,7 @@ from prt_core.errors import PRTError
 _MOST = 2000
 
 
-def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
+def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_albedo=None):
     """Outgoing radiance with the light between surfaces.
 
     Parameters
@@ -21,6 +21,8 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
         The series ends when the remainder, as a share of the sum, is below it.
     bounces : int, optional
         Exactly so many bounces after the direct light; default: as many as `tolerance` needs.
+    mean_albedo : (n_points, n_channels) float32, optional
+        Of the area that each point stands for, with which it bounces; default: `albedo`.
 
     Returns
     -------
@@ -35,9 +37,13 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
     total = albedo * received
     if gather is None or bounces == 0:
         return total, 0
-    term, before = total, None
+    if mean_albedo is None:
+        mean_albedo = albedo
+    sent, before = (total if mean_albedo is albedo else mean_albedo * received), None
     for bounce in range(1, (bounces or _MOST) + 1):
-        term = albedo * (gather @ term)
+        arrives = gather @ sent
+        term = albedo * arrives
+        sent = term if mean_albedo is albedo else mean_albedo * arrives
         total = total + term
         size = float(np.abs(term).sum(dtype=np.float64))
         if bounces is None:
@@ -50,5 +56,5 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
         return total, bounces
     raise PRTError(
         f"bounces: the light has not settled after {_MOST} bounces; an albedo of "
-        f"{albedo.max():.3f} in a closed space reflects for ever: lower it, or set --bounces"
+        f"{mean_albedo.max():.3f} in a closed space reflects for ever: lower it, or set --bounces"
     )

@@ -178,7 +178,7 @@ class _Probe:
 
 def _light(scene, ends, ambient):
     """(n_points,) received light where all that is open brings some, with a few bounces."""
-    albedo = scene.points.albedo.mean(axis=1).astype(np.float64)
+    albedo = scene.points.mean_albedo.mean(axis=1).astype(np.float64)
     received = ambient
     for _ in range(_BOUNCES):
         sent = np.append(albedo * received, 0.0)

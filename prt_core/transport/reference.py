@@ -88,7 +88,7 @@ def _bounce(scene, caster, alive, state, rng):
     normal = np.einsum("ij,ijk->ik", share, scene.points.normals[around])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     side = np.where(back[:, None], -flat, flat)
-    albedo = np.einsum("ij,ijk->ik", share, scene.points.albedo[around])
+    albedo = scene.albedo_at(triangle[lit], barycentric[lit], back)
     state = (
         position + scene.triangle_lifts[triangle[lit], None] * side,
         normal.astype(np.float32),

@@ -30,6 +30,9 @@ class Transport:
     normals : (n_points, 3) float32
     albedo : (n_points, 3) float32
         May be replaced after the bake: T follows.
+    mean_albedo : (n_points, 3) float32, or None
+        Of the area that each point stands for, with which it bounces; None: `albedo`. Replace it
+        as well where that is replaced.
     tolerance : float
         Of the bounces (see `all_bounces`).
     bounces : int or None
@@ -43,6 +46,7 @@ class Transport:
     albedo: np.ndarray
     tolerance: float = 1e-3
     bounces: int | None = None
+    mean_albedo: np.ndarray | None = None
     _coarse: dict = field(default_factory=dict, repr=False)
 
     @property
@@ -58,10 +62,15 @@ class Transport:
         """(n_points, n_directions); each entry has three channels."""
         return self.n_points, self.n_directions
 
+    @property
+    def bounced_albedo(self):
+        """(n_points, 3) float32: what points reflect towards others."""
+        return self.albedo if self.mean_albedo is None else self.mean_albedo
+
     def fingerprint(self):
         """A digest of all that the colours depend on: the same for the same transport only."""
         digest = hashlib.blake2b(digest_size=16)
-        arrays = [self.bits, self.normals, self.albedo]
+        arrays = [self.bits, self.normals, self.albedo, self.bounced_albedo]
         if self.gather is not None:
             arrays += [self.gather.data, self.gather.indices, self.gather.indptr]
         for array in arrays:
@@ -104,10 +113,15 @@ class Transport:
         bounces = self.bounces if bounces == "baked" else bounces
         if self._same_channel(1) == self._same_channel(2) == 0 and _is_grey(received):
             # Grey surfaces under grey light: one channel says it all.
-            one = self.albedo[:, :1], np.ascontiguousarray(received[:, :1])
-            radiance = all_bounces(self.gather, *one, self.tolerance, bounces)[0]
-            return np.repeat(radiance, received.shape[1], axis=1)
-        return all_bounces(self.gather, self.albedo, received, self.tolerance, bounces)[0]
+            one = np.ascontiguousarray(received[:, :1])
+            one = self._all_bounces(self.gather, one, bounces, slice(0, 1))
+            return np.repeat(one, received.shape[1], axis=1)
+        return self._all_bounces(self.gather, received, bounces, slice(None))
+
+    def _all_bounces(self, gather, received, bounces, channels):
+        albedo = self.albedo[:, channels]
+        mean = None if self.mean_albedo is None else self.mean_albedo[:, channels]
+        return all_bounces(gather, albedo, received, self.tolerance, bounces, mean)[0]
 
     def direct(self, points):
         """Rows of D: irradiance / pi for unit radiance, (n, n_directions) float32."""
@@ -137,18 +151,18 @@ class Transport:
             if same is not None:
                 result[:, :, channel] = result[:, :, same]
                 continue
-            albedo = self.albedo[:, [channel]]
             start = np.zeros((self.n_points, len(points)), np.float32)
             start[points, np.arange(len(points))] = 1
-            # w = e + K^T A w: how much each point's received light adds to the wanted rows.
-            weights = self._adjoint(transposed, albedo, start) * albedo
+            # w = e + A K^T w: how much each point's received light adds to the wanted rows.
+            weights = self._adjoint(transposed, self.bounced_albedo[:, [channel]], start)
+            weights *= self.albedo[points, channel]
             result[:, :, channel] = self._times_direct(weights)
         return result
 
     def _adjoint(self, transposed, albedo, start):
         total, term, before = start.copy(), start, None
         for bounce in range(1, (self.bounces if self.bounces is not None else 2000) + 1):
-            term = transposed @ (albedo * term)
+            term = albedo * (transposed @ term)
             total += term
             size = float(np.abs(term).sum(dtype=np.float64))
             if self.bounces is None and before is not None:
@@ -198,15 +212,16 @@ class Transport:
             if same is not None:
                 result[:, :, channel] = result[:, :, same]
             else:
-                result[:, :, channel] = all_bounces(
-                    gather, self.albedo[:, [channel]], received, self.tolerance, self.bounces
-                )[0]
+                result[:, :, channel] = self._all_bounces(
+                    gather, received, self.bounces, slice(channel, channel + 1)
+                )
         return result
 
     def _same_channel(self, channel):
         """An earlier channel in which every albedo is the same, or None."""
+        both = self.albedo, self.bounced_albedo
         for other in range(channel):
-            if (self.albedo[:, other] == self.albedo[:, channel]).all():
+            if all((albedo[:, other] == albedo[:, channel]).all() for albedo in both):
                 return other
         return None
 

@@ -1,0 +1,128 @@
+"""What surfaces look like between their corners, and what a bake point stands for.
+
+An image on a face of two triangles may differ everywhere from the colours of its four corners.
+Bake points inside a face take the albedo of their own place; and what any point bounces is the mean
+over the area around it, weighted as K shares it out, for light that meets the face does so
+everywhere.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from prt_core.scene.refine import lattice_of_hits
+
+# Samples along an edge of a lattice cell, and of all cells together, at most.
+_ALONG, _ALL = 32, 1 << 23
+_BLOCK = 1 << 19
+
+
+class Paint(Protocol):
+    """The albedo of a mesh anywhere on its faces; `Mesh.paint`, where corners do not tell it."""
+
+    def albedo(self, corners, weights):
+        """(m, 3) float64 in [0, 1] at places: (m, 3) int corners of a face, (m, 3) weights."""
+
+    def texels(self, corners):
+        """(m,) float: about how many different colours lie between each three corners."""
+
+    def digest(self):
+        """bytes that tell equal paints from others."""
+
+
+class Surfaces:
+    """The albedo of a scene's meshes, anywhere on their triangles.
+
+    Parameters
+    ----------
+    stacked : dict of arrays
+        All meshes, one after the other (see `Scene.from_meshes`).
+    paints : list of Paint or None
+        Of each mesh.
+    first_corner : list of int
+        Of each mesh.
+    """
+
+    def __init__(self, stacked, paints, first_corner):
+        self._corners = stacked["triangle_corners"].astype(np.int64)
+        self._albedo = stacked["corner_albedo"]
+        self._object = stacked["triangle_object"].astype(np.int64)
+        self._paints, self._first = paints, first_corner
+        self.painted = np.array([paint is not None for paint in paints], bool)[self._object]
+
+    def albedo(self, triangle, barycentric):
+        """(m, 3) float64 at places: (m,) triangles, (m, 2) weights of the 2nd and 3rd corner."""
+        second, third = np.asarray(barycentric, np.float64).T
+        weights = np.stack([1 - second - third, second, third], axis=1)
+        corners = self._corners[triangle]
+        result = np.einsum("mk,mkc->mc", weights, self._albedo[corners])
+        owners = self._object[triangle]
+        for owner in np.unique(owners[self.painted[triangle]]):
+            mine = owners == owner
+            paint = self._paints[owner]
+            result[mine] = paint.albedo(corners[mine] - self._first[owner], weights[mine])
+        return np.clip(result, 0, 1)
+
+    def mean_albedo(self, levels, lattice_start, lattice, albedo):
+        """What each bake point stands for.
+
+        Parameters
+        ----------
+        levels, lattice_start : (n_triangles,) int
+        lattice : (n,) int
+        albedo : (n_points, 3) float
+            What is taken where no painted triangle is around a point.
+
+        Returns
+        -------
+        (n_points, 3) float64
+        """
+        painted = np.flatnonzero(self.painted)
+        if not len(painted):
+            return albedo
+        along = self._samples_along(painted, levels[painted])
+        sums, total = np.zeros((len(albedo), 3)), np.zeros(len(albedo))
+        for level, count in np.unique(np.stack([levels[painted], along], axis=1), axis=0):
+            some = painted[(levels[painted] == level) & (along == count)]
+            places = _centroids(int(level * count))
+            cell, weights = lattice_of_hits(np.full(len(places), level), places)
+            each = max(1, _BLOCK // len(places))
+            for first in range(0, len(some), each):
+                part = some[first : first + each]
+                colour = self.albedo(
+                    np.repeat(part, len(places)), np.tile(places, (len(part), 1))
+                ).reshape(len(part), len(places), 3)
+                points = lattice[lattice_start[part][:, None, None] + cell]
+                share = np.broadcast_to(weights, points.shape).ravel().astype(np.float64)
+                total += np.bincount(points.ravel(), share, len(total))
+                for channel in range(3):
+                    value = np.repeat(colour[..., channel].ravel(), 3) * share
+                    sums[:, channel] += np.bincount(points.ravel(), value, len(total))
+        return np.where(total[:, None] > 0, sums / np.maximum(total, 1e-30)[:, None], albedo)
+
+    def _samples_along(self, triangles, levels):
+        """(n,) int: samples along an edge of each triangle's cells, as its texels ask for."""
+        texels = np.zeros(len(triangles))
+        owners = self._object[triangles]
+        for owner in np.unique(owners):
+            mine = owners == owner
+            corners = self._corners[triangles[mine]] - self._first[owner]
+            texels[mine] = self._paints[owner].texels(corners)
+        # Twice as many each way as there are texels, in a triangle that is half their square.
+        along = 2 * np.sqrt(2 * np.maximum(texels, 0)) / levels
+        fewer = np.sqrt(max(1.0, float(((levels * np.minimum(along, _ALONG)) ** 2).sum()) / _ALL))
+        return np.clip(np.ceil(along / fewer), 1, _ALONG).astype(np.int64)
+
+
+def _centroids(count):
+    """(count^2, 2) barycentric places that cover a triangle evenly."""
+    i, j = np.indices((count, count)).reshape(2, -1)
+    upright = i + j < count
+    turned = i + j < count - 1
+    places = np.concatenate(
+        [
+            np.stack([i[upright] + 1 / 3, j[upright] + 1 / 3], axis=1),
+            np.stack([i[turned] + 2 / 3, j[turned] + 2 / 3], axis=1),
+        ]
+    )
+    return places / count

@@ -10,6 +10,7 @@ from prt_core.sampling import (
     AgreementSettings,
     CertificateSettings,
     certificate_steps,
+    certified_together,
     probe_lights,
     refine_agreement,
     sampler_named,
@@ -27,8 +28,11 @@ BLOCK = 2048
 _TOGETHER = 8
 # Below so many rays every entry is traced: it takes a second at most, and there is no error.
 _FEW_RAYS = 1 << 21
-# An object with fewer rays than this is traced whole.
+# Objects that are certified together and have fewer rays than this are traced whole.
 _SMALL = 1 << 15
+# Where neighbours are wrong more often than so many times the tolerance, as a share of how often
+# they see light, asking them does not pay.
+_HOPELESS = 8
 # Where the choice is free: the second look costs a fifth of the rays, and the certificate tells
 # whether it was needed.
 _CHEAPEST = {"looks": 0}
@@ -130,28 +134,33 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     start = time.perf_counter()
     rays = Pace(pace, 1 << 15)
     sampler, kind = sampler_named(method)
-    wanted = kind(seed=settings.seed, **(_CHEAPEST if settings.method == "auto" else {}))
+    more = dict(_CHEAPEST) if settings.method == "auto" else {}
+    if kind is AgreementSettings:
+        more["most_wrong"] = _HOPELESS * settings.tolerance
+    wanted = kind(seed=settings.seed, **more)
     sampled = yield from sampler(scene, cube_map, caster, wanted, pace=rays)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
     lights = lights or probe_lights(cube_map)
-    small = _small_objects(scene, cube_map)
+    groups = certified_together(scene)
+    small = _small_groups(groups[0], cube_map)
     if small.any():
         sampled = yield from trace_rest(scene, cube_map, caster, sampled, small, pace=rays)
-    poor, errors = np.unique(scene.points.object_index), {}
+    poor, errors = np.unique(groups[0]), {}
     for turn in range(len(_TURNS) + 2):
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)
         found = yield from certificate_steps(
-            scene, cube_map, caster, sampled, lights, drawn, turn, pace=rays, objects=poor
-        )
+            scene, cube_map, caster, sampled, lights, drawn, turn,
+            pace=rays, groups=groups, wanted=poor,
+        )  # fmt: skip
         spent["certificate"] += time.perf_counter() - start
-        # What an object has passed it need not pass again: only the others are asked again.
+        # What a group has passed it need not pass again: only the others are asked again.
         errors.update(zip(poor, found, strict=True))
         poor = [number for number in poor if errors[number].worst > settings.tolerance]
         if not poor or turn > len(_TURNS):
             break
         start = time.perf_counter()
-        again = np.isin(scene.points.object_index, poor)
+        again = np.isin(groups[0], poor)
         if turn < len(_TURNS):
             careful = AgreementSettings(seed=settings.seed, **_TURNS[turn])
             sampled = yield from refine_agreement(
@@ -174,11 +183,10 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     return _facts(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
 
 
-def _small_objects(scene, cube_map):
-    """Points of objects that cost less to trace whole than to certify."""
-    index = scene.points.object_index
-    rays = np.bincount(index, minlength=len(scene.objects)) * (cube_map.n_directions // 2)
-    return (rays < _SMALL)[index]
+def _small_groups(group, cube_map):
+    """Points of groups that cost less to trace whole than to certify."""
+    rays = np.bincount(group) * (cube_map.n_directions // 2)
+    return (rays < _SMALL)[group]
 
 
 def _facts(scene, cube_map, method, sampled, errors, turns, settings):

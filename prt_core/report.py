@@ -1,5 +1,8 @@
 """A bake's report in words, for people."""
 
+# Lines of a kind that are written out; of more, the gravest.
+_MOST = 8
+
 
 def report_lines(path, report):
     """Lines on a bake: what it holds, what it cost, how near the truth it is, what it spared.
@@ -43,12 +46,16 @@ def _errors(report):
     if certificate:
         found = report["visibility_error"]
         yield f"{found:.2%} of direct light, {_met(report, found)}; at 95 %:"
-        for item in certificate:
+        ranked = sorted(certificate, key=_worst, reverse=True)
+        shown = ranked[:_MOST] if len(ranked) > _MOST else certificate
+        for item in shown:
             parts = [("matrix", item["matrix"]), *item["relit"].items()]
             yield f"  {item['name']}: " + ", ".join(
                 f"{name} {part['error']:.2%} ({part['low']:.2%} to {part['high']:.2%})"
                 for name, part in parts
             )
+        if len(ranked) > _MOST:
+            yield f"  and {len(ranked) - _MOST} more: at most {_worst(ranked[_MOST]):.2%}"
     else:
         yield "none of direct light"
     found = report["error"]
@@ -58,6 +65,37 @@ def _errors(report):
             f"{found:.2%} of relit colours, from the bounces ({rays} rays a point), "
             f"{_met(report, found)}"
         )
+
+
+def _worst(item):
+    """The largest relit error of a certificate, that of the matrix where there is no light."""
+    return max((part["error"] for part in item["relit"].values()), default=item["matrix"]["error"])
+
+
+def object_lines(objects, most=_MOST):
+    """Lines on the objects of a bake: each, or the largest and a sum of the others.
+
+    Parameters
+    ----------
+    objects : list of dict
+        As a bake's facts have them: name, n_corners, receives.
+    most : int
+        That are written out.
+    """
+
+    def role(item):
+        return "receives" if item["receives"] else "casts and bounces only"
+
+    shown, rest = objects, []
+    if len(objects) > most:
+        ranked = sorted(objects, key=lambda item: -item["n_corners"])
+        shown, rest = ranked[:most], ranked[most:]
+    for item in shown:
+        yield f"  object  {item['name']}: {item['n_corners']:,} corners, {role(item)}"
+    for kind in ("receives", "casts and bounces only"):
+        some = [item["n_corners"] for item in rest if role(item) == kind]
+        if some:
+            yield f"  object  and {len(some):,} more: {sum(some):,} corners, {kind}"
 
 
 def _met(report, error):

@@ -3,7 +3,7 @@
 import json
 
 from prt_core.bake import load
-from prt_core.report import compressed_lines, report_lines
+from prt_core.report import compressed_lines, object_lines, report_lines
 from prt_core.store import BakeStore, compressed_facts
 
 
@@ -34,9 +34,7 @@ def _info(options):
     print(*report_lines(options.bake, report), sep="\n")
     settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
     print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
-    for item in facts["objects"]:
-        role = "receives" if item["receives"] else "casts and bounces only"
-        print(f"  object  {item['name']}: {item['n_corners']:,} corners, {role}")
+    print(*object_lines(facts["objects"]), sep="\n")
     for lamp in facts["lamps"]:
         print(f"  lamp    {lamp['name']}: {lamp['kind']}")
     if compressed:

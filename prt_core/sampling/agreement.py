@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from prt_core.errors import expect
+from prt_core.sampling.groups import alike
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler
@@ -30,6 +31,9 @@ _BLOCK = 16384
 # texel each; the few large parts that are left are followed by more texels at once.
 _MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
 _REFINE, _LOOK, _DETAILS = 1000, 2000, 3000
+# Groups are judged after levels that leave this share of the points known: fewer say little, and
+# later there is little left to save. So many checks have to be wrong.
+_JUDGED, _FEWEST_WRONG = (0.04, 0.5), 12
 # How carefully details are asked about.
 _FOR_DETAILS = {"neighbours": 3, "candidates": 8, "checks": 8, "edge_halvings": 3}
 
@@ -66,6 +70,10 @@ class AgreementSettings:
         One point in `first` is traced whole, to begin with; at least 64 points.
     growth : float
         Known points after a level, as a multiple of those before it.
+    most_wrong : float or None
+        Where the checks of the first levels contradict the neighbours more often than this share
+        of how often they see light, neighbours know nothing of each other (the leaves of a tree):
+        such groups are traced whole instead. None: never.
     seed : int
     """
 
@@ -80,6 +88,7 @@ class AgreementSettings:
     look_reach: int = 0
     look_share: float = 0.03
     growth: float = 1.5
+    most_wrong: float | None = None
     seed: int = 0
 
     def __post_init__(self):
@@ -94,6 +103,10 @@ class AgreementSettings:
         expect(
             np.isfinite(self.growth) and self.growth > 1,
             f"growth: expected a number above 1, got {self.growth!r}",
+        )
+        expect(
+            self.most_wrong is None or self.most_wrong > 0,
+            f"most_wrong: expected a number above 0 or None, got {self.most_wrong!r}",
         )
         expect(
             0 <= self.look_share <= 1,
@@ -119,7 +132,8 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     -------
     Sampled
         `facts`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
-        entries traced by reason: first, disagree, check, follow, rest.
+        entries traced by reason: first, disagree, check, follow, rest; given_up (points that
+        were traced whole because neighbours know nothing of them).
     """
     settings = settings or AgreementSettings()
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed)
@@ -130,19 +144,27 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     is_detail[scene.details.point] = True
     closed = np.flatnonzero(~work.open & ~is_detail)
     first = max(64, -(-len(closed) // settings.first))
-    levels = surface_levels(scene.points, first, settings.growth, rng)
+    levels = surface_levels(scene.points, work.groups, first, settings.growth, rng)
     levels = [level[~(work.open | is_detail)[level]] for level in levels]
     known = np.flatnonzero(work.open)
+    reached = len(known) + np.cumsum([len(level) for level in levels])
     for index, level in enumerate(levels):
-        share = (len(known) + len(level)) / max(len(scene.points) - len(scene.details), 1)
+        level = level[~work.given_up[level]]
+        share = reached[index] / max(len(scene.points) - len(scene.details), 1)
         halvings = max(0, round(settings.edge_halvings + np.log2(share)))
         if index == 0:
             yield from work.trace_whole("first", level)
         else:
             yield from work.ask(level, known, settings, halvings, (index,))
         known = np.concatenate([known, level])
-    ordered = _in_order(scene)
-    details = ordered[(is_detail & ~work.open)[ordered]]
+        if settings.most_wrong is not None and _JUDGED[0] <= share <= _JUDGED[1]:
+            work.give_up(settings.most_wrong)
+    ordered = work.in_order()
+    whole = ordered[(work.given_up & ~work.open)[ordered]]
+    for begin in range(0, len(whole), _BLOCK):
+        yield from work.trace_whole("rest", whole[begin : begin + _BLOCK])
+    known = np.union1d(known, whole)
+    details = ordered[(is_detail & ~work.open & ~work.given_up)[ordered]]
     careful = replace(settings, **_FOR_DETAILS)
     for turn, some in enumerate(_interleaved(details)):
         yield from work.ask(some, known, careful, careful.edge_halvings, (_DETAILS + turn,))
@@ -177,7 +199,7 @@ def refine_agreement(
     """
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed, sampled)
     yield from work.begin()
-    ordered = _in_order(scene)
+    ordered = work.in_order()
     level = ordered[points[ordered] & ~work.open[ordered]]
     yield from work.ask(level, ordered, settings, settings.edge_halvings, (_REFINE + turn,))
     return work.result(sampled.facts.get("levels", []))
@@ -200,27 +222,28 @@ def _interleaved(ordered):
     return [some for some in (ordered[::4], ordered[2::4], ordered[1::2]) if len(some)]
 
 
-def _in_order(scene):
-    """All points along a curve through the scene."""
-    return surface_levels(scene.points, len(scene.points), 2.0, generator(0, Stage.AGREEMENT))[0]
-
-
 class _Work:
     """What is known so far, and the ways to know more."""
 
     def __init__(self, scene, cube_map, caster, tally, pace, seed, sampled=None):
         self._scene, self._cube_map, self._seed = scene, cube_map, seed
         self._tracer = Tracer(scene, cube_map, caster, tally, pace)
-        self._neighbours = Neighbours(scene.points)
+        self.groups = alike(scene)
+        self._neighbours = Neighbours(scene.points, self.groups)
+        # Of each group the checks where neighbours agreed: those that they got wrong, and those
+        # that see light.
+        self._checked = np.zeros((2, int(self.groups.max(initial=-1)) + 1), np.int64)
+        self.given_up = np.zeros(len(scene.points), bool)
         self._seconds = dict(sampled.seconds) if sampled else {}
         self._counts = dict.fromkeys(("first", "disagree", "check", "follow", "rest"), 0)
-        self._rays_before = 0
+        self._rays_before = self._given_up_before = 0
         self.bits = self.traced = None
         if sampled:
             self.bits, self.traced = sampled.bits.copy(), sampled.traced.copy()
             self._counts.update({k: sampled.facts.get(k, 0) for k in self._counts})
             self._tracer.done = len(scene.points)
             self._rays_before = sampled.rays
+            self._given_up_before = sampled.facts.get("given_up", 0)
 
     def begin(self):
         """Horizons, and the points from which nothing can be in the way."""
@@ -238,12 +261,24 @@ class _Work:
         self.bits[self.open] = self.above[self.open] & ~traced | self.bits[self.open] & traced
         self._spent("horizon", start)
 
+    def in_order(self):
+        """All points along a curve through each group."""
+        n_points, rng = len(self.groups), generator(0, Stage.AGREEMENT)
+        return surface_levels(self._scene.points, self.groups, n_points, 2.0, rng)[0]
+
     def cheap(self, share):
-        """(n_points,) bool: points in objects of whose entries at most `share` were traced."""
-        index = self._scene.points.object_index
-        counts = np.bincount(index, count_bits(self.traced, axis=1))
-        entries = np.bincount(index) * self._cube_map.n_directions
-        return (counts <= share * entries)[index] & ~self.open
+        """(n_points,) bool: points in groups of whose entries at most `share` were traced."""
+        counts = np.bincount(self.groups, count_bits(self.traced, axis=1))
+        entries = np.bincount(self.groups) * self._cube_map.n_directions
+        return (counts <= share * entries)[self.groups] & ~self.open
+
+    def give_up(self, most_wrong):
+        """Mark groups of which the checks contradict too often what neighbours agree on."""
+        wrong, lit = self._checked
+        hopeless = (wrong > most_wrong * lit) & (wrong >= _FEWEST_WRONG)
+        self.given_up |= hopeless[self.groups]
+        # Denser levels are judged by themselves.
+        self._checked[:] = 0
 
     def trace_whole(self, reason, points):
         """Trace all that is left in some points."""
@@ -282,6 +317,10 @@ class _Work:
         yield from self.trace("disagree", asked, everyone, asked.wanted)
         self._counts["disagree"] -= n_checks
         self._counts["check"] += n_checks
+        wrong = count_bits(checks & (asked.bits ^ asked.said), axis=1)
+        for total, rows in zip(self._checked, (wrong, count_bits(checks & asked.bits, axis=1)),
+                               strict=True):  # fmt: skip
+            total += np.bincount(self.groups[points], rows, len(total)).astype(np.int64)
         self._timed(on_rows, asked.settle, n_points)
         yield from self.trace("disagree", asked, everyone, asked.contested)
         rows, fresh, reason, some = everyone, None, "follow", None
@@ -340,6 +379,7 @@ class _Work:
             "open_points": int(self.open.sum()),
             "open_entries": int(count_bits(self.above[self.open])),
             "hemisphere_entries": int(count_bits(self.above)),
+            "given_up": self._given_up_before + int(self.given_up.sum()),
             **self._counts,
         }
         return Sampled(self.bits, self.traced, rays, self._seconds, facts)

@@ -55,6 +55,7 @@ class ObjectError:
     Attributes
     ----------
     name : str
+        Of the object, or of the first of several and how many more.
     matrix : Estimate
         Of the direct matrix, visibility times the cosine integrals.
     relit : dict of str -> Estimate
@@ -110,7 +111,8 @@ def certificate_steps(
     turn=0,
     tally=None,
     pace=None,
-    objects=None,
+    groups=None,
+    wanted=None,
 ):
     """Certify a sampled visibility; a generator of `Progress`.
 
@@ -127,8 +129,11 @@ def certificate_steps(
     turn : int
         Another one draws other entries.
     tally, pace : see `sample_agreement`
-    objects : sequence of int, optional
-        Those to certify; default: all that have points.
+    groups : (n_points,) int, dict of int -> str, optional
+        Points that are certified together, and what each group is called (see
+        `groups.certified_together`); default: objects.
+    wanted : sequence of int, optional
+        Groups to certify; default: all.
 
     Returns
     -------
@@ -138,10 +143,10 @@ def certificate_steps(
     settings = settings or CertificateSettings()
     tracer = Tracer(scene, cube_map, caster, tally, pace, "certificate")
     tracer.done = len(scene.points)
-    index = scene.points.object_index
+    index, names = groups or (scene.points.object_index, [o.name for o in scene.objects])
     present = np.unique(index)
     certified = []
-    for number in present if objects is None else objects:
+    for number in present if wanted is None else wanted:
         rng = generator(settings.seed, Stage.CERTIFICATE, turn, number)
         points = np.flatnonzero(index == number)
         draws = _Draws(scene, cube_map, tracer, sampled, points, rng)
@@ -159,8 +164,7 @@ def certificate_steps(
             most = max(_FEWEST_ROWS, settings.rows // len(present))
             most = min(most, max(_FEWEST_ROWS // 2, len(points) // 8))
             relit, n_rows = yield from draws.relit(lights, most)
-        name = scene.objects[number].name
-        certified.append(ObjectError(name, matrix, relit, rows=n_rows, **counts))
+        certified.append(ObjectError(names[number], matrix, relit, rows=n_rows, **counts))
     sampled.rays += tracer.rays
     return certified
 

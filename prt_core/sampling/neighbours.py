@@ -4,24 +4,26 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 # How far apart two points count whose normals differ by 1: in units of the scene's size, and of
-# that of their object where it is small.
-_NORMAL, _OF_OBJECT = 0.05, 0.2
-# Objects are this far apart, beyond any distance inside a scene.
+# that of their group where it is small.
+_NORMAL, _OF_GROUP = 0.05, 0.2
+# Groups are this far apart, beyond any distance inside a scene.
 _APART = 10.0
 # How much further a neighbour may be if it lies on the side where none is yet.
 _SAME_SIDE = 1.0
 
 
-def surface_levels(points, first, growth, rng):
+def surface_levels(points, groups, first, growth, rng):
     """Points in levels, each spread evenly over the surface and denser than the one before.
 
-    Strata are stretches of a Morton curve through each object; a level takes one point at
+    Strata are stretches of a Morton curve through each group; a level takes one point at
     random from each, so that no part of the surface is left out, nor is a regular mesh sampled
     in step with its rows.
 
     Parameters
     ----------
     points : BakePoints
+    groups : (n_points,) int
+        Of points that may be neighbours (see `groups.alike`).
     first : int
         Points in the first level.
     growth : float
@@ -34,7 +36,7 @@ def surface_levels(points, first, growth, rng):
         Every point once; each level in the curve's order.
     """
     n_points = len(points)
-    rest = np.lexsort((_morton(*_places(points)), points.object_index))
+    rest = np.lexsort((morton(*_places(points, groups)), groups))
     levels, known = [], 0
     while len(rest):
         wanted = first if not known else max(1, round(known * (growth - 1)))
@@ -56,15 +58,15 @@ class Neighbours:
     Parameters
     ----------
     points : BakePoints
+    groups : (n_points,) int
+        Points of different ones are no neighbours.
     """
 
-    def __init__(self, points):
-        # In float64: with thousands of objects apart from each other float32 would be coarse.
-        places, extent = _places(points)
-        weight = np.minimum(_NORMAL, _OF_OBJECT * extent)[:, None]
-        self._features = np.hstack(
-            [places, weight * points.normals, _APART * points.object_index[:, None]]
-        )
+    def __init__(self, points, groups):
+        # In float64: with thousands of groups apart from each other float32 would be coarse.
+        places, extent = _places(points, groups)
+        weight = np.minimum(_NORMAL, _OF_GROUP * extent)[:, None]
+        self._features = np.hstack([places, weight * points.normals, _APART * groups[:, None]])
 
     def around(self, known, wanted, n_neighbours, n_candidates, itself=False):
         """Neighbours of some points among the known.
@@ -82,7 +84,7 @@ class Neighbours:
         Returns
         -------
         (n, n_neighbours) int64
-            -1 where there are not so many in the same object.
+            -1 where there are not so many in the same group.
         """
         if not len(wanted) or not len(known):
             return np.full((len(wanted), n_neighbours), -1, np.int64)
@@ -109,18 +111,17 @@ class Neighbours:
         return chosen
 
 
-def _places(points):
-    """Positions from the low corner of each point's object, and the size of that object."""
-    index = points.object_index
-    low = np.full((int(index.max(initial=-1)) + 1, 3), np.inf)
+def _places(points, groups):
+    """Positions from the low corner of each point's group, and the size of that group."""
+    low = np.full((int(groups.max(initial=-1)) + 1, 3), np.inf)
     high = -low
-    np.minimum.at(low, index, points.positions)
-    np.maximum.at(high, index, points.positions)
-    return points.positions - low[index], (high - low).max(axis=1)[index]
+    np.minimum.at(low, groups, points.positions)
+    np.maximum.at(high, groups, points.positions)
+    return points.positions - low[groups], (high - low).max(axis=1)[groups]
 
 
-def _morton(places, extent):
-    """Place of each point along a Morton curve through its object, uint64."""
+def morton(places, extent):
+    """(n,) uint64: where places (n, 3), from 0 to `extent`, lie along a Morton curve."""
     scale = 1023 / np.maximum(extent, 1e-300)
     code = np.zeros(len(places), np.uint64)
     for axis in range(3):

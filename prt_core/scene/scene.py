@@ -5,6 +5,7 @@ Rays are cast in float32, about one zero or several (see `rays.frames`).
 """
 
 import hashlib
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -205,9 +206,8 @@ class Scene:
             When there is no triangle with an area, or two meshes share a name.
         """
         meshes = list(meshes)
-        names = [mesh.name for mesh in meshes]
-        for name in names:
-            expect(names.count(name) == 1, f"meshes: the name '{name}' is used twice; rename one")
+        for name, count in Counter(mesh.name for mesh in meshes).items():
+            expect(count == 1, f"meshes: the name '{name}' is used twice; rename one")
         messages = []
         stacked, counts = _stack(meshes, messages)
         if not len(stacked["triangles"]):

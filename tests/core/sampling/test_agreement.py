@@ -157,7 +157,9 @@ def test_tiny_scenes_are_traced_whole():
 
 def test_levels_hold_every_point_once_and_grow():
     scene = Scene.from_meshes([sphere(14, 0.4, (0, 0, 1)), plane(33)])
-    levels = surface_levels(scene.points, 20, 2.0, np.random.default_rng(0))
+    levels = surface_levels(
+        scene.points, scene.points.object_index, 20, 2.0, np.random.default_rng(0)
+    )
     np.testing.assert_array_equal(np.sort(np.concatenate(levels)), np.arange(len(scene.points)))
     assert len(levels[0]) == 20 and len(levels) > 3
     # Strata: the first level's points come from all parts of both objects.
@@ -169,12 +171,16 @@ def test_neighbours_lie_around_and_in_the_same_object():
     everyone = np.arange(len(scene.points))
     index = scene.points.object_index
     floor = np.flatnonzero((index == 1) & (np.abs(scene.points.positions[:, :2]).max(axis=1) < 0.3))
-    around = Neighbours(scene.points).around(everyone, floor, 3, 8, itself=True)
+    around = Neighbours(scene.points, scene.points.object_index).around(
+        everyone, floor, 3, 8, itself=True
+    )
     assert (index[around] == 1).all() and (around != floor[:, None]).all()
     ways = scene.points.positions[around] - scene.points.positions[floor, None]
     # The second lies across from the first, not beside it.
     assert (np.einsum("nx,nx->n", ways[:, 0], ways[:, 1]) < 0).mean() > 0.9
-    lonely = Neighbours(scene.points).around(np.flatnonzero(index == 0), floor, 3, 8)
+    lonely = Neighbours(scene.points, scene.points.object_index).around(
+        np.flatnonzero(index == 0), floor, 3, 8
+    )
     assert (lonely == -1).all()
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core.light import CubeMap, Lamp, sun_light
+from prt_core.light.local import lamp_samples
 from prt_core.light.rotation import rotation_matrix
 
 POWER = np.array([100.0, 50.0, 7.0])
@@ -77,6 +78,23 @@ def test_inside_a_ball_it_shines_from_everywhere():
         lamp = Lamp("point", POWER, place, radius=0.5, soft_falloff=False)
         wanted = POWER / (4 * np.pi * 0.5**2)
         np.testing.assert_allclose(irradiance(lamp, normal=normal), wanted, rtol=1e-3)
+        direction, length, _ = samples(lamp)
+        ends = HERE + length[:, None] * direction - lamp.position
+        assert length.min() > 0
+        np.testing.assert_allclose(np.linalg.norm(ends, axis=1), 0.5, rtol=1e-9)
+
+
+def test_inside_its_ball_a_spot_has_no_cone():
+    # As in Cycles; with soft falloff the cone is everywhere.
+    for soft_falloff in (False, True):
+        lamp = Lamp(
+            "spot", POWER, HERE[0] + [0, 0, 0.2], cone=0.9, radius=0.5, soft_falloff=soft_falloff
+        )
+        sideways = irradiance(lamp, HERE[0] + [0.3, 0, 0.1], unit(1, 0, 0))
+        if soft_falloff:
+            assert not sideways.any()
+        else:
+            np.testing.assert_allclose(sideways, POWER / (4 * np.pi * 0.5**2), rtol=1e-3)
 
 
 def smoothstep(cosine, cone, blend):
@@ -270,3 +288,18 @@ def test_all_of_a_lamps_power_arrives_somewhere(lamp, share):
         total += (found * np.maximum(-(direction * ways).sum(axis=1), 0)[:, None]).mean(axis=0)
     wanted = share * POWER / (4 * np.pi * radius**2)
     np.testing.assert_allclose(total / len(uv), wanted, rtol=2e-3)
+
+
+@pytest.mark.parametrize("n", [1, 5, 64, 100])
+def test_samples_are_spread_evenly_and_shifted_for_each_point(n):
+    shift = np.random.default_rng(0).random((7, 2))
+    found = lamp_samples(n, shift)
+    assert found.shape == (7, n, 2) and found.min() >= 0 and found.max() < 1
+    # The same set for every point, moved round by its shift.
+    plain = lamp_samples(n, np.zeros((1, 2)))[0]
+    np.testing.assert_allclose(found, (plain + shift[:, None]) % 1, atol=1e-12)
+    # Each half, quarter and eighth of both sides holds its share, to within one sample or two.
+    for parts in (2, 4, 8):
+        for side in plain.T:
+            counts = np.bincount((side * parts).astype(int), minlength=parts)
+            assert np.abs(counts - n / parts).max() <= 2

@@ -62,6 +62,12 @@ def _lamp(source, matrix, messages):
         ignored.append("its shadowless setting")
     if not getattr(data, "normalize", True):
         ignored.append("its power by radiance")
+    if not source.visible_diffuse:
+        ignored.append("its ray visibility")
+    if source.light_linking.receiver_collection or source.light_linking.blocker_collection:
+        ignored.append("its light linking")
+    if power.min() < 0:
+        ignored.append("its negative power")
     if ignored:
         messages.append(f"lamp '{source.name}': {', '.join(ignored)} ignored")
     settings = {}

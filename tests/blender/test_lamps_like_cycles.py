@@ -91,3 +91,27 @@ def test_a_lamp_whose_axes_lean_is_said():
         messages = []
         read_lamps(messages=messages)
         assert messages == said
+
+
+def test_what_a_lamp_has_that_is_not_followed_is_said():
+    bpy.ops.object.light_add(type="POINT")
+    lamp, collection = bpy.context.object, bpy.data.collections.new("some")
+    settings = (
+        ("its ray visibility", lamp, "visible_diffuse", False, True),
+        ("its light linking", lamp.light_linking, "receiver_collection", collection, None),
+        ("its light linking", lamp.light_linking, "blocker_collection", collection, None),
+        ("its negative power", lamp.data, "energy", -3, 3),
+        ("its shadowless setting", lamp.data, "use_shadow", False, True),
+    )
+    for said, owner, name, value, before in settings:
+        setattr(owner, name, value)
+        bpy.context.view_layer.update()
+        messages = []
+        (found,) = read_lamps(messages=messages)
+        assert messages == [f"lamp 'Point': {said} ignored"]
+        assert found.power.min() >= 0
+        setattr(owner, name, before)
+    bpy.context.view_layer.update()
+    messages = []
+    read_lamps(messages=messages)
+    assert not messages

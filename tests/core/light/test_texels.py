@@ -106,3 +106,22 @@ def test_a_sun_on_texels_is_a_disc_of_even_radiance(angle):
     )
     found = sun_light(cube_map, 2.5 * towards, [3, 2, 1], angle)
     np.testing.assert_allclose(found, wanted, atol=0.03 * radiance[0])
+
+
+@pytest.mark.parametrize("turn", [13])
+def test_many_small_sources_turn_with_their_power_the_brightest_to_the_texel(turn):
+    rng = np.random.default_rng(0)
+    pixels = np.full((64, 128, 3), 0.01, np.float32)
+    places = rng.choice(64 * 128, 900, replace=False)
+    pixels.reshape(-1, 3)[places] = rng.uniform(2, 4, (900, 3))
+    hot = places[:9]
+    pixels.reshape(-1, 3)[hot] = rng.uniform(30, 90, (9, 3))
+    environment, cube_map = EnvironmentMap(pixels), CubeMap(16)
+    assert len(environment.layers[1][0]) > 384
+    found = TurningLight(environment, cube_map).at(turn)
+    wanted = environment.to_cube_map(cube_map, turn)
+    power = [cube_map.solid_angles @ light for light in (found, wanted)]
+    np.testing.assert_allclose(*power, rtol=1e-3)
+    np.testing.assert_allclose(found, wanted, atol=0.02 * wanted.max())
+    dim = wanted.max(axis=1) < 0.1 * wanted.max()
+    assert np.linalg.norm(found[dim] - wanted[dim]) < 0.15 * np.linalg.norm(wanted[dim])

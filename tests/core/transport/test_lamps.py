@@ -101,6 +101,7 @@ def test_points_of_two_blocks_have_samples_of_their_own():
     lamp = Lamp("area", POWER, (0, 0, 0.5), DOWN, size=(1.0, 1.0))
     found = irradiance(scene, [lamp], 2)[:, 0]
     assert np.abs(found[:4096] - found[4096:8192]).max() > 1e-3 * found.max()
+    assert np.std(found[:50]) > 1e-3 * found.max()
     corners = np.array([(-0.5, -0.5, 0.5), (0.5, -0.5, 0.5), (0.5, 0.5, 0.5), (-0.5, 0.5, 0.5)])
     wanted = POWER[0] / np.pi * polygon(corners, np.zeros(3))
     assert found.mean() == pytest.approx(wanted, rel=0.01)

@@ -130,7 +130,9 @@ def test_grey_light_on_grey_surfaces_is_made_once_and_is_the_same(transport):
     grey = replace(transport, albedo=np.repeat(transport.albedo[:, :1], 3, axis=1))
     light = np.random.default_rng(0).random((transport.n_directions, 1)).astype(np.float32)
     wanted = np.einsum("pdc,d->pc", written_out(grey, None), light[:, 0])
-    np.testing.assert_allclose(grey.relight(light * np.ones(3, np.float32)), wanted, rtol=1e-4)
+    found = grey.relight(light * np.ones(3, np.float32))
+    np.testing.assert_allclose(found, wanted, rtol=1e-4)
+    np.testing.assert_array_equal(found, found[:, :1] * np.ones(3, np.float32))
     # Coloured light on grey surfaces, and grey light on surfaces of which two channels agree.
     coloured = light * np.float32([1, 0.5, 0.1])
     wanted = np.einsum("pdc,dc->pc", written_out(grey, None), coloured)
@@ -147,4 +149,22 @@ def test_grey_light_on_grey_surfaces_is_made_once_and_is_the_same(transport):
     np.testing.assert_allclose(two.rows([5]), wanted[[5]], rtol=1e-4, atol=1e-6 * wanted.max())
     np.testing.assert_allclose(
         two.columns([40]), wanted[:, [40]], rtol=1e-4, atol=1e-6 * wanted.max()
+    )
+
+
+def test_light_of_lamps_is_added_and_bounced(transport):
+    rng = np.random.default_rng(3)
+    light = rng.random((transport.n_directions, 3)).astype(np.float32)
+    lamps = rng.random((N_POINTS, 3)).astype(np.float32)
+    gather = transport.gather.toarray().astype(np.float64)
+    wanted = np.empty((N_POINTS, 3))
+    for channel in range(3):
+        albedo = np.diag(transport.albedo[:, channel].astype(np.float64))
+        received = albedo @ lamps[:, channel]
+        wanted[:, channel] = np.linalg.solve(np.eye(N_POINTS) - albedo @ gather, received)
+    np.testing.assert_allclose(transport.relight(None, lamps), wanted, rtol=1e-4)
+    found = transport.relight(light, lamps)
+    np.testing.assert_allclose(found, transport.relight(light) + wanted, rtol=1e-4)
+    np.testing.assert_allclose(
+        transport.relight(None, lamps, bounces=0), transport.albedo * lamps, rtol=1e-6
     )

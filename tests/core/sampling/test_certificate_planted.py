@@ -137,3 +137,48 @@ def test_a_share_has_the_bounds_of_clopper_and_pearson_above(count, n):
         more = binom.sf(count, n, low) + binom.pmf(count, n, low) / 2
         assert more == pytest.approx(0.025, abs=1e-6)
     assert (low == 0) == (count == 0) and (high == 1) == (count == n)
+
+
+def test_rows_that_are_found_surely_widen_nothing(scene, truth):
+    # Twenty rows, dark where they see most: each is drawn many times, and then known.
+    said = truth.copy()
+    lit = np.flatnonzero(unpack(truth, CUBE.n_directions).sum(axis=1) > 60)
+    index = scene.points.object_index
+    for number in (0, 1):
+        said[lit[index[lit] == number][::5][:20]] = 0
+    lights = {"even sky": np.ones((CUBE.n_directions, 3), np.float32)}
+    sampled = Sampled(said, np.zeros_like(said), 0)
+    wanted = true_errors(scene, CUBE, truth, sampled, lights)
+    found, after = certified(scene, said, lights, 3)
+    for item, (_, relit) in zip(found, wanted.values(), strict=True):
+        estimate = item.relit["even sky"]
+        assert item.rows == 20 and relit["even sky"] > 0.1
+        assert estimate.error == pytest.approx(relit["even sky"], rel=0.005)
+        assert estimate.high - estimate.low < 0.02 * estimate.error
+    # They are put right.
+    np.testing.assert_array_equal(after.bits, truth)
+
+
+def test_where_nothing_is_found_something_may_be_hidden(scene, truth):
+    lights = {"even sky": np.ones((CUBE.n_directions, 3), np.float32)}
+    highs = []
+    for entries in (1 << 18, 1):
+        found, _ = certified(scene, truth, lights, 0, entries=entries)
+        for item in found:
+            estimate = item.relit["even sky"]
+            assert estimate.error == estimate.low == 0 < estimate.high < 0.05
+        highs.append([item.relit["even sky"].high for item in found])
+    assert (np.array(highs[0]) <= highs[1]).all()
+
+
+def test_light_that_is_received_is_summed_over_all_points():
+    # More points than are looked at for how much light there is.
+    floor = Scene.from_meshes([plane(61), sphere(5, 0.3, (0, 0, 0.4), name="ball")], max_hidden=0)
+    truth = visibility_bits(floor, CUBE, caster_of(floor), slice(0, len(floor.points)))
+    said = flipped(truth, CUBE.directions[:, 2] > 0.8)
+    lights = {"even sky": np.ones((CUBE.n_directions, 3), np.float32)}
+    wanted = true_errors(floor, CUBE, truth, Sampled(said, np.zeros_like(said), 0), lights)
+    assert (floor.points.object_index == 0).sum() > 3000
+    error = wanted[0][1]["even sky"]
+    found, _ = certified(floor, said, lights)
+    assert 0.1 < error and found[0].relit["even sky"].error == pytest.approx(error, rel=0.1)

@@ -3,12 +3,21 @@
 import numpy as np
 import pytest
 
-from prt_core.sampling.adaptive_angle import AdaptiveRows
-from prt_core.sampling.dense import DensePoints, local_rank
+from prt_core.light import CubeMap
+from prt_core.progress import run
+from prt_core.sampling.adaptive_angle import AdaptiveRows, AngularGrid
+from prt_core.sampling.dense import (
+    DensePoints,
+    dense_steps,
+    local_rank,
+    sketch_matrix,
+    sketched,
+)
 from prt_core.sampling.huang import HuangSettings
 from prt_core.sampling.sparse import sparse_blocks
+from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene
-from tests.meshes import plane, sphere
+from tests.meshes import caster_of, plane, sphere
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 500.0])
@@ -67,3 +76,43 @@ def test_sparse_points_take_the_dense_ones_within_the_radius(radius):
         asked += some.tolist()
     assert sorted([*asked, *dense.points.tolist()]) == list(range(len(points)))
     assert len(counts) > 2 and min(counts) == 2
+
+
+def test_sketches_are_projected_rows_of_the_transport():
+    scene = Scene.from_meshes([sphere(6, 0.3, (0, 0, 0.35)), plane(5)], max_hidden=0)
+    grid = AngularGrid(CubeMap(4))
+    rng = np.random.default_rng(3)
+    points = np.array([3, 17, 40, 55])
+    seen = rng.random((4, 96)) < 0.6
+    sketch = sketch_matrix(grid, 0, 7)
+    assert sketch.shape == (24, 7)
+    np.testing.assert_allclose(np.abs(sketch), 7**-0.5, rtol=1e-6)
+    found = sketched(scene, grid, points, np.packbits(seen, axis=1, bitorder="little"), sketch)
+    wanted = np.zeros((4, 7))
+    for row, point in enumerate(points):
+        for place, direction in enumerate(grid.grid):
+            if seen[row, direction]:
+                cosine = scene.points.normals[point] @ CubeMap(4).vectors[direction]
+                wanted[row] += cosine * sketch[place]
+    np.testing.assert_allclose(found, wanted, atol=1e-5)
+
+
+def test_a_higher_power_of_the_rank_draws_more_where_it_is_high():
+    scene = Scene.from_meshes([sphere(10, 0.3, (0, 0, 0.35)), plane(23)], max_hidden=0)
+    cube_map, shares, counts = CubeMap(8), [], []
+    floor = scene.points.object_index == 1
+    below = np.linalg.norm(scene.points.positions[:, :2], axis=1) < 0.25
+    for power in (1e-3, 2.0, 6.0):
+        settings = HuangSettings(radius=0.25, rank_power=power)
+        tracer = Tracer(scene, cube_map, caster_of(scene))
+        dense = run(dense_steps(scene, tracer, AngularGrid(cube_map), settings))
+        drawn = np.isin(np.arange(len(scene.points)), dense.points)
+        shares.append(drawn[floor & below].mean() / drawn[floor].mean())
+        counts.append(np.bincount(dense.iteration))
+        assert drawn[floor].mean() == pytest.approx(0.25, abs=0.01)
+    # Without it about as many as anywhere.
+    assert shares[0] < 1.5 < shares[0] + 0.3 < shares[1] < shares[2] - 0.2
+    # A fifth at first, then as many in each turn.
+    for count in counts:
+        assert len(count) == 5 and count[0] == pytest.approx(0.2 * count.sum(), rel=0.1)
+        assert np.ptp(count[1:]) <= 0.1 * count.sum()

@@ -175,10 +175,10 @@ def test_light_that_is_received_is_summed_over_all_points():
     # More points than are looked at for how much light there is.
     floor = Scene.from_meshes([plane(61), sphere(5, 0.3, (0, 0, 0.4), name="ball")], max_hidden=0)
     truth = visibility_bits(floor, CUBE, caster_of(floor), slice(0, len(floor.points)))
-    said = flipped(truth, CUBE.directions[:, 2] > 0.8)
+    said = flipped(truth, CUBE.directions[:, 2] > 0.98)
     lights = {"even sky": np.ones((CUBE.n_directions, 3), np.float32)}
     wanted = true_errors(floor, CUBE, truth, Sampled(said, np.zeros_like(said), 0), lights)
     assert (floor.points.object_index == 0).sum() > 3000
     error = wanted[0][1]["even sky"]
     found, _ = certified(floor, said, lights)
-    assert 0.1 < error and found[0].relit["even sky"].error == pytest.approx(error, rel=0.1)
+    assert 0.02 < error < 0.1 and found[0].relit["even sky"].error == pytest.approx(error, rel=0.1)

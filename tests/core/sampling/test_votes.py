@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
+from prt_core import run
 from prt_core.light import CubeMap
+from prt_core.sampling import AgreementSettings, sample_agreement
 from prt_core.sampling.adaptive_angle import windows
 from prt_core.sampling.dilate import chequer
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.votes import Asked, coin
 from prt_core.scene import Scene
-from tests.meshes import plane, sphere
+from tests.meshes import caster_of, plane, sphere
 
 RESOLUTION, N_POINTS = 4, 23
 N_DIRECTIONS = 6 * RESOLUTION**2
@@ -204,3 +206,22 @@ def test_levels_grow_as_they_should_and_take_one_of_each_stretch():
     # At random in it, not its first.
     other = surface_levels(scene.points, 50, 1.5, np.random.default_rng(2))
     assert (np.sort(levels[0]) != np.sort(other[0])).mean() > 0.5
+
+
+def test_only_cheap_objects_are_looked_at_again():
+    ball = sphere(9, 0.4, (0.1, 0, 0.5), name="ball")
+    scene = Scene.from_meshes([ball, plane(33, -1.3, 1.3, name="floor")], max_hidden=0)
+    index, cube_map = scene.points.object_index, CubeMap(8)
+
+    def traced(**settings):
+        settings = AgreementSettings(**settings)
+        return run(sample_agreement(scene, cube_map, caster_of(scene), settings)).traced
+
+    before = traced(looks=0)
+    # Of all their entries, not of those above the horizon nor of the whole scene.
+    shares = [spread(before[index == i]).mean() for i in (0, 1)]
+    assert shares[1] > 1.3 * shares[0]
+    for share, again in ((0.97 * shares[1], [True, False]), (1.0, [True, True])):
+        after = traced(looks=1, look_share=share)
+        found = [bool((after != before)[index == i].any()) for i in (0, 1)]
+        assert found == again

@@ -96,12 +96,12 @@ def test_lamps_add_up_and_each_has_samples_of_its_own():
 
 def test_points_of_two_blocks_have_samples_of_their_own():
     # More points than are drawn together: the light of those that lie alike is not alike.
-    scene = Scene.from_meshes([plane(92, -0.001, 0.001)], max_hidden=0)
+    scene = Scene.from_meshes([plane(92, -1e-5, 1e-5)], max_hidden=0)
     assert len(scene.points) > 2 * 4096
     lamp = Lamp("area", POWER, (0, 0, 0.5), DOWN, size=(1.0, 1.0))
     found = irradiance(scene, [lamp], 2)[:, 0]
-    assert np.abs(found[:4096] - found[4096:8192]).max() > 1e-3 * found.max()
-    assert np.std(found[:50]) > 1e-3 * found.max()
+    assert np.std(found[:4096] - found[4096:8192]) > 0.01 * found.max()
+    assert np.std(found[:50]) > 0.01 * found.max()
     corners = np.array([(-0.5, -0.5, 0.5), (0.5, -0.5, 0.5), (0.5, 0.5, 0.5), (-0.5, 0.5, 0.5)])
     wanted = POWER[0] / np.pi * polygon(corners, np.zeros(3))
     assert found.mean() == pytest.approx(wanted, rel=0.01)

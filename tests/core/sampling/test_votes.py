@@ -168,6 +168,8 @@ def test_neighbours_surround_a_point():
     scene = Scene.from_meshes([sphere(6, 0.3, (0, 0, 0.4)), plane(9)], max_hidden=0)
     points, rng = scene.points, np.random.default_rng(0)
     points.positions += 0.02 * rng.random(points.positions.shape, np.float32)
+    # Normals of their own, as at creases.
+    points.normals += 0.8 * rng.random(points.normals.shape, np.float32)
     known = rng.permutation(len(points))[:90]
     wanted = np.concatenate([known[:10], np.setdiff1d(np.arange(len(points)), known)[:20]])
     features = np.hstack([points.positions, 0.05 * points.normals]).astype(np.float64)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core.basis import ImageWavelet, PointHaar, haar_areas, haar_rows
-from prt_core.compress import ArrayRows, HaarLighting
+from prt_core.compress import ArrayRows, HaarLighting, Wavelet4D
 from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.sparse_columns import column_bytes
 
@@ -87,3 +87,26 @@ def test_levels_of_points_are_those_of_the_quantiser():
     levels = transform.scales(6)
     largest = np.abs(np.ldexp(coefficients, levels)).max()
     assert found.size == pytest.approx(largest / 127, rel=1e-4)
+
+
+def test_a_light_is_cut_to_the_wavelets_that_weigh_most_in_its_colours():
+    rng = np.random.default_rng(4)
+    matrix = rng.standard_normal((50, 96, 3)) * rng.exponential(1, (1, 96, 1)) ** 2
+    model = Wavelet4D(PointHaar(rng.random((50, 3))), error=0.01).fit(ArrayRows(matrix, 4))
+    # All channels of a wavelet together; the largest is one.
+    sizes = np.sqrt((haar_rows(np.moveaxis(matrix, 2, 1), 4) ** 2).sum(axis=(0, 1)))
+    np.testing.assert_allclose(model.importance_, sizes / sizes.max(), rtol=2e-3, atol=1e-3)
+    light = rng.standard_normal((96, 3)) ** 3
+    coefficients = haar_rows(light.T, 4).T
+    weight = (coefficients**2).sum(axis=1) * sizes**2
+    for n_terms, share in ((7, 0.0), (30, 0.0), (None, 0.2), (None, 0.05)):
+        model.n_terms, model.light_error = n_terms, share
+        kept = model.choose(light)
+        order = np.argsort(weight)
+        spare = (np.cumsum(weight[order]) < share**2 * weight.sum()).sum()
+        wanted = order[spare:][-(n_terms or 96) :]
+        chosen = np.flatnonzero(kept.any(axis=1))
+        # Importances are kept in 16 bits.
+        assert abs(len(chosen) - len(wanted)) <= 1
+        assert len(set(chosen) & set(wanted)) >= len(wanted) - 1
+        np.testing.assert_allclose(kept[chosen], coefficients[chosen], rtol=1e-4, atol=1e-5)

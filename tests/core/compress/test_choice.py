@@ -5,8 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from prt_core.compress import Limits, Method, Task, methods, register_method
+from prt_core.compress import (
+    PCA,
+    ArrayRows,
+    ClusteredPCA,
+    Limits,
+    Method,
+    Task,
+    method_named,
+    methods,
+    register_method,
+)
 from prt_core.compress.choose import choose_steps
+from prt_core.compressed import met
 from prt_core.progress import run
 
 N_POINTS, N_DIRECTIONS = 9000, 5
@@ -123,3 +134,26 @@ def test_samples_are_patches_of_neighbours_or_spread_evenly():
     everywhere = np.median(0.5 / np.sqrt(3000))
     assert near(patches) < 1.5 * everywhere < 2 * everywhere < near(even)
     np.testing.assert_array_equal(task.sample(9999, 6), np.arange(3000))
+
+
+@pytest.mark.parametrize(
+    "error, worst, kept", [(0.01, 0.02, True), (0.0101, 0.02, False), (0.005, 0.0201, False)]
+)
+def test_a_tolerance_is_kept_in_the_mean_and_twice_of_it_in_the_worst_light(error, worst, kept):
+    found = {"error": error, "worst": worst}
+    assert met(Limits(tolerance=0.01), found) is kept
+    assert met(Limits(megabytes=1), found) is None
+
+
+@pytest.mark.parametrize("name", ["pca", "cpca"])
+def test_sizes_for_all_points_are_told_from_some(name):
+    rng = np.random.default_rng(2)
+    few, many = (ArrayRows(rng.standard_normal((n, 24))) for n in (60, 600))
+    if name == "pca":
+        # One basis for all, weights for each.
+        one, all_of_them = PCA(5).fit(few), PCA(5).fit(many)
+    else:
+        # A cluster for so many points each.
+        one, all_of_them = ClusteredPCA(3, 4).fit(few), ClusteredPCA(30, 4).fit(many)
+    told = method_named(name).size(one, 600)
+    assert told == pytest.approx(all_of_them.nbytes, rel=0.06)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.compress import ClusteredPCA
+from prt_core.compress import ClusteredPCA, SparseClusteredPCA
 from prt_core.compress.kmeans import kmeans_steps
 from prt_core.compress.lbg import assign, lbg_steps
 from prt_core.progress import run
@@ -88,3 +88,15 @@ def test_refined_clusters_are_never_further_off():
         first = run(kmeans_steps(rows, 3, seed))
         refined = run(lbg_steps(rows, first, rank))
         assert left_over(rows, refined, rank) <= left_over(rows, first, rank) + 1e-6
+
+
+def test_sparse_points_find_their_space_whatever_their_neighbours_say():
+    # The neighbours are anyone: what they say is put right by the assignment of all rows.
+    for seed in (0, 1):
+        rows = crossing(seed, 3, 40, 2, 24)
+        rng = np.random.default_rng(seed)
+        dense = np.arange(60)
+        near = rng.integers(0, 60, (120, 3))
+        found = SparseClusteredPCA(dense, near, 3, 2).fit(rows)
+        full = ClusteredPCA(3, 2, method="iterative").fit(rows[dense])
+        assert found.matrix_error_ < 1.5 * full.matrix_error_

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from prt_core.compress import PCA, ArrayRows, ClusteredPCA, neighbour_pairs
+from prt_core.compress import PCA, ArrayRows, ClusteredPCA, neighbour_pairs, seam
 from prt_core.compress.affine import Affine
 from prt_core.compress.clusters import ranks_within
 from prt_core.compress.seams import guests
@@ -138,3 +138,18 @@ def test_neighbours_are_near_alike_and_of_one_object():
     assert found == wanted and 20 < len(wanted)
     every = {tuple(pair) for pair in neighbour_pairs(positions, k=5).tolist()}
     assert wanted < every
+
+
+def test_seams_are_jumps_of_the_error_relative_to_the_mean_of_the_truth():
+    rng = np.random.default_rng(4)
+    truth = 5 * rng.random((9, 3))
+    colours = truth + 0.1 * rng.standard_normal((9, 3))
+    pairs = np.array([[0, 3], [2, 7], [4, 8]])
+    jumps = []
+    for a, b in pairs:
+        jumps.append(np.sqrt((((colours[a] - truth[a]) - (colours[b] - truth[b])) ** 2).sum()))
+    size = np.mean([np.sqrt((row**2).sum()) for row in truth])
+    found = seam(colours, truth, pairs)
+    assert found["largest"] == pytest.approx(max(jumps) / size)
+    assert found["rms"] == pytest.approx(np.sqrt(np.mean(np.square(jumps))) / size)
+    assert seam(truth, truth, pairs) == {"largest": 0, "rms": 0}

@@ -42,7 +42,7 @@ class PointMultiwavelet(PointHaar):
     def __init__(self, positions, normals=None, groups=None):
         positions = expect_array("positions", positions, (None, 3), np.float64)
         tree = PointHaar(positions, normals, groups)
-        middle = (positions.max(axis=0, initial=0) + positions.min(axis=0, initial=0)) / 2
+        middle = (positions.max(axis=0) + positions.min(axis=0)) / 2
         size = np.ptp(positions, axis=0).max(initial=0) or 1.0
         features = [254 * (positions - middle) / size]
         if normals is not None:

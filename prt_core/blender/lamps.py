@@ -56,17 +56,26 @@ def _lamp(source, matrix, messages):
             ignored.append("nodes " + ", ".join(n.name for n in used))
     if data.type == "AREA" and data.spread < np.pi - 1e-3:
         ignored.append("spread")
+    if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
+        ignored.append("its shear")
     if not getattr(data, "use_shadow", True):
         ignored.append("its shadowless setting")
     if not getattr(data, "normalize", True):
         ignored.append("its power by radiance")
+    if not source.visible_diffuse:
+        ignored.append("its ray visibility")
+    if source.light_linking.receiver_collection or source.light_linking.blocker_collection:
+        ignored.append("its light linking")
+    if power.min() < 0:
+        ignored.append("its negative power")
     if ignored:
         messages.append(f"lamp '{source.name}': {', '.join(ignored)} ignored")
     settings = {}
     if data.type in {"POINT", "SPOT"}:
-        settings["radius"] = data.shadow_soft_size * float(lengths.mean())
+        # The radius is in Blender's units whatever the object's scale.
+        settings |= {"radius": data.shadow_soft_size, "soft_falloff": data.use_soft_falloff}
     if data.type == "SPOT":
-        settings |= {"cone": data.spot_size, "blend": data.spot_blend}
+        settings |= {"cone": data.spot_size, "blend": data.spot_blend, "scale": tuple(lengths)}
     if data.type == "AREA":
         square = data.shape in {"SQUARE", "DISK"}
         size = np.array([data.size, data.size if square else data.size_y]) * lengths[:2]

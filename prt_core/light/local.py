@@ -24,12 +24,17 @@ class Lamp:
         Columns: the lamp's x, y and z axis, unit vectors; it shines along -z.
     radius : float
         Of the ball of a point or spot lamp.
+    soft_falloff : bool
+        Whether that ball is a disc that faces each receiver, as Blender has it by default, rather
+        than a ball: they differ where the lamp is near.
     size : (2,) float
         Of an area lamp along x and y.
     ellipse : bool
         Whether an area lamp is an ellipse rather than a rectangle.
     cone, blend : float
         Full angle (radians) and soft share (0..1) of a spot lamp's cone.
+    scale : (3,) float
+        Of the lamp's object along x, y and z: an unequal one makes a spot's cone elliptical.
     angle : float
         Diameter of a sun in radians.
     name : str
@@ -40,10 +45,12 @@ class Lamp:
     position: np.ndarray = (0.0, 0.0, 0.0)
     axes: np.ndarray = None
     radius: float = 0.0
+    soft_falloff: bool = True
     size: tuple = (1.0, 1.0)
     ellipse: bool = False
     cone: float = np.pi / 4
     blend: float = 0.15
+    scale: tuple = (1.0, 1.0, 1.0)
     angle: float = 0.0
     name: str = "lamp"
 
@@ -52,6 +59,7 @@ class Lamp:
         self.power = expect_array(f"{self.name}: power", self.power, (3,), np.float64)
         self.position = expect_array(f"{self.name}: position", self.position, (3,), np.float64)
         self.size = tuple(float(side) for side in self.size)
+        self.scale = tuple(float(factor) for factor in self.scale)
         axes = np.eye(3) if self.axes is None else self.axes
         self.axes = expect_array(f"{self.name}: axes", axes, (3, 3), np.float64)
 
@@ -89,9 +97,11 @@ class Lamp:
         return getattr(self, f"_sample_{self.kind}")(np.asarray(positions, np.float64), uv)
 
     def _sample_point(self, positions, uv):
+        if self.radius > 0 and not self.soft_falloff:
+            return self._sample_ball(positions, uv)
         # A disc of the lamp's radius that faces the receiver, of intensity power / 4 pi.
         to_lamp = self.position - positions
-        towards = to_lamp / np.maximum(np.linalg.norm(to_lamp, axis=1, keepdims=True), 1e-30)
+        towards, _ = _unit(to_lamp)
         u, v = _tangents(towards)
         disc = _disc(uv) * self.radius
         offset = disc[:, :1] * u + disc[:, 1:] * v
@@ -100,12 +110,32 @@ class Lamp:
         intensity = facing / (4 * np.pi) / np.maximum(distance, 1e-30) ** 2
         return direction, distance, intensity[:, None] * self.power
 
+    def _sample_ball(self, positions, uv):
+        # Evenly over the solid angle of what is seen of the ball: from inside that is all of it.
+        towards, away = _unit(self.position - positions)
+        towards[away == 0] = self.axes[:, 2]
+        sine = self.radius / np.maximum(away, self.radius)
+        inside = away <= self.radius
+        # 1 - cos of the half angle, without the difference of two numbers that are nearly one.
+        cap = np.where(inside, 2.0, sine**2 / (1 + np.sqrt(1 - sine**2)))
+        direction, cosine = _in_cone(uv, cap, *_tangents(towards), towards)
+        along = away * cosine
+        half = np.sqrt(np.maximum(self.radius**2 - away**2 + along**2, 0))
+        distance = np.where(inside, along + half, along - half)
+        # Radiance power / (4 pi^2 r^2) times the solid angle.
+        factor = cap / (2 * np.pi * self.radius**2)
+        return direction, distance, factor[:, None] * self.power
+
     def _sample_spot(self, positions, uv):
         direction, distance, irradiance = self._sample_point(positions, uv)
-        z = direction @ self.axes[:, 2]
+        local, _ = _unit(direction @ self.axes / np.maximum(self.scale, 1e-30))
         edge = np.cos(self.cone / 2)
         soft = (1 - edge) * self.blend
+        z = local[:, 2]
         t = np.clip((z - edge) / soft, 0, 1) if soft > 0 else (z >= edge).astype(np.float64)
+        if not self.soft_falloff:
+            # From inside its ball a spot has no cone, as in Cycles.
+            t[np.linalg.norm(self.position - positions, axis=1) <= self.radius] = 1
         return direction, distance, irradiance * (t * t * (3 - 2 * t))[:, None]
 
     def _sample_area(self, positions, uv):
@@ -119,13 +149,12 @@ class Lamp:
         return direction, distance, factor[:, None] * self.power
 
     def _sample_sun(self, positions, uv):
-        spread = np.tan(self.angle / 2)
-        disc = _disc(uv) * spread
-        direction, _ = _unit(
-            self.axes[:, 2] + disc[:, :1] * self.axes[:, 0] + disc[:, 1:] * self.axes[:, 1]
-        )
+        # Evenly over the disc's solid angle, of the radiance that gives `power` where it is faced.
+        cap = np.full(len(uv), 2 * np.sin(self.angle / 4) ** 2)
+        direction, _ = _in_cone(uv, cap, *self.axes.T)
         count = len(positions)
-        return direction, np.full(count, np.inf), np.broadcast_to(self.power, (count, 3))
+        irradiance = self.power / np.cos(self.angle / 4) ** 2
+        return direction, np.full(count, np.inf), np.broadcast_to(irradiance, (count, 3))
 
 
 def lamp_samples(n_samples, shift):
@@ -143,6 +172,18 @@ def _unit(vectors):
 def _disc(uv):
     radius, angle = np.sqrt(uv[:, 0]), 2 * np.pi * uv[:, 1]
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def _in_cone(uv, cap, u, v, axis):
+    """Directions evenly spread over a cone about `axis`, and their cosine with it.
+
+    `cap` is 1 - cos of the cone's half angle.
+    """
+    cosine = 1 - uv[:, 0] * cap
+    sine = np.sqrt(np.maximum(1 - cosine**2, 0))
+    turn = 2 * np.pi * uv[:, 1]
+    x, y, z = (part[:, None] for part in (sine * np.cos(turn), sine * np.sin(turn), cosine))
+    return x * u + y * v + z * axis, cosine
 
 
 def _tangents(axis):

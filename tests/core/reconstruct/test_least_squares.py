@@ -38,3 +38,16 @@ def test_nothing_seen_gives_zero():
     weights, slope = least_squares(*gram(0 * columns, targets)[:2])
     assert not weights.any()
     assert not slope.any()
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_columns_that_are_nearly_alike_are_told_apart_at_any_scale(scale):
+    # Singular values of 1e-4: far above the cut at 1e-6 of the largest.
+    rng = np.random.default_rng(4)
+    base = rng.standard_normal((3, 1, 23))
+    columns = scale * (base + 1e-4 * rng.standard_normal((3, 4, 23)))
+    planted = np.array([0.5, -2.0, 1.0, 3.0])
+    targets = np.einsum("nkm,k->nm", columns, planted)
+    weights, slope = least_squares(*gram(columns, targets)[:2])
+    np.testing.assert_allclose(weights, np.tile(planted, (3, 1)), atol=1e-4)
+    assert (slope < 1e-9).all()

@@ -1,0 +1,75 @@
+"""The figures that a bake gives of its bounces, against what very many rays say."""
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, Scene, bake_steps, load, run
+from prt_core.transport import all_bounces, gather_operator, gather_parts
+from tests.meshes import caster_of, plane, sphere
+
+TOWARDS = np.array([[0.8, 0.3, 0.52], [-0.5, -0.7, 0.51]])
+
+
+def scene_of(albedo):
+    ball = sphere(6, 0.4, (0, 0, 0.5), name="ball", albedo=0.75 * albedo)
+    return Scene.from_meshes([ball, plane(9, -1.2, 1.2, name="floor", albedo=albedo)])
+
+
+def baked(scene, path, **settings):
+    settings = BakeSettings(**{"resolution": 8, "method": "exhaustive", **settings})
+    return run(bake_steps(scene, path, settings)), load(path).transport
+
+
+def probed(transport):
+    """Received light of an even sky and of two soft suns, low on either side."""
+    light = np.ones((transport.n_directions, 3), np.float32)
+    light[:, 1:] = np.exp(12 * (transport.cube_map.directions @ TOWARDS.T - 1))
+    return transport.received(light)
+
+
+def radiance_of(scene, gather, received):
+    albedo = scene.points.albedo.mean(axis=1, keepdims=True)
+    return all_bounces(gather, albedo, received, 1e-5)[0][scene.points.visible]
+
+
+def many_rays(scene, blocked, rounds=64):
+    every = slice(0, len(scene.points))
+    parts = [(every, turn) for turn in range(rounds)]
+    found = gather_parts(scene, caster_of(scene), parts, 99)
+    hits = np.concatenate([one.hits for one in found], axis=1)
+    return gather_operator(hits, len(scene.points), blocked)
+
+
+def test_the_error_that_is_reported_is_that_of_the_bounces(tmp_path):
+    scene, reported, truths, true = scene_of(0.8), [], None, []
+    for seed in range(3):
+        report, transport = baked(scene, tmp_path / f"{seed}.prt", tolerance=0.9, seed=seed)
+        received = probed(transport)
+        if truths is None:
+            blocked = np.clip(1 - received[:, 0], 0, 1)
+            truths = radiance_of(scene, many_rays(scene, blocked), received)
+        found = radiance_of(scene, transport.gather, received)
+        errors = np.linalg.norm(found - truths, axis=0) / np.linalg.norm(truths, axis=0)
+        reported.append(report["error"])
+        true.append(errors.max())
+    # Of the worst light; rather too large, for halves of the rays know less of what is blocked.
+    assert 0.95 < np.mean(reported) / np.mean(true) < 1.5
+    # Of 64 rays a point those stand for others that are likely to meet nothing.
+    assert max(true) < 0.012 and report["skipped"]["gather_rays"] > 0
+
+
+@pytest.mark.parametrize("albedo", [0.02, 0.1])
+def test_bounces_that_are_left_out_are_weaker_than_is_said(tmp_path, albedo):
+    scene = scene_of(albedo)
+    report, transport = baked(scene, tmp_path / "a.prt", tolerance=0.5)
+    bound = report["skipped"]["bounces_below"]
+    assert transport.gather is None and 0 < bound <= 0.25
+    received = probed(transport)
+    gather = many_rays(scene, np.clip(1 - received[:, 0], 0, 1), 8)
+    whole, direct = (radiance_of(scene, k, received) for k in (gather, None))
+    share = np.linalg.norm(whole - direct, axis=0) / np.linalg.norm(direct, axis=0)
+    # A bound, and not far from it: light is taken to come from the brightest place alone.
+    assert share.max() < bound < 4 * share.max()
+    # A tolerance that is below it bakes them.
+    report, transport = baked(scene, tmp_path / "b.prt", tolerance=1.9 * bound)
+    assert transport.gather is not None and "bounces_below" not in report["skipped"]

@@ -173,7 +173,7 @@ def test_neighbours_surround_a_point():
     known = rng.permutation(len(points))[:90]
     wanted = np.concatenate([known[:10], np.setdiff1d(np.arange(len(points)), known)[:20]])
     features = np.hstack([points.positions, 0.05 * points.normals]).astype(np.float64)
-    found = Neighbours(points).around(known, wanted, 4, 7, itself=True)
+    found = Neighbours(points, points.object_index).around(known, wanted, 4, 7, itself=True)
     for point, row in zip(wanted, found, strict=True):
         away = np.linalg.norm(features[known] - features[point], axis=1)
         mine = points.object_index[known] == points.object_index[point]
@@ -195,7 +195,8 @@ def test_neighbours_surround_a_point():
 
 def test_levels_grow_as_they_should_and_take_one_of_each_stretch():
     scene = Scene.from_meshes([plane(40)], max_hidden=0)
-    levels = surface_levels(scene.points, 50, 1.5, np.random.default_rng(1))
+    groups = scene.points.object_index
+    levels = surface_levels(scene.points, groups, 50, 1.5, np.random.default_rng(1))
     known = 0
     for level in levels[:-1]:
         assert len(level) == (50 if not known else round(known * 0.5))
@@ -206,7 +207,7 @@ def test_levels_grow_as_they_should_and_take_one_of_each_stretch():
     squares = np.unique(np.floor((places + 0.5) * 3.999).astype(int), axis=0, return_counts=True)
     assert len(squares[1]) == 16 and squares[1].max() <= 6
     # At random in it, not its first.
-    other = surface_levels(scene.points, 50, 1.5, np.random.default_rng(2))
+    other = surface_levels(scene.points, groups, 50, 1.5, np.random.default_rng(2))
     assert (np.sort(levels[0]) != np.sort(other[0])).mean() > 0.5
 
 

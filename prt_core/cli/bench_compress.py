@@ -82,6 +82,9 @@ def _print_rows(rows):
     print(f"{'method':{width}}       MB    bits  seconds  ms median   worst   matrix  relit  worst"
           "    seam")  # fmt: skip
     for row in rows:
+        if row.get("failure"):
+            print(f"{row['label']:{width}}  out: {row['failure']}")
+            continue
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
         matrix = "" if row["matrix_l2"] is None else f"{row['matrix_l2']:.2%}"
         seam = "" if row["seam"] is None else f"{row['seam']:.1%}"

@@ -27,7 +27,7 @@ from prt_core.compress.choose import (
     relative_l2,
     relit,
 )
-from prt_core.errors import PRTError, expect, expect_kind, expect_seed, shown
+from prt_core.errors import PRTError, expect, expect_kind, expect_seed, shown, system_errors
 from prt_core.light import EnvironmentMap, TurningLight
 from prt_core.machine import peak_bytes
 from prt_core.progress import Progress, beside
@@ -123,9 +123,28 @@ def compress_steps(bake, settings=None, lights=None):
         seconds, milliseconds, milliseconds_worst, error, worst, worst_light, lights, tolerance,
         tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
     """
-    settings = settings or CompressSettings()
+    settings = CompressSettings() if settings is None else settings
+    expect_kind("settings", settings, CompressSettings)
+    good = all(hasattr(bake, name) for name in ("scene", "transport", "path"))
+    expect(good, "bake: expected what `load` returns")
+    lights = _expect_lights(lights)
+    with system_errors(bake.path):
+        return (yield from _compress(bake, settings, lights))
+
+
+def _expect_lights(lights):
+    """Environments by name; the standing ones where none are given."""
+    if lights is None:
+        return standing_lights()
+    good = isinstance(lights, dict) and len(lights)
+    good = good and all(isinstance(name, str) for name in lights)
+    good = good and all(isinstance(light, EnvironmentMap) for light in lights.values())
+    expect(good, f"lights: expected a dict of environments by name, got {shown(lights)}")
+    return lights
+
+
+def _compress(bake, settings, lights):
     expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
-    lights = lights or standing_lights()
     began = time.perf_counter()
     task = Task.of(bake.transport, bake.scene.points, settings.seed)
     names = method_names() if settings.method == "auto" else [settings.method]
@@ -146,6 +165,7 @@ def compress_steps(bake, settings=None, lights=None):
         "seconds": round(spent, 3),
         "tolerance": limits.tolerance,
         **found,
+        "notes": [note for light in lights.values() for note in light.notes],
         "tolerance_met": met(limits, found),
         "peak_bytes": peak_bytes(),
         "fingerprint": (yield from beside("store", bake.transport.fingerprint)),

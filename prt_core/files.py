@@ -6,7 +6,7 @@ import shutil
 from contextlib import contextmanager
 from pathlib import Path
 
-from prt_core.errors import PRTError, expect, expect_path, system_errors
+from prt_core.errors import expect, expect_path, system_errors
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def written(path):
         What the system refuses (see `system_errors`).
     """
     path = expect_path("file", path)
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    part = _part_of(path)
     with system_errors(path), new_folder(path.parent):
         _expect_no_folder(path)
         try:
@@ -62,7 +62,7 @@ def new_folder(path):
             raise
 
 
-def expect_output(name, path, suffix, folder=False):
+def expect_output(name, path, suffix, folder=False, made=False):
     """Refuse, before the work, a path that cannot be written to afterwards.
 
     Parameters
@@ -74,6 +74,8 @@ def expect_output(name, path, suffix, folder=False):
         Such as ".npz"; None: any.
     folder : bool
         Whether a folder is to be made there instead of a file.
+    made : bool
+        Whether folders on the way are made where they are missing; else they must be there.
 
     Returns
     -------
@@ -92,8 +94,9 @@ def expect_output(name, path, suffix, folder=False):
     )
     with system_errors(path):
         home = path.parent
-        if not home.exists():
-            raise PRTError(f"{path}: there is no folder '{home}'; make it first")
+        expect(made or home.exists(), f"{path}: there is no folder '{home}'; make it first")
+        while not home.exists():
+            home = home.parent
         if folder:
             expect(
                 not path.exists() or path.is_dir(),
@@ -103,11 +106,14 @@ def expect_output(name, path, suffix, folder=False):
             _expect_no_folder(path)
         inside = path if folder and path.is_dir() else home
         # What only the attempt tells: rights, file systems that take no files, long names.
-        probe = inside / f"{path.stem}.part{path.suffix}"
-        with probe.open("xb") if not probe.exists() else probe.open("ab"):
-            pass
-        probe.unlink()
+        part = inside / _part_of(path).name
+        part.open("ab").close()
+        part.unlink()
     return path
+
+
+def _part_of(path):
+    return path.with_name(f"{path.stem}.part{path.suffix}")
 
 
 def _expect_no_folder(path):

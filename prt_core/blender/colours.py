@@ -5,7 +5,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_array
+from prt_core.errors import PRTError, expect, expect_array, expect_path
+from prt_core.files import written
 
 COLLECTION = "PRT"
 # Custom properties: on copies, on meshes whose active colours changed, on the preview's own blocks.
@@ -273,8 +274,14 @@ def is_copy(item):
 
 def save_scene(path):
     """Save the open file under a name, through a temporary one; never half."""
-    path = Path(path).resolve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.stem + ".part.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, compress=True)
-    temporary.replace(path)
+    path = expect_path("scene", path).resolve()
+    expect(path.suffix == ".blend", f"{path}: expected a name that ends in .blend")
+    with written(path) as part:
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=True)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            raise PRTError(f"{path}: Blender cannot save it ({reason})") from error
+        finally:
+            # Blender's own temporary file, where it fails.
+            Path(f"{part}@").unlink(missing_ok=True)

@@ -1,17 +1,18 @@
 """A relit sequence on disk: one .npz, and one picture where wanted, a frame."""
 
 import re
-from pathlib import Path
+import zipfile
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_path, shown
 from prt_core.evaluate.view import CameraRays, to_srgb, write_png
+from prt_core.files import written
 
 
 def frame_path(pattern, frame):
     """The path of one frame: `####` in the pattern is its number, else it is put before the dot."""
-    path = Path(pattern)
+    path = expect_path("frames", pattern)
     found = re.search("#+", path.name)
     if found:
         name = path.name[: found.start()] + f"{frame:0{len(found[0])}d}" + path.name[found.end() :]
@@ -29,13 +30,15 @@ def write_npz(path, colours):
         `NAME.npz`.
     colours : dict of str -> array
     """
-    path = Path(path)
-    expect(path.suffix == ".npz", f"{path}: expected a name that ends in .npz")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **colours)
-    temporary.replace(path)
+    path = expect_path("colours", path)
+    expect(path.suffix.lower() == ".npz", f"{path}: expected a name that ends in .npz")
+    good = isinstance(colours, dict) and all(isinstance(name, str) for name in colours)
+    expect(good, f"{path}: expected arrays by name, got {shown(colours)}")
+    # Not `np.savez`, to which a name such as 'file' is an argument of its own.
+    with written(path) as part, zipfile.ZipFile(part, "w") as file:
+        for name, array in colours.items():
+            with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
 
 
 class PictureWriter:

@@ -2,14 +2,34 @@
 
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_pair,
+    expect_path,
+    expect_whole,
+    shown,
+)
+from prt_core.files import written
+from prt_core.machine import expect_memory
 from prt_core.scene import camera_rays
 
 _BATCH = 1 << 20
+
+
+# Bytes of a sample of a picture while it is made, at 2 x 2 samples a pixel.
+_SAMPLE_BYTES = 200
+
+
+def expect_view(width, height, samples=2):
+    """Raise `PRTError` where a picture of so many pixels cannot be made on this machine."""
+    width, height = expect_pair("size", (width, height))
+    samples = expect_whole("samples", samples, 1, 16)
+    needed = _SAMPLE_BYTES * width * height * samples**2
+    expect_memory(f"size: a picture of {width} x {height}", needed, "take a smaller one")
 
 
 def auto_camera(scene, width=960, height=540):
@@ -105,16 +125,20 @@ def to_srgb(linear, exposure=0.0):
 
 def write_png(path, image):
     """Write (height, width, 3) uint8 sRGB pixels; through a temporary file, never half."""
-    path = Path(path)
+    path = expect_path("picture", path)
     expect(path.suffix.lower() == ".png", f"{path}: expected a name that ends in .png")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_bytes(png_bytes(image))
-    temporary.replace(path)
+    data = png_bytes(image)
+    with written(path) as part:
+        part.write_bytes(data)
 
 
 def png_bytes(image):
     """(height, width, 3) uint8 sRGB pixels as a PNG file (ISO/IEC 15948)."""
+    image = expect_array("picture", image, (None, None, 3))
+    expect(
+        image.dtype == np.uint8 and image.size,
+        f"picture: expected some pixels of uint8, got {shown(image)}",
+    )
     height, width, _ = image.shape
     flat = image.reshape(height, -1)
     # Filter 2: each row less the one above it.

@@ -1,7 +1,5 @@
 """Images of light: OpenEXR and Radiance here, or through readers that `prt_core.blender` lends."""
 
-from pathlib import Path
-
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_array, expect_path, system_errors

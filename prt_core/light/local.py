@@ -10,7 +10,6 @@ from prt_core.errors import (
     expect_flag,
     expect_kind,
     expect_number,
-    expect_whole,
 )
 from prt_core.light.environment import BRIGHTEST
 from prt_core.sobol import sobol_points

@@ -4,7 +4,8 @@ import numpy as np
 
 from prt_core.errors import PRTError
 
-_MOST = 2000
+# Bounces after which the light must have settled: as many as are needed, or a number asked for.
+_MOST, _MOST_ASKED = 2000, 20_000
 
 
 def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
@@ -20,7 +21,8 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
     tolerance : float
         The series ends when the remainder, as a share of the sum, is below it.
     bounces : int, optional
-        Exactly so many bounces after the direct light; default: as many as `tolerance` needs.
+        Exactly so many bounces after the direct light, unless nothing is added any more; default:
+        as many as `tolerance` needs.
 
     Returns
     -------
@@ -32,23 +34,44 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
     PRTError
         The series does not converge: surfaces reflect all they receive and nothing escapes.
     """
-    total = albedo * received
-    if gather is None or bounces == 0:
-        return total, 0
-    term, before = total, None
-    for bounce in range(1, (bounces or _MOST) + 1):
-        term = albedo * (gather @ term)
-        total = total + term
-        size = float(np.abs(term).sum(dtype=np.float64))
-        if bounces is None:
-            ratio = 0.0 if not before else size / before
-            remainder = size * ratio / max(1 - ratio, 1e-9)
-            if remainder <= tolerance * float(np.abs(total).sum(dtype=np.float64)) and bounce > 1:
+    sent = albedo * received
+    if gather is None:
+        return sent, 0
+    return bounce_series(lambda term: albedo * (gather @ term), sent, albedo, tolerance, bounces)
+
+
+def bounce_series(step, first, albedo, tolerance, bounces):
+    """The sum of `first`, `step(first)`, `step(step(first))` ... and how many steps it took.
+
+    Parameters
+    ----------
+    step : callable
+        One bounce of the light.
+    first : (n_points, k) float32
+    albedo : (n_points, n_channels) float32
+        For the message where there is no end.
+    tolerance, bounces
+        See `all_bounces`.
+    """
+    total, term, before = first, first, None
+    most = _MOST if bounces is None else min(bounces, _MOST_ASKED)
+    for bounce in range(1, most + 1):
+        term = step(term)
+        sum_before, total = total, total + term
+        if bounces is not None:
+            # What no longer adds to any point will not add to another: it comes from these.
+            if bounce < bounces and (total == sum_before).all():
                 return total, bounce
-            before = size
-    if bounces is not None:
+            continue
+        size = float(np.abs(term).sum(dtype=np.float64))
+        ratio = 0.0 if not before else size / before
+        remainder = size * ratio / max(1 - ratio, 1e-9)
+        if remainder <= tolerance * float(np.abs(total).sum(dtype=np.float64)) and bounce > 1:
+            return total, bounce
+        before = size
+    if bounces is not None and bounces <= most:
         return total, bounces
     raise PRTError(
-        f"bounces: the light has not settled after {_MOST} bounces; an albedo of "
+        f"bounces: the light has not settled after {most:,} bounces; an albedo of "
         f"{albedo.max():.3f} in a closed space reflects for ever: lower it, or set --bounces"
     )

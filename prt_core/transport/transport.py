@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from prt_core.errors import expect, expect_array
 from prt_core.light.cubemap import CubeMap
-from prt_core.transport.bounce import all_bounces
+from prt_core.transport.bounce import all_bounces, bounce_series
 from prt_core.transport.visibility import received_light, unpack
 
 _BLOCK = 1024
@@ -141,23 +141,12 @@ class Transport:
             start = np.zeros((self.n_points, len(points)), np.float32)
             start[points, np.arange(len(points))] = 1
             # w = e + K^T A w: how much each point's received light adds to the wanted rows.
-            weights = self._adjoint(transposed, albedo, start) * albedo
-            result[:, :, channel] = self._times_direct(weights)
+            weights, _ = bounce_series(
+                lambda term, albedo=albedo: transposed @ (albedo * term),
+                start, albedo, self.tolerance, self.bounces,
+            )  # fmt: skip
+            result[:, :, channel] = self._times_direct(weights * albedo)
         return result
-
-    def _adjoint(self, transposed, albedo, start):
-        total, term, before = start.copy(), start, None
-        for bounce in range(1, (self.bounces if self.bounces is not None else 2000) + 1):
-            term = transposed @ (albedo * term)
-            total += term
-            size = float(np.abs(term).sum(dtype=np.float64))
-            if self.bounces is None and before is not None:
-                ratio = size / before if before else 0.0
-                rest = size * ratio / max(1 - ratio, 1e-9)
-                if bounce > 1 and rest <= self.tolerance * np.abs(total).sum(dtype=np.float64):
-                    break
-            before = size
-        return total
 
     def _times_direct(self, weights):
         """weights^T D, (n, n_directions) float32, in blocks of points."""

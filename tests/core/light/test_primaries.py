@@ -34,9 +34,7 @@ def test_rec709_is_left_as_it_is():
     assert to_rec709("a", (*REC709[:6], 0.34571, 0.35854)) is not None
 
 
-@pytest.mark.parametrize(
-    "bad", [(0.3, 0.3) * 4, (*REC709[:7], np.nan), (*REC709[:7], 0.0)]
-)
+@pytest.mark.parametrize("bad", [(0.3, 0.3) * 4, (*REC709[:7], np.nan), (*REC709[:7], 0.0)])
 def test_what_are_no_primaries_is_said(bad):
     with pytest.raises(PRTError, match="a: its primaries .* are none"):
         to_rec709("a", bad)

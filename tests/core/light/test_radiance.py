@@ -80,9 +80,7 @@ def test_older_runs(tmp_path):
     ],
 )
 def test_orientations(tmp_path, size, turned):
-    np.testing.assert_array_equal(
-        read_image(save(tmp_path / "a.hdr", coded(PIXELS), size)), turned
-    )
+    np.testing.assert_array_equal(read_image(save(tmp_path / "a.hdr", coded(PIXELS), size)), turned)
 
 
 @pytest.mark.parametrize("size", ["+X 12 -Y 6", "-X 12 +Y 6", "-Y six +X 12", "-Y 6"])

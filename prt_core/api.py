@@ -11,6 +11,7 @@ from prt_core.compressed import CompressSettings, compress_steps
 from prt_core.errors import (
     PRTError,
     expect,
+    expect_all,
     expect_flag,
     expect_kind,
     expect_path,
@@ -184,10 +185,8 @@ def expect_blend(path):
 
 def _names(what, names):
     """Names of objects, as a list."""
-    good = isinstance(names, list | tuple | set | frozenset)
-    good = good and all(isinstance(name, str) and name for name in names)
-    expect(good, f"{what}: expected a list of objects' names, got {shown(names)}")
-    return list(names)
+    names = sorted(names) if isinstance(names, set | frozenset) else names
+    return expect_all(what, names, str, "objects' names")
 
 
 def import_bpy():

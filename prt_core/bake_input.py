@@ -4,17 +4,18 @@ import numpy as np
 
 from prt_core.errors import (
     expect,
+    expect_all,
     expect_array,
     expect_flag,
     expect_kind,
+    expect_named,
     expect_number,
     expect_path,
-    shown,
 )
 from prt_core.light import Lamp
 from prt_core.light.environment import BRIGHTEST
 from prt_core.machine import expect_memory
-from prt_core.scene import Scene
+from prt_core.scene import Scene, expect_camera
 
 # Of a point while it is baked, its bits apart.
 _POINT_BYTES = 400
@@ -39,19 +40,14 @@ def expect_bake_input(scene, path, cube_map, lamps, world, camera, source, resta
         expect_flag("restart", restart)
     if pace is not None:
         expect_number("pace", pace, above=0)
-    good = isinstance(lamps, list | tuple) and all(isinstance(lamp, Lamp) for lamp in lamps)
-    expect(good, f"lamps: expected a list of lamps, got {shown(lamps)}")
+    expect_all("lamps", lamps, Lamp, "lamps")
     if camera is not None:
         expect_camera(camera)
-    good = source is None or (
-        isinstance(source, dict)
-        and all(isinstance(text, str) for pair in source.items() for text in pair)
-    )
-    expect(good, f"source: expected a dict of digests by name, got {shown(source)}")
+    if source is not None:
+        expect_named("source", source, str, "digests")
     if lights is not None:
-        expect(isinstance(lights, dict) and lights, "lights: expected a dict of lights by name")
+        expect(expect_named("lights", lights, object, "lights"), "lights: expected at least one")
         for name, light in lights.items():
-            expect_kind("lights", name, str, "names")
             expect_radiance(f"light '{name}'", light, cube_map)
     n_points = len(scene.points)
     expect_memory(
@@ -65,15 +61,3 @@ def expect_bake_input(scene, path, cube_map, lamps, world, camera, source, resta
 def expect_radiance(name, light, cube_map):
     """Light on the texels of a cube map as (n_directions, 3) float32."""
     return expect_array(name, light, (cube_map.n_directions, 3), np.float32, 0, BRIGHTEST)
-
-
-def expect_camera(camera):
-    """Raise `PRTError` unless this is a camera as pictures take it (see `camera_rays`)."""
-    good = isinstance(camera, dict) and {"matrix", "tangent"} <= set(camera)
-    expect(good, f"camera: expected a dict with a matrix and a tangent, got {shown(camera)}")
-    matrix = expect_array("camera: matrix", camera["matrix"], (4, 4), np.float64)
-    expect(
-        matrix[:3, :3].any(axis=0).all(),
-        "camera: expected a matrix whose axes have a length; this one's scale is 0",
-    )
-    expect_number("camera: tangent", camera["tangent"], above=0)

@@ -27,7 +27,16 @@ from prt_core.compress.choose import (
     relative_l2,
     relit,
 )
-from prt_core.errors import PRTError, expect, expect_kind, expect_seed, shown, system_errors
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_kind,
+    expect_named,
+    expect_offers,
+    expect_seed,
+    shown,
+    system_errors,
+)
 from prt_core.light import EnvironmentMap, TurningLight
 from prt_core.machine import peak_bytes
 from prt_core.progress import Progress, beside
@@ -125,8 +134,7 @@ def compress_steps(bake, settings=None, lights=None):
     """
     settings = CompressSettings() if settings is None else settings
     expect_kind("settings", settings, CompressSettings)
-    good = all(hasattr(bake, name) for name in ("scene", "transport", "path"))
-    expect(good, "bake: expected what `load` returns")
+    expect_offers("bake", bake, ("scene", "transport", "path"), "what `load` returns")
     lights = _expect_lights(lights)
     with system_errors(bake.path):
         return (yield from _compress(bake, settings, lights))
@@ -136,10 +144,8 @@ def _expect_lights(lights):
     """Environments by name; the standing ones where none are given."""
     if lights is None:
         return standing_lights()
-    good = isinstance(lights, dict) and len(lights)
-    good = good and all(isinstance(name, str) for name in lights)
-    good = good and all(isinstance(light, EnvironmentMap) for light in lights.values())
-    expect(good, f"lights: expected a dict of environments by name, got {shown(lights)}")
+    expect_named("lights", lights, EnvironmentMap, "environments")
+    expect(lights, "lights: expected at least one")
     return lights
 
 

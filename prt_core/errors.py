@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 _SHOWN = 60
+# Bytes of a file's name, at most, on all systems.
+_LONGEST = 255
 # What a person can do about what the system refuses.
 _SPACE = "free some space there, or choose another disk"
 _FOLDER = "choose another folder, or ask for the right to write there"
@@ -36,6 +38,10 @@ class PRTError(ValueError):
     The message is one line for a person: it names the argument or file, what was expected,
     what came instead and what to do about it.
     """
+
+    def __init__(self, message):
+        # What the message quotes, a name or another program's words, may have several.
+        super().__init__(" ".join(str(message).splitlines()))
 
 
 @contextmanager
@@ -86,6 +92,20 @@ def expect_kind(name, value, kinds, wanted=None):
     wanted = wanted or " or ".join(f"a {kind.__name__}" for kind in kinds)
     expect(isinstance(value, kinds), f"{name}: expected {wanted}, got {shown(value)}")
     return value
+
+
+def expect_offers(name, value, names, wanted):
+    """`value`, where it has what an object of that kind has; for what is known by no class."""
+    good = not isinstance(value, type) and all(hasattr(value, part) for part in names)
+    expect(good, f"{name}: expected {wanted}, got {shown(value)}")
+    return value
+
+
+def expect_caster(caster):
+    """`caster`, where it answers rays of one kind at least."""
+    good = any(callable(getattr(caster, name, None)) for name in ("occluded", "intersect"))
+    expect(good, f"caster: expected a RayCaster, got {shown(caster)}")
+    return caster
 
 
 def expect_one_of(name, value, choices):
@@ -142,7 +162,13 @@ def expect_path(name, value):
     text = os.fspath(value) if good else ""
     expect(good and text.strip(), f"{name}: expected a path, got {shown(value)}")
     expect("\0" not in text, f"{name}: a path cannot hold a zero byte, got {shown(value)}")
-    return Path(text)
+    path = Path(text)
+    longest = max(path.parts, key=len, default="")
+    expect(
+        len(os.fsencode(longest)) <= _LONGEST,
+        f"{name}: a name of {len(longest)} letters is too long ({shown(longest)}); shorten it",
+    )
+    return path
 
 
 def expect_array(name, value, shape, dtype=None, least=None, most=None):
@@ -163,16 +189,12 @@ def expect_array(name, value, shape, dtype=None, least=None, most=None):
     PRTError
         Names the argument, the shape expected and the shape that came.
     """
-    try:
-        array = np.asarray(value)
-    except (ValueError, TypeError):
-        array = np.asarray(None)
-    kind = array.dtype.kind
+    array = expect_numbers(name, value)
     whole = dtype is not None and np.dtype(dtype).kind in "iu"
-    good = kind in "fiub" and not (whole and kind == "f" and array.size)
-    wanted = "whole numbers" if whole else "numbers"
-    if not good:
-        raise PRTError(f"{name}: expected an array of {wanted}, got {shown(value)}")
+    expect(
+        not whole or array.dtype.kind != "f" or not array.size,
+        f"{name}: expected an array of whole numbers, got {shown(value)}",
+    )
     lengths = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
     fits = array.ndim == len(shape) and all(
         n is None or n == m for n, m in zip(shape, array.shape, strict=True)
@@ -189,6 +211,56 @@ def expect_array(name, value, shape, dtype=None, least=None, most=None):
             bounds = _bounds(least, most, None, None)
             expect(good, f"{name}: expected values{bounds}, got {found():.4g}")
     return array
+
+
+def expect_numbers(name, value):
+    """`value` as an array of numbers of any shape; they may be NaN."""
+    try:
+        array = np.asarray(value)
+        good = array.dtype.kind in "fiub"
+    except (ValueError, TypeError):
+        good = False
+    expect(good, f"{name}: expected an array of numbers, got {shown(value)}")
+    return array
+
+
+def expect_indices(name, value, count):
+    """One index, or (n,) of them, from 0 to `count` - 1, as an array; a slice stays one."""
+    if isinstance(value, slice):
+        return value
+    array = expect_numbers(name, value)
+    array = array[None] if array.ndim == 0 else array
+    return expect_array(name, array, (None,), np.int64, 0, count - 1)
+
+
+def expect_vectors(name, value):
+    """(..., 3) float64: one vector, or any array of them."""
+    array = expect_numbers(name, value)
+    return expect_array(name, array, (*(None,) * max(array.ndim - 1, 0), 3), np.float64)
+
+
+def expect_mask(name, value, count):
+    """(count,) bool."""
+    array = expect_numbers(name, value)
+    good = array.dtype.kind == "b" and array.shape == (count,)
+    expect(good, f"{name}: expected {count} values True or False, got {shown(value)}")
+    return array
+
+
+def expect_all(name, values, kinds, wanted):
+    """A list, tuple or other sequence all of whose members are of some class, as a list."""
+    good = isinstance(values, list | tuple) and all(isinstance(v, kinds) for v in values)
+    expect(good, f"{name}: expected a list of {wanted}, got {shown(values)}")
+    return list(values)
+
+
+def expect_named(name, values, kinds, wanted):
+    """A dict from text to members of some class, as it is."""
+    good = isinstance(values, dict) and all(
+        isinstance(key, str) and isinstance(value, kinds) for key, value in values.items()
+    )
+    expect(good, f"{name}: expected a dict of {wanted} by name, got {shown(values)}")
+    return values
 
 
 def _is_real(value):

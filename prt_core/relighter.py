@@ -9,10 +9,12 @@ from prt_core.compressed import load_compressed
 from prt_core.errors import (
     PRTError,
     expect,
+    expect_all,
     expect_array,
     expect_flag,
     expect_kind,
     expect_number,
+    expect_offers,
     expect_one_of,
     expect_path,
     expect_whole,
@@ -66,8 +68,8 @@ class Relighter:
 
     def __init__(self, bake, caster="auto", transport="auto"):
         # A `Bake`; that module knows no relighter, and this one need not know it.
-        good = all(hasattr(bake, name) for name in ("scene", "transport", "make_caster"))
-        expect(good, "bake: expected what `load` returns")
+        parts = "scene", "transport", "make_caster"
+        expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.transport = bake, expect_one_of("transport", transport, TRANSPORTS)
         expect_kind("caster", caster, str, "the name of one")
         self.used, self.why, self.notes = "exact", "", ()
@@ -197,11 +199,7 @@ class Relighter:
 
     def _chosen_lamps(self, light, lamps):
         if not isinstance(lamps, bool | np.bool_):
-            good = isinstance(lamps, list | tuple) and all(
-                isinstance(lamp, Lamp | BrightPixels) for lamp in lamps
-            )
-            expect(good, "lamps: expected True, False or a list of lamps")
-            return list(lamps)
+            return expect_all("lamps", lamps, Lamp | BrightPixels, "lamps, True or False")
         if not lamps:
             return []
         found = list(self.bake.lamps)
@@ -301,6 +299,7 @@ class Relighter:
 
 def on_texels(bake, light, rotation=None):
     """(n_directions, 3) float32 of an environment, of 'world', or of light on texels already."""
+    expect_offers("bake", bake, ("world", "cube_map"), "what `load` returns")
     if isinstance(light, str):
         expect(light == "world", f"light: expected 'world' or an image, got {light!r}")
         expect(

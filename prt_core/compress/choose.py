@@ -10,8 +10,17 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from prt_core.compress.methods import method_named
-from prt_core.errors import PRTError, expect, expect_number
+from prt_core.compress.methods import Task, method_named
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_all,
+    expect_array,
+    expect_kind,
+    expect_named,
+    expect_number,
+)
+from prt_core.light.environment import BRIGHTEST
 from prt_core.progress import Progress, beside
 
 _POINTS, _PATCHES, _FEW = 3072, 12, 64
@@ -125,6 +134,16 @@ def choose_steps(task, names, limits, lights):
         All failed, or none is within the limits of size and time: the message says what is the
         least.
     """
+    expect_kind("task", task, Task)
+    expect_kind("limits", limits, Limits)
+    names = expect_all("names", names, str, "methods' names")
+    expect(names, "names: expected at least one method")
+    shape = task.transport.n_directions, 3
+    lights = {
+        name: expect_array(f"lights: {name}", light, shape, np.float32, 0, BRIGHTEST)
+        for name, light in expect_named("lights", lights, object, "lights").items()
+    }
+    expect(lights, "lights: expected at least one")
     yield from task.rows.prepare_steps()
     truths = {}
     for name, light in lights.items():

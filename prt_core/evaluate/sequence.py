@@ -5,14 +5,22 @@ import zipfile
 
 import numpy as np
 
-from prt_core.errors import expect, expect_path, shown
-from prt_core.evaluate.view import CameraRays, to_srgb, write_png
+from prt_core.errors import (
+    expect,
+    expect_kind,
+    expect_offers,
+    expect_pair,
+    expect_path,
+    expect_whole,
+    shown,
+)
+from prt_core.evaluate.view import CameraRays, expect_view, to_srgb, write_png
 from prt_core.files import written
 
 
 def frame_path(pattern, frame):
     """The path of one frame: `####` in the pattern is its number, else it is put before the dot."""
-    path = expect_path("frames", pattern)
+    path, frame = expect_path("frames", pattern), expect_whole("frame", frame, -(10**9), 10**9)
     found = re.search("#+", path.name)
     if found:
         name = path.name[: found.start()] + f"{frame:0{len(found[0])}d}" + path.name[found.end() :]
@@ -53,7 +61,10 @@ class PictureWriter:
     """
 
     def __init__(self, bake, size, caster="auto"):
-        self._bake, self._size, self._caster = bake, size, caster
+        self._bake = expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
+        self._size = expect_pair("size", size)
+        self._caster = expect_kind("caster", caster, str, "the name of one")
+        expect_view(*self._size)
         self._camera = self._rays = None
 
     def write(self, path, radiance, camera=None, background=None):
@@ -68,7 +79,7 @@ class PictureWriter:
         background : callable, optional
             The sky (see `CameraRays.picture`).
         """
-        camera = camera or self._bake.camera
+        camera = self._bake.camera if camera is None else camera
         if self._rays is None or camera != self._camera:
             caster = self._bake.make_caster(self._caster)
             try:

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array, expect_kind, expect_pair
+from prt_core.errors import expect, expect_array, expect_kind, expect_numbers, expect_pair
 from prt_core.light.environment import EnvironmentMap, expect_strength
 from prt_core.light.rotation import rotation_matrix
 
 # A pixel is part of a sun when it is so many times brighter than the mean of the map.
 _TIMES_MEAN = 50.0
+_MOST_SIDE = 1 << 20
 
 
 @dataclass
@@ -37,9 +38,9 @@ class BrightPixels:
     kind: str = "pixels"
 
     def __post_init__(self):
-        n = np.size(self.rows)
+        n = expect_numbers("rows", self.rows).size
         expect(n > 0, "bright pixels: expected at least one")
-        height, width = self.shape = expect_pair("shape", self.shape)
+        height, width = self.shape = expect_pair("shape", self.shape, 1, _MOST_SIDE)
         for name, most in (("rows", height), ("columns", width)):
             array = expect_array(name, getattr(self, name), (n,), np.int64, 0, most - 1)
             setattr(self, name, array)

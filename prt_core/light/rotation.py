@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array, expect_number
+from prt_core.errors import expect, expect_array, expect_number, expect_numbers
 
 
 def rotation_about_z(degrees):
@@ -25,9 +25,9 @@ def rotation_matrix(rotation):
     """
     if rotation is None:
         return np.eye(3)
-    if np.ndim(rotation) == 0:
+    if not isinstance(rotation, list | tuple | np.ndarray):
         return _about(2, expect_number("rotation", rotation))
-    if np.shape(rotation) == (3,):
+    if expect_numbers("rotation", rotation).shape == (3,):
         x, y, z = expect_array("rotation", rotation, (3,), np.float64)
         return _about(2, z) @ _about(1, y) @ _about(0, x)
     matrix = expect_array("rotation", rotation, (3, 3), np.float64)

@@ -36,8 +36,8 @@ def sun_light(cube_map, direction, irradiance, angle=0.0):
     length = np.linalg.norm(direction)
     expect(length > 0, "direction: expected a vector of length above zero")
     angle = expect_number("angle", angle, 0, _WIDEST)
-    if np.ndim(irradiance) == 0:
-        irradiance = [irradiance] * 3
+    if not isinstance(irradiance, list | tuple | np.ndarray):
+        irradiance = [expect_number("irradiance", irradiance, 0)] * 3
     irradiance = expect_array("irradiance", irradiance, (3,), np.float64, 0, BRIGHTEST)
     axis = direction / length
     # Points spread evenly over the cap (a golden-angle spiral).

@@ -22,8 +22,12 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
+from prt_core.errors import expect_array, expect_kind, expect_named, expect_seed, expect_whole
+from prt_core.light.cubemap import CubeMap
+from prt_core.light.environment import BRIGHTEST
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.open_sky import open_points
+from prt_core.sampling.sampled import expect_sampled
 from prt_core.sampling.tracer import Tracer
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 
@@ -99,6 +103,11 @@ class CertificateSettings:
     rows: int = 512
     seed: int = 0
 
+    def __post_init__(self):
+        expect_whole("entries", self.entries, 1)
+        expect_whole("rows", self.rows, 1)
+        expect_seed(self.seed)
+
 
 def certificate_steps(
     scene,
@@ -135,8 +144,16 @@ def certificate_steps(
     list of ObjectError
         One for each of them.
     """
-    settings = settings or CertificateSettings()
+    settings = CertificateSettings() if settings is None else settings
+    expect_kind("settings", settings, CertificateSettings)
     tracer = Tracer(scene, cube_map, caster, tally, pace, "certificate")
+    expect_sampled(sampled, scene, cube_map)
+    turn = expect_whole("turn", turn, 0)
+    shape = cube_map.n_directions, 3
+    lights = {
+        name: expect_array(f"lights: {name}", light, shape, np.float32, 0, BRIGHTEST)
+        for name, light in expect_named("lights", lights, object, "lights").items()
+    }
     tracer.done = len(scene.points)
     index = scene.points.object_index
     present = np.unique(index)
@@ -343,6 +360,7 @@ def probe_lights(cube_map):
     -------
     dict of str -> (n_directions, 3) float32
     """
+    expect_kind("cube_map", cube_map, CubeMap)
     towards = {"low sun": [0.8, 0.3, 0.52], "high sun": [-0.3, -0.4, 0.87]}
     lights = {"even sky": np.ones((cube_map.n_directions, 3), np.float32)}
     for name, way in towards.items():

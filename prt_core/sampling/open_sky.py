@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from prt_core.scene.scene import RAY_OFFSET
+from prt_core.errors import expect_kind
+from prt_core.scene.scene import RAY_OFFSET, Scene
 
 # Points tested against the hull at once.
 _BLOCK = 1 << 12
@@ -23,6 +24,7 @@ def open_points(scene):
     -------
     (n_points,) bool
     """
+    expect_kind("scene", scene, Scene)
     points = scene.points
     corners = scene.vertices[np.unique(scene.triangles)].astype(np.float64)
     try:

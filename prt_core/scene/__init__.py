@@ -7,7 +7,12 @@ from prt_core.scene.geometry_images import (
     geometry_layout,
     with_geometry_image,
 )
-from prt_core.scene.point_images import PointImage, camera_rays, with_camera_image
+from prt_core.scene.point_images import (
+    PointImage,
+    camera_rays,
+    expect_camera,
+    with_camera_image,
+)
 from prt_core.scene.points import BakePoints
 from prt_core.scene.scene import Mesh, Scene, SceneObject
 
@@ -22,6 +27,7 @@ __all__ = [
     "SceneObject",
     "camera_rays",
     "changes",
+    "expect_camera",
     "geometry_layout",
     "mesh_digests",
     "with_camera_image",

@@ -2,10 +2,19 @@
 
 import numpy as np
 
-from prt_core.errors import PRTError
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_array,
+    expect_number,
+    expect_whole,
+    shown,
+)
 
 # Bounces after which the light must have settled: as many as are needed, or a number asked for.
 _MOST, _MOST_ASKED = 2000, 20_000
+# What is interpolated between 1 and 1 may be a little more.
+MOST_ALBEDO = 1 + 1e-5
 
 
 def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
@@ -34,10 +43,29 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
     PRTError
         The series does not converge: surfaces reflect all they receive and nothing escapes.
     """
+    albedo = expect_array("albedo", albedo, (None, None), least=0, most=MOST_ALBEDO)
+    received = expect_array("received", received, (len(albedo), None))
+    expect(
+        albedo.shape[1] in (1, received.shape[1]),
+        f"albedo: expected {received.shape[1]} channels as received, got {albedo.shape[1]}",
+    )
+    tolerance = expect_number("tolerance", tolerance, above=0, below=1)
+    if bounces is not None:
+        expect_whole("bounces", bounces, 0)
+    expect_gather(gather, len(albedo))
     sent = albedo * received
     if gather is None:
         return sent, 0
     return bounce_series(lambda term: albedo * (gather @ term), sent, albedo, tolerance, bounces)
+
+
+def expect_gather(gather, n_points):
+    """Raise `PRTError` unless this is K of so many points, or None."""
+    if gather is not None:
+        good = hasattr(gather, "__matmul__") and not isinstance(gather, np.ndarray)
+        wanted = n_points, n_points
+        good = good and getattr(gather, "shape", wanted) == wanted
+        expect(good, f"gather: expected a sparse matrix of shape {wanted}, got {shown(gather)}")
 
 
 def bounce_series(step, first, albedo, tolerance, bounces):

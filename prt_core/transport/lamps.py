@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from prt_core.light.local import lamp_samples
+from prt_core.errors import expect_all, expect_caster, expect_kind, expect_seed, expect_whole
+from prt_core.light.bright import BrightPixels
+from prt_core.light.local import Lamp, lamp_samples
 from prt_core.progress import Pace, Progress, run
+from prt_core.scene import Scene
 
 _SEED_STAGE = 2
 # Shadow rays end this share before the lamp, so that a lamp's own mesh does not shade it.
@@ -28,6 +31,8 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0):
     -------
     (n_points, 3) float32
     """
+    expect_kind("scene", scene, Scene)
+    lamps = expect_all("lamps", lamps, Lamp | BrightPixels, "lamps")
     received = np.zeros((len(scene.points), 3), np.float32)
     for index, lamp in enumerate(lamps):
         received += run(lamp_steps(scene, caster, lamp, n_samples, (seed, index)))
@@ -43,6 +48,12 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
     pace : Pace, optional
         In rays.
     """
+    expect_kind("scene", scene, Scene)
+    expect_caster(caster)
+    expect_kind("lamp", lamp, (Lamp, BrightPixels))
+    n_samples = expect_whole("n_samples", n_samples, 1, 1 << 20)
+    for number in seed if isinstance(seed, tuple) else (seed,):
+        expect_seed(number)
     points = scene.points
     n_points = len(points)
     origins = scene.ray_origins

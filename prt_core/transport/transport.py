@@ -6,10 +6,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_flag,
+    expect_indices,
+    expect_kind,
+    expect_number,
+    expect_whole,
+    shown,
+)
 from prt_core.light.cubemap import CubeMap
-from prt_core.transport.bounce import all_bounces, bounce_series
-from prt_core.transport.visibility import received_light, unpack
+from prt_core.transport.bounce import MOST_ALBEDO, all_bounces, bounce_series, expect_gather
+from prt_core.transport.visibility import UNIT, expect_bits, received_light, unpack
 
 _BLOCK = 1024
 
@@ -44,6 +53,17 @@ class Transport:
     tolerance: float = 1e-3
     bounces: int | None = None
     _coarse: dict = field(default_factory=dict, repr=False)
+
+    def __post_init__(self):
+        expect_kind("cube_map", self.cube_map, CubeMap)
+        expect_bits("bits", self.bits, self.n_directions)
+        n_points = len(self.bits)
+        self.normals = expect_array("normals", self.normals, (n_points, 3), None, -UNIT, UNIT)
+        self.albedo = expect_array("albedo", self.albedo, (n_points, 3), None, 0, MOST_ALBEDO)
+        expect_gather(self.gather, n_points)
+        expect_number("tolerance", self.tolerance, above=0, below=1)
+        if self.bounces is not None:
+            expect_whole("bounces", self.bounces, 0)
 
     @property
     def n_points(self):
@@ -101,7 +121,11 @@ class Transport:
 
     def bounce(self, received, bounces="baked"):
         """Outgoing radiance for any received light (irradiance / pi)."""
-        bounces = self.bounces if bounces == "baked" else bounces
+        received = expect_array("received", received, (self.n_points, None))
+        is_baked = isinstance(bounces, str) and bounces == "baked"
+        if not is_baked and bounces is not None:
+            expect_whole("bounces", bounces, 0)
+        bounces = self.bounces if is_baked else bounces
         if self._same_channel(1) == self._same_channel(2) == 0 and _is_grey(received):
             # Grey surfaces under grey light: one channel says it all.
             one = self.albedo[:, :1], np.ascontiguousarray(received[:, :1])
@@ -111,6 +135,7 @@ class Transport:
 
     def direct(self, points):
         """Rows of D: irradiance / pi for unit radiance, (n, n_directions) float32."""
+        points = expect_indices("points", points, self.n_points)
         cosine = self.normals[points] @ self.cube_map.vectors.T.astype(np.float32) / np.pi
         return unpack(self.bits[points], self.n_directions) * cosine
 
@@ -127,8 +152,10 @@ class Transport:
         -------
         (n, n_directions, 3) float32
         """
-        points = np.atleast_1d(points)
-        if not indirect or self.gather is None:
+        points = expect_indices("points", points, self.n_points)
+        points = np.arange(self.n_points)[points]
+        expect(len(points), "points: expected at least one")
+        if not expect_flag("indirect", indirect) or self.gather is None:
             return self.albedo[points, None] * self.direct(points)[..., None]
         transposed = self.gather.T.tocsr()
         result = np.empty((len(points), self.n_directions, 3), np.float32)
@@ -171,7 +198,8 @@ class Transport:
         -------
         (n_points, m, 3) float32
         """
-        directions = np.atleast_1d(directions)
+        directions = expect_indices("directions", directions, self.n_directions)
+        expect_flag("indirect", indirect)
         byte, bit = directions // 8, directions % 8
         seen = (self.bits[:, byte] >> bit.astype(np.uint8)) & 1
         cosine = self.normals @ self.cube_map.vectors[directions].T.astype(np.float32) / np.pi
@@ -245,12 +273,14 @@ class Transport:
         -------
         (n, n_directions, 3) float32
         """
-        if indirect in ("none", "full"):
+        if isinstance(indirect, str) and indirect in ("none", "full"):
             return self.rows(points, indirect == "full")
+        good = isinstance(indirect, int | np.integer) and not isinstance(indirect, bool)
         expect(
-            isinstance(indirect, int | np.integer) and indirect >= 1,
-            f"indirect: expected 'none', 'full' or a whole number >= 1, got {indirect!r}",
+            good and indirect >= 1,
+            f"indirect: expected 'none', 'full' or a whole number >= 1, got {shown(indirect)}",
         )
+        points = expect_indices("points", points, self.n_points)
         direct = self.rows(points, False)
         if self.gather is None:
             return direct

@@ -54,12 +54,12 @@ def new_folder(path):
     with system_errors(path):
         missing = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
-        try:
-            yield path
-        except BaseException:
-            if missing:
-                shutil.rmtree(missing[-1], ignore_errors=True)
-            raise
+    try:
+        yield path
+    except BaseException:
+        if missing:
+            shutil.rmtree(missing[-1], ignore_errors=True)
+        raise
 
 
 def expect_output(name, path, suffix, folder=False, made=False):

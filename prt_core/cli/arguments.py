@@ -65,6 +65,6 @@ def bounces(text):
 
 def size(text):
     width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and 0 < int(width) * int(height) < 1 << 28):
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
     return int(width), int(height)

@@ -118,7 +118,7 @@ def _expect_request(options):
     """Refuse what cannot be done, or would change nothing, before any work; fill in defaults."""
     outputs = _outputs(options)
     expect(
-        any(outputs.values()),
+        any(path is not None for path in outputs.values()),
         "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
     )
     expect(

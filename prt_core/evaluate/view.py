@@ -33,7 +33,7 @@ _MOST = 1e37
 
 def expect_view(width, height, samples=2):
     """Raise `PRTError` where a picture of so many pixels cannot be made on this machine."""
-    width, height = expect_pair("size", (width, height))
+    width, height = expect_pair("size", (width, height), 1, 1 << 20)
     samples = expect_whole("samples", samples, 1, 16)
     needed = _SAMPLE_BYTES * width * height * samples**2
     expect_memory(f"size: a picture of {width} x {height}", needed, "take a smaller one")

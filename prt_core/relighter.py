@@ -120,8 +120,9 @@ class Relighter:
         if pace is not None:
             expect_number("pace", pace, above=0)
         chosen = self._chosen_lamps(light, lamps)
+        # No lamps in a list is an answer; not to ask for any is none.
         expect(
-            light is not None or chosen,
+            light is not None or chosen or isinstance(lamps, list | tuple),
             "light: give an environment image, 'world', or ask for the lamps",
         )
         expect(

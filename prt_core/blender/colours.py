@@ -12,6 +12,8 @@ COLLECTION = "PRT"
 # Custom properties: on copies, on meshes whose active colours changed, on the preview's own blocks.
 _COPY, ACTIVE_BEFORE, PREVIEW = "prt_copy", "prt_active_before", "PRT preview"
 CHANNELS = "RGB"
+# A whole compressed .blend ends so: the magic number of Zstandard's seek table.
+_LAST_BYTES = b"\xb1\xea\x92\x8f"
 
 
 def write_colours(
@@ -282,6 +284,16 @@ def save_scene(path):
         except RuntimeError as error:
             reason = " ".join(str(error).split())
             raise PRTError(f"{path}: Blender cannot save it ({reason})") from error
+        else:
+            # Blender says that it has saved a compressed file also where the disk was full.
+            with part.open("rb") as file:
+                file.seek(-len(_LAST_BYTES), 2)
+                whole = file.read() == _LAST_BYTES
+            expect(
+                whole,
+                f"{path}: was cut off while Blender wrote it; free some space there, or choose "
+                "another disk",
+            )
         finally:
             # Blender's own temporary file, where it fails.
             Path(f"{part}@").unlink(missing_ok=True)

@@ -89,7 +89,9 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                         received[point[0] : point[-1] + 1, channel] += sums
                 rays.worked()
                 yield Progress("lamps", int(point[-1]) + 1, n_points)
-    return (received / (np.pi * count)).astype(np.float32)
+    # A lamp in the surface itself may give more than float32 holds: infinity, which bounces refuse.
+    with np.errstate(over="ignore"):
+        return (received / (np.pi * count)).astype(np.float32)
 
 
 def _unshaded(points, which, direction, irradiance):

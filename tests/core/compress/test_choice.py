@@ -1,0 +1,207 @@
+"""`auto` goes on where a method fails; small plain scenes; budgets; errors that come in stairs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, Mesh, PRTError, Scene, bake_steps, load, run
+from prt_core.api import compress_bake, relight_points
+from prt_core.compress import PCA, Harmonics, Method, method_names, methods, register_method
+from prt_core.compress.limit_search import LimitSearch
+from prt_core.compress.linalg import orthonormal_columns, principal_rows
+from prt_core.compressed import standing_lights
+from prt_core.evaluate.bench_compress import bench_compress_steps
+from prt_core.light import EnvironmentMap
+from prt_core.report import trial_lines
+from tests.meshes import plane, sphere
+
+SKY = {"noise": EnvironmentMap(np.random.default_rng(3).random((5, 10, 3)).astype(np.float32))}
+
+
+def one_triangle():
+    up = np.tile([0.0, 0, 1], (3, 1))
+    return Mesh("one", np.eye(3)[[2, 0, 1]] * [1, 1, 0], [0, 1, 2], up, [[0, 1, 2]],
+                np.full((3, 3), 0.5))  # fmt: skip
+
+
+def ball(**settings):
+    return sphere(5, 0.5, (0, 0, 0.6), name="ball", **settings)
+
+
+# Meshes and bounces; few points, equal rows, no light, no light between surfaces.
+SCENES = {
+    "a wide plane and a ball": ([plane(9, -5, 5), ball()], None),
+    "colours": ([plane(5, albedo=(0, 0.5, 1)), ball(albedo=(1, 0, 0))], None),
+    "a ball alone": ([ball()], None),
+    "one triangle": ([one_triangle()], None),
+    "all points open": ([plane(12)], None),
+    "black": ([plane(5, albedo=0.0), ball(albedo=0.0)], None),
+    "direct light alone": ([plane(5), ball()], 0),
+    "a room without light": ([sphere(5, 1.0, inside=True)], None),
+}
+
+
+def baked(name, path, resolution=2):
+    meshes, bounces = SCENES[name]
+    scene = Scene.from_meshes(meshes, max_hidden=0)
+    settings = BakeSettings(resolution=resolution, tolerance=0.05, bounces=bounces)
+    run(bake_steps(scene, path, settings))
+    return path
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_method_serves_small_scenes(name, tmp_path):
+    path = baked(name, tmp_path / "a.prt")
+    exact = relight_points(load(path), SKY["noise"], transport="exact")
+    # What each method gave under lights is in the trials of `auto`.
+    by_name = method_names() if name in ("one triangle", "black") else ()
+    for method in ("auto", *by_name):
+        facts = compress_bake(path, method=method, tolerance=0.1, lights=SKY)
+        trials = facts["trials"]
+        assert not any(trial["failure"] for trial in trials), trials
+        wanted = method_names() if method == "auto" else [method]
+        assert {trial["method"] for trial in trials} == set(wanted)
+        for kind in {trial["method"] for trial in trials}:
+            assert min(t["error"] for t in trials if t["method"] == kind) < 0.1, (kind, trials)
+        found = relight_points(load(path), SKY["noise"], transport="compressed")
+        assert np.linalg.norm(found - exact) <= 0.2 * np.linalg.norm(exact), method
+
+
+def test_the_finest_texels_of_a_wide_plane(tmp_path):
+    """The first points are all alike: their error comes in stairs, and none is just as asked."""
+    path = baked("a wide plane and a ball", tmp_path / "a.prt", 8)
+    facts = compress_bake(path, tolerance=0.03, lights=standing_lights())
+    assert facts["tolerance_met"] and not any(t["failure"] for t in facts["trials"])
+
+
+@pytest.fixture
+def path(tmp_path):
+    return baked("a wide plane and a ball", tmp_path / "a.prt")
+
+
+class Failing(Harmonics):
+    """Fails on more points than `most`."""
+
+    most, failure = 0, PRTError("too plain for this method")
+
+    def fit_steps(self, rows):
+        if rows.n_points > self.most:
+            raise self.failure
+        return (yield from super().fit_steps(rows))
+
+
+class Wild(Harmonics):
+    """Colours that are not finite."""
+
+    def _relight(self, light):
+        return super()._relight(light) * np.float32(np.nan)
+
+
+@pytest.fixture
+def own(monkeypatch):
+    """Registers methods that are gone after the test."""
+    monkeypatch.setattr(methods, "_METHODS", dict(methods._METHODS))
+    return lambda name, kind: register_method(
+        Method(name, kind, lambda _: [kind(2), kind(3)], local=False)
+    )
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [PRTError("too plain"), np.linalg.LinAlgError("no SVD"), MemoryError("no room"),
+     ZeroDivisionError("by nothing"), OSError("no disk")],
+)  # fmt: skip
+def test_a_method_that_fails_is_out_with_its_reason(own, path, failure):
+    kind = type("Mine", (Failing,), {"failure": failure})
+    own("mine", kind)
+    facts = compress_bake(path, tolerance=0.1, lights=SKY)
+    assert facts["method"] != "mine" and facts["tolerance_met"]
+    failed = [trial for trial in facts["trials"] if trial["failure"]]
+    assert {trial["method"] for trial in failed} == {"mine"}
+    assert all(str(failure) in trial["failure"] and trial["error"] is None for trial in failed)
+    assert sum(f"out: {failure}" in line for line in trial_lines(facts)) == len(failed)
+    rows = run(bench_compress_steps(load(path), "a", ["pca", "mine"], _texels(path), [0]))
+    row = next(row for row in rows if row["method"] == "mine")
+    assert str(failure) in row["failure"] and row["bytes"] is None
+    assert next(row for row in rows if row["method"] == "pca")["failure"] is None
+
+
+def _texels(path):
+    cube_map = load(path).cube_map
+    return {name: light.to_cube_map(cube_map) for name, light in SKY.items()}
+
+
+def test_colours_that_are_not_finite_never_replace_good_ones(own, path):
+    compress_bake(path, method="harmonics", tolerance=0.5, lights=SKY)
+    before = relight_points(load(path), SKY["noise"], transport="compressed")
+    own("wild", Wild)
+    facts = compress_bake(path, tolerance=0.1, lights=SKY)
+    wild = [trial for trial in facts["trials"] if trial["method"] == "wild"]
+    assert wild and all("not finite under noise" in trial["failure"] for trial in wild)
+    compress_bake(path, method="harmonics", tolerance=0.5, lights=SKY)
+    with pytest.raises(PRTError, match="none of 1 can compress this bake. wild: .*not finite"):
+        compress_bake(path, method="wild", tolerance=0.1, lights=SKY)
+    after = relight_points(load(path), SKY["noise"], transport="compressed")
+    np.testing.assert_array_equal(before, after)
+
+
+def test_only_where_all_fail_is_it_an_error_that_lists_the_reasons(own, path, monkeypatch):
+    monkeypatch.setattr(methods, "_METHODS", {})
+    for name in ("one", "two"):
+        own(name, type(name, (Failing,), {"failure": PRTError(f"reason {name}")}))
+    with pytest.raises(PRTError, match="none of 2 can .*one: reason one; two: reason two"):
+        compress_bake(path, tolerance=0.1, lights=SKY)
+    assert not list(path.glob("compressed*"))
+
+
+def test_what_fails_on_all_points_gives_way_to_the_next_best(own, path, monkeypatch):
+    n_points = load(path).transport.n_points
+    monkeypatch.setattr("prt_core.compress.choose._POINTS", n_points // 2)
+
+    class Small(PCA):
+        """The smallest of all, but only of few points."""
+
+        nbytes = 1
+
+        def fit_steps(self, rows):
+            if rows.n_points == n_points:
+                raise PRTError("too many points")
+            return (yield from super().fit_steps(rows))
+
+    register_method(Method("small", Small, lambda _: [Small(64)], local=False))
+    facts = compress_bake(path, tolerance=0.1, lights=SKY)
+    assert facts["method"] != "small" and facts["why"].startswith("the best that is left")
+    last = facts["trials"][-1]
+    assert last["method"] == "small" and last["failure"] == "of all points: too many points"
+    with pytest.raises(PRTError, match="small: of all points: too many points"):
+        compress_bake(path, method="small", tolerance=0.1, lights=SKY)
+
+
+def test_an_impossible_light_is_named_and_nothing_is_stored(path):
+    with pytest.raises(PRTError, match="sun: radiance expected at most"):
+        EnvironmentMap(np.full((2, 4, 3), 3e38, np.float32), "sun")
+    hot = EnvironmentMap(np.full((2, 4, 3), 9e14, np.float32), "hot")
+    facts = compress_bake(path, tolerance=0.1, lights={"hot": hot})
+    assert np.isfinite(facts["error"]) and facts["tolerance_met"]
+    found = relight_points(load(path), replace(hot), transport="compressed")
+    exact = relight_points(load(path), replace(hot), transport="exact")
+    assert np.linalg.norm(np.float64(found) - exact) <= 0.1 * np.linalg.norm(np.float64(exact))
+
+
+def test_a_stair_is_climbed_though_its_edge_is_far():
+    """No limit gives 0.3: up to 1.02 it is 0.2, then 0.302, the next stair far below the edge."""
+
+    def stairs(limit):
+        return 0.2 if limit < 0.7 else 0.302
+
+    search = LimitSearch(1.0, 0.3)
+    while search.limit is not None:
+        search.tell(stairs(search.limit))
+    assert search.best == 0.2
+
+
+def test_rows_that_are_all_the_same_have_no_direction():
+    assert orthonormal_columns(np.zeros((5, 0), np.float32)).shape == (5, 0)
+    rows, energies = principal_rows(np.zeros((300, 600), np.float32), 8)
+    assert rows.shape == (0, 600) and len(energies) == 0

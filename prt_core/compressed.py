@@ -344,6 +344,11 @@ def load_compressed(bake):
     """
     if bake.path is None:
         return None, "the bake is not on disk"
+    with system_errors(bake.path):
+        return _load(bake)
+
+
+def _load(bake):
     store = BakeStore(bake.path)
     facts = compressed_facts(store)
     if facts is None:

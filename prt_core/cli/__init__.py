@@ -25,6 +25,9 @@ def main(argv=None, in_blender=False):
     in_blender : bool
         Inside a running Blender: the scene that is open is used where no .blend is named.
     """
+    if hasattr(sys.stdout, "reconfigure"):
+        # Names of objects may have letters that a terminal has not.
+        sys.stdout.reconfigure(errors="backslashreplace")
     parser = _parser(in_blender)
     options = parser.parse_args(argv)
     try:

@@ -1,4 +1,4 @@
-"""Radiance pictures (.hdr, .pic): run-length coded RGB with a shared exponent (Ward 1991).
+"""Radiance pictures (.hdr): run-length coded RGB with a shared exponent (Ward 1991).
 
 Read here and not by Blender, whose versions differ in what they make of rows stored upwards; and
 so that images need no Blender.

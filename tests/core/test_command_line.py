@@ -1,7 +1,11 @@
 """Bad command lines: one line, an exit code, nothing written; and what is said at the end."""
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +16,8 @@ from prt_core.compressed import standing_lights
 from prt_core.light import write_image
 from prt_core.scene import with_camera_image
 from tests.meshes import caster_of, plane, sphere
+
+ROOT = Path(__file__).resolve().parents[2]
 
 LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
 CAMERA = {"matrix": np.eye(4).tolist(), "tangent": 0.5}
@@ -112,6 +118,8 @@ BAD = {
     "bench compress a.prt -o r --seed -1": "seed: expected",
     "bench compress a.prt -o r --methods best": "method: expected one of cpca",
     "bench sampling open.blend -o r --resolution 0": "resolution: expected",
+    "bench rays open.blend --points 0": "--points: expected a whole number >= 1, got 0",
+    "bench rays open.blend --resolution 0": "resolution: expected",
     "bench sampling open.blend -o r --methods huang:features=0": "features: expected",
     # files
     "relight none.prt --light sky.exr --output o.npz": "none.prt: there is no such bake",
@@ -285,6 +293,22 @@ def test_a_picture_without_a_camera_says_so(folder, capfd):
     assert "no camera" in out
     out = prt("relight a.prt --light sky.exr --png c.png --size 4x3", capfd)[1]
     assert "no camera" not in out
+
+
+def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):
+    """And a reader that goes away, or a full disk behind stdout, is no traceback."""
+    scene = Scene.from_meshes([plane(3, name="Würfel ☀")], max_hidden=0)
+    run(
+        bake_steps(scene, folder / "names.prt", BakeSettings(resolution=2, bounces=0), restart=True)
+    )
+    command = [sys.executable, "-m", "prt_core", "info", str(folder / "names.prt")]
+    options = {"cwd": ROOT, "env": {**os.environ, "PYTHONIOENCODING": "ascii"}}
+    done = subprocess.run(command, capture_output=True, text=True, **options)
+    assert done.returncode == 0 and "W\\xfcrfel \\u2600: 16 corners" in done.stdout
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, **options)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "no space left on device" in done.stderr
 
 
 def test_stored_lamps_are_what_they_were(folder):

@@ -126,6 +126,23 @@ def test_the_main_part_is_read_and_named(tmp_path, names, taken):
     assert [names[taken] in note for note in notes] == [True] * (len(names) > 1)
 
 
+def test_of_two_views_the_first_is_read(tmp_path):
+    parts = [
+        OpenEXR.Part(
+            {"type": OpenEXR.scanlineimage, "view": view},
+            {c: PIXELS[..., i] + np.float32(10 * j) for i, c in enumerate("RGB")},
+            f"{name}{view}",
+        )
+        for name in ("AO.", "Combined.")
+        for j, view in enumerate(("left", "right"), start=len(name))
+    ]
+    with OpenEXR.File(parts) as file:
+        file.write(str(tmp_path / "v.exr"))
+    pixels, notes = read_picture(tmp_path / "v.exr")
+    np.testing.assert_array_equal(pixels, PIXELS + np.float32(10 * len("Combined.")))
+    assert "read is Combined" in notes[0]
+
+
 def test_parts_without_colour_are_no_choice(tmp_path):
     depth = OpenEXR.Part({"type": OpenEXR.scanlineimage}, {"Z": PIXELS[..., 0].copy()}, "depth")
     colour = OpenEXR.Part({"type": OpenEXR.scanlineimage}, layers("View.Combined"), "colour")

@@ -73,8 +73,13 @@ CALLS = {
         memory=1 << 20,
         seed=0,
     ),
-    "Wavelet4D.nbytes_wanted": estimator(
-        compress.Wavelet4D, columns=basis.PointHaar(RNG.random((11, 3))), nbytes_wanted=3000
+    "Wavelet4D.nbytes_wanted": plain(
+        lambda **wanted: compress.Wavelet4D(**wanted).fit(
+            compress.ArrayRows(some_rows(), RESOLUTION)
+        ),
+        ("nbytes_wanted None",),
+        nbytes_wanted=3000,
+        mode="2d",
     ),
     "Irradiance": lambda t: Call(
         fitted(compress.Irradiance),

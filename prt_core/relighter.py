@@ -157,12 +157,12 @@ class Relighter:
         if quick is not None:
             sent = distant * np.float32(strength * light_strength)
             if not parts:
-                return _finite(sent)
+                return sent
         elif distant is not None:
             parts, factors = [distant, *parts], [strength * light_strength, *factors]
         work = (self._radiance, parts, factors, bounces)
         radiance = (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
-        return _finite(radiance if sent is None else radiance + sent)
+        return radiance if sent is None else radiance + sent
 
     def compressed(self):
         """The `Compressed` form that would be used, or None: then `why` says why not."""
@@ -325,16 +325,6 @@ def expect_bounces(bounces):
     """Raise `PRTError` unless this is "baked", None (all) or a number of bounces."""
     if bounces is not None and not (isinstance(bounces, str) and bounces == "baked"):
         expect_whole("bounces", bounces, 0)
-
-
-def _finite(radiance):
-    """The colours, where float32 holds them."""
-    expect(
-        np.isfinite(radiance).all(),
-        "light: the colours are beyond what float32 holds; take less strength, or move a lamp "
-        "away from the surface it lies in",
-    )
-    return radiance
 
 
 def lamp_signature(lamp):

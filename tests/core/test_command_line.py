@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import subprocess
 import sys
 from dataclasses import asdict
@@ -308,10 +309,15 @@ def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):
     options = {"cwd": ROOT, "env": {**os.environ, "PYTHONIOENCODING": "ascii"}}
     done = subprocess.run(command, capture_output=True, text=True, **options)
     assert done.returncode == 0 and "W\\xfcrfel \\u2600: 16 corners" in done.stdout
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, **options)
+
+    def small_disk():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (9, 9))
+
+    with open(folder / "said", "w") as said:
+        done = subprocess.run(command, stdout=said, stderr=subprocess.PIPE, text=True,
+                              preexec_fn=small_disk, **options)  # fmt: skip
     assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert "no space left on device" in done.stderr
+    assert "file too large" in done.stderr
 
 
 def test_stored_lamps_are_what_they_were(folder):

@@ -122,7 +122,9 @@ def test_methods_that_fail_are_out_with_their_reasons(own, path):
                 ZeroDivisionError("by nothing"), OSError("no disk"))  # fmt: skip
     names = [f"mine{i}" for i in range(len(failures))]
     for name, failure in zip(names, failures, strict=True):
-        own(name, type(name, (Failing,), {"failure": failure}))
+        # Some fail at once, others on more points than a method's speed is first told from.
+        most = 64 if name in ("mine1", "mine2") else 0
+        own(name, type(name, (Failing,), {"failure": failure, "most": most}))
     facts = compress_bake(path, tolerance=0.1, lights=SKY)
     assert facts["method"] not in names and facts["tolerance_met"]
     failed = [trial for trial in facts["trials"] if trial["failure"]]
@@ -189,6 +191,22 @@ def test_what_fails_on_all_points_gives_way_to_the_next_best(own, path, monkeypa
     assert last["method"] == "small" and last["failure"] == "of all points: too many points"
     with pytest.raises(PRTError, match="small: of all points: too many points"):
         compress_bake(path, method="small", tolerance=0.1, lights=SKY)
+
+
+def test_a_size_that_the_sample_promised_must_be_kept_by_all_points(path):
+    """The method says one byte; what is stored would be more."""
+
+    class Large(Harmonics):
+        """Told to be small."""
+
+    register_method(Method("large", Large, lambda _: [Large(2)], local=False, size=lambda *_: 1))
+    try:
+        with pytest.raises(PRTError, match="megabytes: 0.0001 cannot be kept; the least is .* MB"):
+            compress_bake(path, method="large", megabytes=1e-4, lights=SKY)
+        facts = compress_bake(path, method="large", megabytes=1, lights=SKY)
+        assert facts["bytes"] > 1e2
+    finally:
+        methods._METHODS.pop("large")
 
 
 def test_an_impossible_light_is_named_and_nothing_is_stored(path):

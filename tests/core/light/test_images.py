@@ -99,6 +99,7 @@ def test_a_data_window_is_placed_and_cut(tmp_path):
     [
         (("ViewLayer.AO", "ViewLayer.Combined", "ViewLayer.DiffCol"), 1),
         (("AO", "", "Combined"), 1),
+        (("A.Combined", ""), 1),
         (("Another.Combined", "View.Combined"), 0),
         (("Diffuse", "beauty"), 1),
         (("View.AO",), 0),

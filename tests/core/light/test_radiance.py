@@ -62,6 +62,13 @@ def test_pixels_are_read_as_they_were(tmp_path, kind):
     assert EnvironmentMap.read(tmp_path / "a.hdr").pixels.shape == (6, 12, 3)
 
 
+def test_without_an_exponent_it_is_black(tmp_path):
+    data = shared(PIXELS)
+    data[1, 4] = 200, 100, 50, 0
+    pixels = read_image(save(tmp_path / "a.hdr", data.tobytes()))
+    assert not pixels[1, 4].any() and pixels[1, 5].all()
+
+
 def test_older_runs(tmp_path):
     """1, 1, 1, n repeats the pixel before n times; a second such line counts 256 each."""
     one, two = shared(PIXELS[:1, :2])[0]

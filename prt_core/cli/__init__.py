@@ -37,15 +37,23 @@ def main(argv=None, in_blender=False):
             sys.stdout.flush()
         return code
     except PRTError as error:
+        _forget_lines()
         if isinstance(error.__cause__, BrokenPipeError):
             # Whoever read the lines has seen enough.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
         print(f"prt: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("prt: stopped; the same command goes on where it was", file=sys.stderr)
         return 130
+
+
+def _forget_lines():
+    """Lines that could not be printed are not tried again when Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Parser(argparse.ArgumentParser):

@@ -306,7 +306,9 @@ def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):
         bake_steps(scene, folder / "names.prt", BakeSettings(resolution=2, bounces=0), restart=True)
     )
     command = [sys.executable, "-m", "prt_core", "info", str(folder / "names.prt")]
-    options = {"cwd": ROOT, "env": {**os.environ, "PYTHONIOENCODING": "ascii"}}
+    # Buffered as in a terminal of anyone's, so that the end of the program meets the full disk.
+    env = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUNBUFFERED": ""}
+    options = {"cwd": ROOT, "env": env}
     done = subprocess.run(command, capture_output=True, text=True, **options)
     assert done.returncode == 0 and "W\\xfcrfel \\u2600: 16 corners" in done.stdout
 

@@ -147,6 +147,21 @@ def _texels(path):
     return {name: light.to_cube_map(cube_map) for name, light in SKY.items()}
 
 
+def test_one_of_a_methods_settings_may_fail(own, path):
+    """The one that is tried first, in the middle; those beside it are tried all the same."""
+
+    class Gap(Harmonics):
+        def fit_steps(self, rows):
+            if self.order == 3 and rows.n_points > 64:
+                raise PRTError("not three")
+            return (yield from super().fit_steps(rows))
+
+    register_method(Method("gap", Gap, lambda _: [Gap(2), Gap(3), Gap(4)], local=False))
+    facts = compress_bake(path, method="gap", tolerance=0.5, lights=SKY)
+    assert facts["settings"]["order"] == 4
+    assert [t["failure"] for t in facts["trials"]] == ["not three", ""]
+
+
 def test_colours_that_are_not_finite_never_replace_good_ones(own, path):
     compress_bake(path, method="harmonics", tolerance=0.5, lights=SKY)
     before = relight_points(load(path), SKY["noise"], transport="compressed")

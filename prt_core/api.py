@@ -119,7 +119,9 @@ def bake_blend_steps(
     if restart != "changed":
         expect_flag("restart", restart)
     expect_image(*image)
-    if blend is not None:
+    if blend is None:
+        import_bpy()
+    else:
         open_blend(blend)
     from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
     from prt_core.blender.lamps import read_lamps

@@ -12,6 +12,8 @@ import numpy as np
 _SHOWN = 60
 # Bytes of a file's name, at most, on all systems.
 _LONGEST = 255
+# What numpy's integers hold.
+_MOST_WHOLE = (1 << 63) - 1
 # What a person can do about what the system refuses.
 _SPACE = "free some space there, or choose another disk"
 _FOLDER = "choose another folder, or ask for the right to write there"
@@ -138,7 +140,7 @@ def expect_number(name, value, least=None, most=None, above=None, below=None):
 def expect_whole(name, value, least=0, most=None):
     """`value` as an int within bounds; neither a bool nor text, nor a float."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    good = whole and _within(value, least, most, None, None)
+    good = whole and _within(value, least, _MOST_WHOLE if most is None else most, None, None)
     bounds = _bounds(least, most, None, None)
     expect(good, f"{name}: expected a whole number{bounds}, got {shown(value)}")
     return int(value)

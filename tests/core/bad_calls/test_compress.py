@@ -152,10 +152,10 @@ CALLS = {
     ),  # fmt: skip
     "Task.of": lambda t: Call(
         compress.Task.of,
-        {"transport": t.bake.transport, "points": t.scene.points, "seed": 0},
+        {"transport": t.bake.transport, "points": t.bake.scene.points, "seed": 0},
     ),
     "Task.sample": method(
-        lambda t: compress.Task.of(t.bake.transport, t.scene.points),
+        lambda t: compress.Task.of(t.bake.transport, t.bake.scene.points),
         "sample",
         ("n_patches None",),
         n_points=4,
@@ -164,7 +164,7 @@ CALLS = {
     "choose_steps": lambda t: Call(
         compress.choose_steps,
         {
-            "task": compress.Task.of(t.bake.transport, t.scene.points),
+            "task": compress.Task.of(t.bake.transport, t.bake.scene.points),
             "names": ["harmonics"],
             "limits": compress.Limits(0.5),
             "lights": {"sky": t.light},

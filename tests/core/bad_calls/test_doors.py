@@ -81,7 +81,7 @@ CALLS = {
         evaluate.render_view,
         {
             "bake": t.bake,
-            "radiance": np.ones((len(t.scene.points), 3), np.float32),
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
             "caster": caster(t),
             "width": 3,
             "height": 2,
@@ -105,7 +105,7 @@ CALLS = {
             "size": (3, 2),
             "caster": "brute",
             "path": t.folder / "w.png",
-            "radiance": np.ones((len(t.scene.points), 3), np.float32),
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
             "camera": camera(),
         },
         ("camera None",),
@@ -135,7 +135,7 @@ CALLS = {
     "Bake.colours": method(
         lambda t: t.bake,
         "colours",
-        radiance=lambda t: np.ones((len(t.scene.points), 3), np.float32),
+        radiance=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
     ),
     "Bake.make_caster": method(lambda t: t.bake, "make_caster", name="brute"),
     "relight": lambda t: Call(

@@ -35,7 +35,7 @@ CALLS = {
         "relight",
         ("lamps", "light None", "bounces None"),
         light=lambda t: t.light,
-        lamps=lambda t: np.ones((len(t.scene.points), 3), np.float32),
+        lamps=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
         bounces=1,
     ),
     "Transport.received": method(lambda t: t.bake.transport, "received", light=lambda t: t.light),
@@ -43,7 +43,7 @@ CALLS = {
         lambda t: t.bake.transport,
         "bounce",
         ("bounces None",),
-        received=lambda t: np.ones((len(t.scene.points), 3), np.float32),
+        received=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
         bounces=2,
     ),
     "Transport.rows": method(
@@ -75,7 +75,7 @@ CALLS = {
     ),
     "gather_operator": plain(
         transport.gather_operator,
-        hits=np.array([[0, 1], [-1, 1]], np.int32),
+        hits=np.tile(np.array([[0, 1], [-1, 1]], np.int32), 16),
         n_points=2,
         blocked=np.array([0.5, 0.5], np.float32),
     ),

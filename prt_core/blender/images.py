@@ -21,6 +21,12 @@ def pixels_of(image):
         Rec.709.
     """
     width, height = image.size
+    # Known once its size was asked for.
+    expect(
+        image.type != "MULTILAYER",
+        f"image '{image.name}': has several layers, whose pixels Blender keeps to itself; save the "
+        "Combined one alone",
+    )
     expect(
         width > 0 and height > 0,
         f"image '{image.name}': no pixels; its file '{image.filepath}' is missing or unreadable",

@@ -1,5 +1,9 @@
 """Images of light: OpenEXR and Radiance here, or through readers that `prt_core.blender` lends."""
 
+import io
+import os
+from contextlib import ExitStack, contextmanager, redirect_stdout
+
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_array, expect_path, system_errors
@@ -233,7 +237,7 @@ def _decoded(path, part, index, names):
     import OpenEXR
 
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with _silence(), OpenEXR.File(str(path), separate_channels=True) as file:
             expect(
                 len(file.parts) > index,
                 f"{path}: not a readable OpenEXR image, its pixels cannot be decoded; "
@@ -247,6 +251,24 @@ def _decoded(path, part, index, names):
         reason = " ".join(str(error).split())
         raise PRTError(f"{path}: not a readable OpenEXR image ({reason})") from error
     return _on_display_window(part, np.stack(planes, axis=-1))
+
+
+@contextmanager
+def _silence():
+    """OpenEXR prints what it cannot decode, by Python and by C; the error that follows says it."""
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(io.StringIO()))
+        try:
+            kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        except OSError:
+            # A program without a console shows nothing as it is.
+            yield
+            return
+        stack.callback(os.close, kept)
+        stack.callback(os.dup2, kept, 2)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+        yield
 
 
 def _on_display_window(part, pixels):

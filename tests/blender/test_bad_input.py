@@ -60,6 +60,17 @@ def test_blenders_reader_of_exr_is_given_the_same_answers(tmp_path, monkeypatch)
     assert said == notes and len(said) == 1
 
 
+def test_an_image_of_layers_is_said_to_be_one(tmp_path):
+    layers = {f"View.{layer}.{c}": np.ones((2, 4), np.float32) for layer in ("AO", "Combined")
+              for c in "RGB"}  # fmt: skip
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, layers) as file:
+        file.write(str(tmp_path / "l.exr"))
+    image = bpy.data.images.load(str(tmp_path / "l.exr"))
+    with pytest.raises(PRTError, match="'l.exr': has several layers, .* save the Combined"):
+        pixels_of(image)
+
+
 def test_a_world_of_other_primaries_is_that_of_its_image(tmp_path):
     aces(tmp_path / "aces.exr")
     world = bpy.data.worlds.new("sky")

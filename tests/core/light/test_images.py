@@ -1,4 +1,5 @@
 import struct
+import sys
 
 import numpy as np
 import OpenEXR
@@ -214,6 +215,20 @@ def test_a_file_that_was_cut_off_is_said(tmp_path, compression, capfd):
     assert capfd.readouterr() == ("", "")
     path.write_bytes(data)
     np.testing.assert_array_equal(read_image(path), pixels)
+
+
+def test_pixels_that_cannot_be_decoded_are_one_line(tmp_path, capfd):
+    pixels = RNG.random((70, 140, 3)).astype(np.float32)
+    save(tmp_path / "a.exr", {"RGB": pixels})
+    data = bytearray((tmp_path / "a.exr").read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 400] = b"\xaa" * 400
+    (tmp_path / "a.exr").write_bytes(data)
+    with pytest.raises(PRTError, match="not a readable OpenEXR image"):
+        read_image(tmp_path / "a.exr")
+    # OpenEXR's own lines are not shown, and those of others are again.
+    print("out")
+    print("err", file=sys.stderr)
+    assert capfd.readouterr() == ("out\n", "err\n")
 
 
 def test_an_image_without_pixels_or_beyond_memory_is_refused(tmp_path, monkeypatch):

@@ -221,7 +221,8 @@ def test_pixels_that_cannot_be_decoded_are_one_line(tmp_path, capfd):
     pixels = RNG.random((70, 140, 3)).astype(np.float32)
     save(tmp_path / "a.exr", {"RGB": pixels})
     data = bytearray((tmp_path / "a.exr").read_bytes())
-    data[len(data) // 2 : len(data) // 2 + 400] = b"\xaa" * 400
+    # More than sixteen rows, so that the head of a chunk is among them.
+    data[len(data) // 2 : len(data) // 2 + 27_000] = b"\xaa" * 27_000
     (tmp_path / "a.exr").write_bytes(data)
     with pytest.raises(PRTError, match="not a readable OpenEXR image"):
         read_image(tmp_path / "a.exr")

@@ -1,7 +1,5 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
-from pathlib import Path
-
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
@@ -15,12 +13,11 @@ from prt_core.errors import (
     expect_flag,
     expect_kind,
     expect_path,
-    shown,
     system_errors,
 )
 from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
-from prt_core.light.environment import expect_strength
+from prt_core.light.environment import expect_strength, named_images, read_environment
 from prt_core.progress import Errands, beside, run, steps_beside
 from prt_core.relighter import Relighter, on_texels
 from prt_core.scene import Scene, mesh_digests
@@ -79,8 +76,8 @@ def bake(
         bpy is missing, the file or a name is wrong, or the store holds something else.
     """
     known = BakeSettings.__dataclass_fields__
-    unknown = ", ".join(sorted(set(settings) - set(known)))
-    expect(not unknown, f"{unknown}: no such setting; there are {', '.join(known)}")
+    unknown = sorted(set(settings) - set(known))
+    expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, made=True)
     image = camera_pixels, pixel_samples, geometry_image, parametrisation
@@ -286,18 +283,6 @@ def compress_bake_steps(
     return result
 
 
-def named_images(paths):
-    """{name: EnvironmentMap} of images, by the names of their files."""
-    good = isinstance(paths, list | tuple) and len(paths)
-    expect(good, f"lights: expected a list of images or a dict of lights, got {shown(paths)}")
-    lights = {}
-    for path in paths:
-        path = expect_path("lights", path)
-        name = path.stem if path.stem not in lights else str(path)
-        lights[name] = EnvironmentMap.read(path)
-    return lights
-
-
 def _studio_lights():
     """All environments that come with Blender; None without it."""
     try:
@@ -399,13 +384,6 @@ def relight_points(
         )
     finally:
         relighter.close()
-
-
-def read_environment(light):
-    """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
-    if isinstance(light, Path) or (isinstance(light, str) and light != "world"):
-        return EnvironmentMap.read(light)
-    return light
 
 
 def _loaded(bake):

@@ -2,8 +2,6 @@
 
 import os
 import platform
-import shutil
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import numpy as np
 
 import prt_core
 from prt_core.bake_bounces import MOST_ROUNDS, bounce_steps, read_gather
-from prt_core.bake_input import expect_bake_input
+from prt_core.bake_input import expect_bake_input, unless_begun
 from prt_core.bake_visibility import expect_method, visibility_steps
 from prt_core.errors import (
     PRTError,
@@ -232,20 +230,6 @@ def bake_steps(
     finally:
         for item in made:
             item.close()
-
-
-@contextmanager
-def unless_begun(path):
-    """Take a new bake away again where it fails before a ray is cast: nothing would be lost."""
-    path = Path(path)
-    there = path.exists()
-    try:
-        yield
-    except Exception:
-        rays = [path / name / "c" for name in ("visibility", "ray_journal")]
-        if not there and not any(chunks.exists() for chunks in rays):
-            shutil.rmtree(path, ignore_errors=True)
-        raise
 
 
 def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):

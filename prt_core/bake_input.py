@@ -1,11 +1,12 @@
-"""What a bake is given, checked before anything is written."""
+"""What a bake is given, checked before anything is written; and what is left where it fails."""
 
-import numpy as np
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
 
 from prt_core.errors import (
     expect,
     expect_all,
-    expect_array,
     expect_flag,
     expect_kind,
     expect_named,
@@ -13,7 +14,7 @@ from prt_core.errors import (
     expect_path,
 )
 from prt_core.light import Lamp
-from prt_core.light.environment import BRIGHTEST
+from prt_core.light.environment import expect_radiance
 from prt_core.machine import expect_memory
 from prt_core.scene import Scene, expect_camera
 
@@ -58,6 +59,15 @@ def expect_bake_input(scene, path, cube_map, lamps, world, camera, source, resta
     return None if world is None else expect_radiance("world", world, cube_map)
 
 
-def expect_radiance(name, light, cube_map):
-    """Light on the texels of a cube map as (n_directions, 3) float32."""
-    return expect_array(name, light, (cube_map.n_directions, 3), np.float32, 0, BRIGHTEST)
+@contextmanager
+def unless_begun(path):
+    """Take a new bake away again where it fails before a ray is cast: nothing would be lost."""
+    path = Path(path)
+    there = path.exists()
+    try:
+        yield
+    except Exception:
+        rays = [path / name / "c" for name in ("visibility", "ray_journal")]
+        if not there and not any(chunks.exists() for chunks in rays):
+            shutil.rmtree(path, ignore_errors=True)
+        raise

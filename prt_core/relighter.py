@@ -10,7 +10,6 @@ from prt_core.errors import (
     PRTError,
     expect,
     expect_all,
-    expect_array,
     expect_flag,
     expect_kind,
     expect_number,
@@ -28,7 +27,7 @@ from prt_core.light import (
     rotation_matrix,
     split_sun,
 )
-from prt_core.light.environment import BRIGHTEST, expect_strength
+from prt_core.light.environment import BRIGHTEST, expect_radiance, expect_strength
 from prt_core.light.images import reads_in_threads
 from prt_core.progress import Pace, beside, maybe_beside, run
 from prt_core.transport import lamp_steps
@@ -139,7 +138,8 @@ class Relighter:
         if isinstance(light, EnvironmentMap):
             expect_strength(light.name, light.pixels, strength * light_strength)
         elif light is not None and not isinstance(light, str):
-            expect_strength("light", _texels(self.bake, light), strength * light_strength)
+            texels = expect_radiance("light", light, self.bake.cube_map)
+            expect_strength("light", texels, strength * light_strength)
         self.notes = getattr(light, "notes", ())
         quick = None
         if light is not None and self.transport != "exact":
@@ -312,13 +312,7 @@ def on_texels(bake, light, rotation=None):
     if isinstance(light, EnvironmentMap):
         return light.to_cube_map(bake.cube_map, rotation)
     expect(rotation is None, "rotation: turns an environment image, not a light on texels")
-    return _texels(bake, light)
-
-
-def _texels(bake, light):
-    """Light on texels, checked."""
-    shape = bake.cube_map.n_directions, 3
-    return expect_array("light", light, shape, np.float32, 0, BRIGHTEST)
+    return expect_radiance("light", light, bake.cube_map)
 
 
 def expect_bounces(bounces):

@@ -3,11 +3,11 @@
 import importlib
 from pathlib import Path
 
-from prt_core.api import named_images
 from prt_core.errors import PRTError, expect, expect_number, expect_seed
 from prt_core.evaluate.report import expect_plots
 from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
+from prt_core.light.environment import named_images
 
 
 def open_scene(path):

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 import prt_core
-from prt_core.api import expect_blend, read_environment
+from prt_core.api import expect_blend
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
@@ -20,7 +20,7 @@ from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
 from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap, rotation_matrix
-from prt_core.light.environment import BRIGHTEST
+from prt_core.light.environment import BRIGHTEST, read_environment
 from prt_core.relighter import MOST_LAMP_SAMPLES, Relighter
 
 # Stops beyond which float32 overflows or holds nothing any more.

@@ -15,12 +15,11 @@ from prt_core.errors import (
     PRTError,
     expect,
     expect_all,
-    expect_array,
     expect_kind,
     expect_named,
     expect_number,
 )
-from prt_core.light.environment import BRIGHTEST
+from prt_core.light.environment import expect_radiance
 from prt_core.progress import Progress, beside
 
 _POINTS, _PATCHES, _FEW = 3072, 12, 64
@@ -138,9 +137,8 @@ def choose_steps(task, names, limits, lights):
     expect_kind("limits", limits, Limits)
     names = expect_all("names", names, str, "methods' names")
     expect(names, "names: expected at least one method")
-    shape = task.transport.n_directions, 3
     lights = {
-        name: expect_array(f"lights: {name}", light, shape, np.float32, 0, BRIGHTEST)
+        name: expect_radiance(f"lights: {name}", light, task.transport.cube_map)
         for name, light in expect_named("lights", lights, object, "lights").items()
     }
     expect(lights, "lights: expected at least one")

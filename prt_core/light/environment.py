@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array, expect_kind, expect_number
+from prt_core.errors import expect, expect_array, expect_kind, expect_number, expect_path, shown
 from prt_core.light.cubemap import CubeMap
 from prt_core.light.images import read_picture, told
 from prt_core.light.rotation import rotation_matrix
@@ -154,6 +155,30 @@ class EnvironmentMap:
         column = np.minimum((u * width).astype(np.int64), width - 1)
         row = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
         return self.pixels[row, column]
+
+
+def read_environment(light):
+    """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
+    if isinstance(light, Path) or (isinstance(light, str) and light != "world"):
+        return EnvironmentMap.read(light)
+    return light
+
+
+def named_images(paths):
+    """{name: EnvironmentMap} of images, by the names of their files."""
+    good = isinstance(paths, list | tuple) and len(paths)
+    expect(good, f"lights: expected a list of images or a dict of lights, got {shown(paths)}")
+    lights = {}
+    for path in paths:
+        path = expect_path("lights", path)
+        name = path.stem if path.stem not in lights else str(path)
+        lights[name] = EnvironmentMap.read(path)
+    return lights
+
+
+def expect_radiance(name, light, cube_map):
+    """Light on the texels of a cube map as (n_directions, 3) float32."""
+    return expect_array(name, light, (cube_map.n_directions, 3), np.float32, 0, BRIGHTEST)
 
 
 def expect_strength(name, light, strength):

@@ -22,9 +22,9 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
-from prt_core.errors import expect_array, expect_kind, expect_named, expect_seed, expect_whole
+from prt_core.errors import expect_kind, expect_named, expect_seed, expect_whole
 from prt_core.light.cubemap import CubeMap
-from prt_core.light.environment import BRIGHTEST
+from prt_core.light.environment import expect_radiance
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import expect_sampled
@@ -149,9 +149,8 @@ def certificate_steps(
     tracer = Tracer(scene, cube_map, caster, tally, pace, "certificate")
     expect_sampled(sampled, scene, cube_map)
     turn = expect_whole("turn", turn, 0)
-    shape = cube_map.n_directions, 3
     lights = {
-        name: expect_array(f"lights: {name}", light, shape, np.float32, 0, BRIGHTEST)
+        name: expect_radiance(f"lights: {name}", light, cube_map)
         for name, light in expect_named("lights", lights, object, "lights").items()
     }
     tracer.done = len(scene.points)

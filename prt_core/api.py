@@ -1,15 +1,23 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
-from pathlib import Path
-
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
-from prt_core.bake_image import image_steps
+from prt_core.bake_image import expect_image, image_steps
 from prt_core.bake_visibility import chosen_method
 from prt_core.compressed import CompressSettings, compress_steps
-from prt_core.errors import PRTError, expect
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_all,
+    expect_flag,
+    expect_kind,
+    expect_path,
+    system_errors,
+)
+from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
+from prt_core.light.environment import expect_strength, named_images, read_environment
 from prt_core.progress import Errands, beside, run, steps_beside
 from prt_core.relighter import Relighter, on_texels
 from prt_core.scene import Scene, mesh_digests
@@ -67,7 +75,11 @@ def bake(
     PRTError
         bpy is missing, the file or a name is wrong, or the store holds something else.
     """
+    known = BakeSettings.__dataclass_fields__
+    unknown = sorted(set(settings) - set(known))
+    expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
+    output = expect_output("output", output, ".prt", folder=True, made=True)
     image = camera_pixels, pixel_samples, geometry_image, parametrisation
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
@@ -98,7 +110,15 @@ def bake_blend_steps(
     image : tuple
         `camera_pixels`, `pixel_samples`, `geometry_image` and `parametrisation` of `bake`.
     """
-    if blend is not None:
+    expect_kind("settings", settings, BakeSettings)
+    objects = None if objects is None else _names("objects", objects)
+    two_sided = _names("two_sided", two_sided)
+    if restart != "changed":
+        expect_flag("restart", restart)
+    expect_image(*image)
+    if blend is None:
+        import_bpy()
+    else:
         open_blend(blend)
     from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
     from prt_core.blender.lamps import read_lamps
@@ -138,15 +158,34 @@ def open_blend(path):
     PRTError
         bpy is not installed, or the file cannot be opened.
     """
-    path = Path(path)
-    expect(path.is_file(), f"{path}: there is no such .blend file")
-    expect(path.suffix == ".blend", f"{path}: expected a .blend file")
+    path = expect_blend(path)
     bpy = import_bpy()
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
     except RuntimeError as error:
         reason = " ".join(str(error).split())
         raise PRTError(f"{path}: Blender cannot open it ({reason})") from error
+
+
+def expect_blend(path):
+    """The path of a .blend file that is there.
+
+    Raises
+    ------
+    PRTError
+        It is not, or is something else.
+    """
+    path = expect_path("scene", path)
+    with system_errors(path):
+        expect(path.is_file(), f"{path}: there is no such .blend file")
+    expect(path.suffix == ".blend", f"{path}: expected a .blend file")
+    return path
+
+
+def _names(what, names):
+    """Names of objects, as a list."""
+    names = sorted(names) if isinstance(names, set | frozenset) else names
+    return expect_all(what, names, str, "objects' names")
 
 
 def import_bpy():
@@ -221,19 +260,24 @@ def compress_bake_steps(
     lights=None,
 ):
     """`compress_bake` as a generator of `Progress`; images are read at the first step."""
-    if method == "none":
+    if isinstance(method, str) and method == "none":
         expect(
-            tolerance is megabytes is milliseconds is None,
-            "method 'none' removes the compressed form; it takes no tolerance, size or time",
+            tolerance is megabytes is milliseconds is lights is None,
+            "method 'none' removes the compressed form; it takes no tolerance, size, time or "
+            "lights",
         )
-        remove_compressed(BakeStore(bake, "a") if Path(bake).exists() else BakeStore(bake))
+        path = bake.path if isinstance(bake, Bake) else expect_path("bake", bake)
+        with system_errors(path):
+            BakeStore(path)
+            remove_compressed(BakeStore(path, "a"))
         return None
     settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed)
-    bake = bake if isinstance(bake, Bake) else (yield from beside("load", load, bake))
+    if lights is not None and not isinstance(lights, dict):
+        lights = named_images(lights)
+    if not isinstance(bake, Bake):
+        bake = yield from beside("load", load, expect_path("bake", bake))
     if lights is None:
         lights = _studio_lights()
-    elif not isinstance(lights, dict):
-        lights = {Path(path).stem: read_environment(Path(path)) for path in lights}
     steps = compress_steps(bake, settings, lights)
     result = yield from steps_beside(steps, Errands(), "compress")
     return result
@@ -297,8 +341,7 @@ def relight(
     dict of str -> (n_corners, 3) float32
         Linear Rec.709 radiance in Blender's loop order, for each object that receives.
     """
-    if not isinstance(bake, Bake):
-        bake = load(bake)
+    bake = _loaded(bake)
     radiance = relight_points(
         bake,
         light,
@@ -328,7 +371,7 @@ def relight_points(
     transport="auto",
 ):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    relighter = Relighter(bake, caster, transport)
+    relighter = Relighter(_loaded(bake), caster, transport)
     try:
         return relighter.relight(
             read_environment(light),
@@ -343,17 +386,15 @@ def relight_points(
         relighter.close()
 
 
-def read_environment(light):
-    """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
-    if isinstance(light, Path) or (isinstance(light, str) and light != "world"):
-        if Path(light).suffix.lower() == ".hdr":
-            import_bpy()
-        return EnvironmentMap.read(light)
-    return light
+def _loaded(bake):
+    return bake if isinstance(bake, Bake) else load(expect_path("bake", bake))
 
 
 def environment_light(bake, light, rotation=None, strength=1.0):
     """(n_directions, 3) float32 of any light `relight` takes, or None."""
+    expect_kind("bake", bake, Bake, "what `load` returns")
     if light is None:
         return None
-    return on_texels(bake, read_environment(light), rotation) * np.float32(strength)
+    radiance = on_texels(bake, read_environment(light), rotation)
+    expect_strength("light", radiance, strength)
+    return radiance * np.float32(strength)

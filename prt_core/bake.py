@@ -10,8 +10,19 @@ import numpy as np
 
 import prt_core
 from prt_core.bake_bounces import MOST_ROUNDS, bounce_steps, read_gather
+from prt_core.bake_input import expect_bake_input, unless_begun
 from prt_core.bake_visibility import expect_method, visibility_steps
-from prt_core.errors import PRTError, expect
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_array,
+    expect_kind,
+    expect_number,
+    expect_path,
+    expect_seed,
+    expect_whole,
+    system_errors,
+)
 from prt_core.light import CubeMap, Lamp
 from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
@@ -56,14 +67,11 @@ class BakeSettings:
     def __post_init__(self):
         CubeMap(self.resolution)
         expect_method(self.method)
-        expect(
-            self.bounces is None or (isinstance(self.bounces, int) and self.bounces >= 0),
-            f"bounces: expected 'auto' or a whole number >= 0, got {self.bounces!r}",
-        )
-        expect(
-            np.isfinite(self.tolerance) and 0 < self.tolerance < 1,
-            f"tolerance: expected a number between 0 and 1, got {self.tolerance}",
-        )
+        if self.bounces is not None:
+            expect_whole("bounces", self.bounces, 0)
+        expect_number("tolerance", self.tolerance, above=0, below=1)
+        expect_seed(self.seed)
+        expect_kind("caster", self.caster, str, "the name of one")
 
 
 @dataclass
@@ -117,6 +125,7 @@ class Bake:
             For each object that receives, in Blender's loop order; black for corners of faces
             without area.
         """
+        radiance = self._radiance(radiance)
         return {
             item.name: np.where(
                 item.corner_point[:, None] >= 0, radiance[item.corner_point], np.float32(0)
@@ -141,7 +150,11 @@ class Bake:
             self.scene.image is not None,
             "image: this bake holds none; bake with --camera-pixels or --geometry-image",
         )
-        return self.scene.image.pixels(radiance)
+        return self.scene.image.pixels(self._radiance(radiance))
+
+    def _radiance(self, radiance):
+        shape = self.transport.n_points, 3
+        return expect_array("radiance", radiance, shape, np.float32)
 
 
 def bake_steps(
@@ -193,7 +206,11 @@ def bake_steps(
     PRTError
         The store belongs to another scene or other settings, or is no bake.
     """
-    settings = settings or BakeSettings()
+    settings = BakeSettings() if settings is None else settings
+    expect_kind("settings", settings, BakeSettings)
+    cube_map = CubeMap(settings.resolution)
+    given = lamps, world, camera, source, restart, pace, lights
+    world = expect_bake_input(scene, path, cube_map, *given)
     made = []
 
     def caster():
@@ -202,17 +219,18 @@ def bake_steps(
 
     parts = (lamps, world, camera, source)
     try:
-        if pace is None:
-            return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
-        errands = Errands()
+        with system_errors(path), unless_begun(path):
+            if pace is None:
+                return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
+            errands = Errands()
 
-        def relayed():
-            # Threaded rays are cast where the work is, and a stop waits for a part of them.
-            found = errands.call(caster)
-            return found if found.threads > 1 else RelayCaster(found, errands, pace)
+            def relayed():
+                # Threaded rays are cast where the work is, and a stop waits for a part of them.
+                found = errands.call(caster)
+                return found if found.threads > 1 else RelayCaster(found, errands, pace)
 
-        work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
-        return (yield from steps_beside(work, errands, "scene"))
+            work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
+            return (yield from steps_beside(work, errands, "scene"))
     finally:
         for item in made:
             item.close()
@@ -376,6 +394,12 @@ def load(path):
     PRTError
         Not there, not finished, damaged, foreign, or of a newer version.
     """
+    path = expect_path("bake", path)
+    with system_errors(path):
+        return _load(path)
+
+
+def _load(path):
     store = BakeStore(path)
     facts = store.facts
     expect(

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import expect_one_of
 from prt_core.progress import Pace, Progress
 from prt_core.sampling import (
     AgreementSettings,
@@ -45,8 +45,7 @@ _TURNS = (
 
 def expect_method(method):
     """Raise `PRTError` unless `method` names a way to sample."""
-    known = ["auto", "exhaustive", *sampler_names()]
-    expect(method in known, f"method: expected one of {', '.join(known)}, got {method!r}")
+    expect_one_of("method", method, ("auto", "exhaustive", *sampler_names()))
 
 
 def chosen_method(method, n_points, n_directions):

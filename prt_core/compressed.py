@@ -17,8 +17,26 @@ from prt_core.compress import (
     neighbour_pairs,
     seam,
 )
-from prt_core.compress.choose import WORST, Trial, describe, relative_l2, relit
-from prt_core.errors import PRTError, expect
+from prt_core.compress.choose import (
+    FAILURES,
+    WORST,
+    Trial,
+    describe,
+    none_left,
+    reason_of,
+    relative_l2,
+    relit,
+)
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_kind,
+    expect_named,
+    expect_offers,
+    expect_seed,
+    shown,
+    system_errors,
+)
 from prt_core.light import EnvironmentMap, TurningLight
 from prt_core.machine import peak_bytes
 from prt_core.progress import Progress, beside
@@ -61,9 +79,10 @@ class CompressSettings:
     def __post_init__(self):
         names = method_names()
         expect(
-            self.method in ("auto", *names),
-            f"method: expected auto, {', '.join(names)} or none, got {self.method!r}",
+            isinstance(self.method, str) and self.method in ("auto", *names),
+            f"method: expected auto, {', '.join(names)} or none, got {shown(self.method)}",
         )
+        expect_seed(self.seed)
         self.limits  # noqa: B018  (checks them)
 
     @property
@@ -113,22 +132,36 @@ def compress_steps(bake, settings=None, lights=None):
         seconds, milliseconds, milliseconds_worst, error, worst, worst_light, lights, tolerance,
         tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
     """
-    settings = settings or CompressSettings()
+    settings = CompressSettings() if settings is None else settings
+    expect_kind("settings", settings, CompressSettings)
+    expect_offers("bake", bake, ("scene", "transport", "path"), "what `load` returns")
+    lights = _expect_lights(lights)
+    with system_errors(bake.path):
+        return (yield from _compress(bake, settings, lights))
+
+
+def _expect_lights(lights):
+    """Environments by name; the standing ones where none are given."""
+    if lights is None:
+        return standing_lights()
+    expect_named("lights", lights, EnvironmentMap, "environments")
+    expect(lights, "lights: expected at least one")
+    return lights
+
+
+def _compress(bake, settings, lights):
     expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
-    lights = lights or standing_lights()
     began = time.perf_counter()
     task = Task.of(bake.transport, bake.scene.points, settings.seed)
     names = method_names() if settings.method == "auto" else [settings.method]
     turning = yield from beside("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
     few = {name: light.at(_CHOICE) for name, light in few}
-    chosen, why, trials = yield from choose_steps(task, names, settings.limits, few)
-    made, rung = yield from _fit(task, chosen, settings.limits, few)
-    if rung != chosen.rung:
-        why += f"; of all points {describe(made.model)}"
+    limits = settings.limits
+    ranked, trials = yield from choose_steps(task, names, limits, few)
+    made, why = yield from _fit_best(task, ranked, trials, limits, few)
     spent = time.perf_counter() - began
     found = yield from measure_steps(bake, made, turning, lights)
-    limits = settings.limits
     made.facts = {
         "method": made.method,
         "settings": {k: v for k, v in made.model.get_params().items() if _plain(v)},
@@ -138,6 +171,7 @@ def compress_steps(bake, settings=None, lights=None):
         "seconds": round(spent, 3),
         "tolerance": limits.tolerance,
         **found,
+        "notes": [note for light in lights.values() for note in light.notes],
         "tolerance_met": met(limits, found),
         "peak_bytes": peak_bytes(),
         "fingerprint": (yield from beside("store", bake.transport.fingerprint)),
@@ -161,27 +195,65 @@ def met(limits, found):
     return bool(found["error"] <= limits.tolerance and found["worst"] <= most)
 
 
-def _fit(task, chosen, limits, lights):
-    """Fit the chosen rung to all points; a few rungs up or down where the sample was wrong."""
-    method = method_named(chosen.method)
-    ladder, rung, way, best = method.ladder(task), chosen.rung, 0, None
+def _fit_best(task, ranked, trials, limits, lights):
+    """The first of the ranked that all points can be fitted with, within the limits, and why.
+
+    What fails is added to `trials`.
+    """
     truths = {}
     for name, light in lights.items():
         truths[name] = yield from beside("choice", task.transport.relight, light)
+    failed, beyond = set(), []
+    for chosen, why in ranked:
+        if (chosen.method, chosen.rung) in failed:
+            continue
+        try:
+            made, trial = yield from _fit(task, chosen, limits, lights, truths, failed)
+        except FAILURES as error:
+            reason = f"of all points: {reason_of(error)}"
+            trials.append(Trial(chosen.method, chosen.settings, chosen.rung, failure=reason))
+            continue
+        if limits.excess(trial) > 1:
+            beyond.append(trial)
+            continue
+        other = "" if trial.rung == chosen.rung else f"; of all points {trial.settings}"
+        return made, why + other
+    raise PRTError(limits.beyond(beyond) if beyond else none_left(trials))
+
+
+def _fit(task, chosen, limits, lights, truths, failed):
+    """Fit the chosen rung to all points; a few rungs up or down where the sample was wrong.
+
+    Returns
+    -------
+    made : Compressed
+    trial : Trial
+        Measured on all points.
+    """
+    method = method_named(chosen.method)
+    ladder, rung, way, best = method.ladder(task), chosen.rung, 0, None
     for _ in range(1 + _TURNS):
         model = ladder[rung]
-        yield from model.fit_steps(task.rows)
-        if method.finish is not None:
-            yield from beside("seams", method.finish, model, task)
-        made = Compressed(chosen.method, model)
-        trial = yield from beside("choice", _measured, made, task.transport, lights, truths, rung)
+        try:
+            failed.add((chosen.method, rung))
+            yield from model.fit_steps(task.rows)
+            if method.finish is not None:
+                yield from beside("seams", method.finish, model, task)
+            made = Compressed(chosen.method, model)
+            work = (_measured, made, task.transport, lights, truths, rung)
+            trial = yield from beside("choice", *work)
+        except FAILURES:
+            # A rung beside the chosen one is tried for being better only.
+            if best is None:
+                raise
+            break
         if best is None or _better(trial, best[1], limits):
             best = made, trial
         step = -1 if limits.excess(trial) > 1 else 0 if limits.near(trial) else 1
         if not step or way == -step or not 0 <= rung + step < len(ladder):
             break
         way, rung = step, rung + step
-    return best[0], best[1].rung
+    return best
 
 
 def _better(trial, other, limits):
@@ -197,8 +269,8 @@ def _measured(made, transport, lights, truths, rung):
     quick = made.relighter(transport)
     errors, spent = relit(quick, lights, truths)
     megabytes = made.model.nbytes / 1e6
-    error = float(np.mean(errors))
-    return Trial(made.method, "", rung, error, max(errors), megabytes, 1e3 * spent, 0.0)
+    error, settings = float(np.mean(errors)), describe(made.model)
+    return Trial(made.method, settings, rung, error, max(errors), megabytes, 1e3 * spent, 0.0)
 
 
 def measure_steps(bake, made, turning, lights):
@@ -235,6 +307,12 @@ def measure_steps(bake, made, turning, lights):
         for turn in _MEASURE:
             yield from beside("measure", one, name, turn)
             yield Progress("measure", len(errors), total)
+    bad = [name for name, error in errors.items() if not np.isfinite(error)]
+    expect(
+        not bad,
+        f"method: the colours of {made.method} are not finite under {', '.join(bad)}; leave such "
+        "lights out, or choose another method. Nothing was stored",
+    )
     worst = max(errors, key=errors.get)
     model = made.model
     return {
@@ -266,6 +344,11 @@ def load_compressed(bake):
     """
     if bake.path is None:
         return None, "the bake is not on disk"
+    with system_errors(bake.path):
+        return _load(bake)
+
+
+def _load(bake):
     store = BakeStore(bake.path)
     facts = compressed_facts(store)
     if facts is None:

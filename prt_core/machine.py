@@ -1,9 +1,47 @@
-"""What the machine tells about this process."""
+"""What the machine tells about itself and this process."""
 
+import os
 import sys
 from functools import cache
+from pathlib import Path
 
 from threadpoolctl import ThreadpoolController
+
+from prt_core.errors import expect
+
+# Where Linux says how much a container may take.
+_CONTAINER = Path("/sys/fs/cgroup/memory.max")
+
+
+def memory_bytes():
+    """Memory that this process may take at all, in bytes: the machine's, or its container's."""
+    if sys.platform == "win32":
+        return _windows_memory()
+    most = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    try:
+        return min(most, int(_CONTAINER.read_text()))
+    except (OSError, ValueError):
+        # No container, or one without a bound.
+        return most
+
+
+def expect_memory(what, n_bytes, advice):
+    """Raise `PRTError` where something needs more memory than there is.
+
+    Parameters
+    ----------
+    what : str
+    n_bytes : float
+        An estimate of what it needs.
+    advice : str
+        What to do about it.
+    """
+    most = memory_bytes()
+    expect(
+        n_bytes < most,
+        f"{what}: needs about {n_bytes / 1e9:,.1f} GB of memory, there are {most / 1e9:,.1f}; "
+        f"{advice}",
+    )
 
 
 def peak_bytes():
@@ -54,6 +92,32 @@ def _windows_peak():
     if not query(kernel.GetCurrentProcess(), ctypes.byref(counters), counters.cb):
         raise ctypes.WinError(ctypes.get_last_error())
     return int(counters.PeakWorkingSetSize)
+
+
+def _windows_memory():
+    import ctypes
+    from ctypes import wintypes
+
+    class Status(ctypes.Structure):
+        _fields_ = [("length", wintypes.DWORD), ("load", wintypes.DWORD)] + [
+            (name, ctypes.c_ulonglong)
+            for name in (
+                "TotalPhys",
+                "AvailPhys",
+                "TotalPageFile",
+                "AvailPageFile",
+                "TotalVirtual",
+                "AvailVirtual",
+                "AvailExtendedVirtual",
+            )
+        ]
+
+    status = Status(length=ctypes.sizeof(Status))
+    if not ctypes.WinDLL("kernel32", use_last_error=True).GlobalMemoryStatusEx(
+        ctypes.byref(status)
+    ):
+        raise ctypes.WinError(ctypes.get_last_error())
+    return int(status.TotalPhys)
 
 
 @cache

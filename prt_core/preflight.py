@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.bake import BakeSettings
 from prt_core.bake_bounces import MOST_ROUNDS
 from prt_core.bake_visibility import chosen_method
+from prt_core.errors import expect_kind, expect_number
 from prt_core.light import CubeMap
+from prt_core.scene import Scene
 from prt_core.transport.gather import ROUND
 
 # Rays a second where nothing was measured yet: two cores of a desktop machine.
@@ -61,6 +64,11 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
     -------
     Preflight
     """
+    expect_kind("scene", scene, Scene)
+    expect_kind("settings", settings, BakeSettings)
+    expect_kind("back_end", back_end, str, "the name of one")
+    if rays_per_second is not None:
+        expect_number("rays_per_second", rays_per_second, above=0)
     n_points = len(scene.points)
     n_directions = CubeMap(settings.resolution).n_directions
     # A point's rays are the directions above its surface: half the sphere.

@@ -6,6 +6,8 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
+from prt_core.errors import expect, expect_offers, shown
+
 # How long work in a thread lets its caller wait at most.
 _POLL = 0.02
 # Seconds that a stop may have to wait for threads.
@@ -30,6 +32,8 @@ def run(steps, report=None):
     report : callable(Progress), optional
         Called after each step; what it raises ends the work and reaches the caller.
     """
+    expect_offers("steps", steps, ("__next__", "close"), "a generator of Progress")
+    expect(report is None or callable(report), f"report: expected a function, got {shown(report)}")
     while True:
         try:
             progress = next(steps)

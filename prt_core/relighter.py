@@ -6,8 +6,28 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.compressed import load_compressed
-from prt_core.errors import PRTError, expect, expect_array
-from prt_core.light import EnvironmentMap, TurningLight, rotation_matrix, split_sun
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_all,
+    expect_flag,
+    expect_kind,
+    expect_number,
+    expect_offers,
+    expect_one_of,
+    expect_path,
+    expect_whole,
+    system_errors,
+)
+from prt_core.light import (
+    BrightPixels,
+    EnvironmentMap,
+    Lamp,
+    TurningLight,
+    rotation_matrix,
+    split_sun,
+)
+from prt_core.light.environment import BRIGHTEST, expect_radiance, expect_strength
 from prt_core.light.images import reads_in_threads
 from prt_core.progress import Pace, beside, maybe_beside, run
 from prt_core.transport import lamp_steps
@@ -15,6 +35,8 @@ from prt_core.transport import lamp_steps
 # Images, and lights to be turned, that stay in memory at once.
 _MOST_IMAGES = 4
 TRANSPORTS = ("auto", "exact", "compressed")
+# Shadow rays a point and lamp: beyond, their random numbers alone take a gigabyte.
+MOST_LAMP_SAMPLES = 1 << 13
 
 
 class Relighter:
@@ -39,15 +61,17 @@ class Relighter:
         "exact" or "compressed": what the last colours were made with.
     why : str
         Why `auto` did not use a compressed form; empty where it did.
+    notes : tuple of str
+        What is to be said of the image last read (see `read_picture`).
     """
 
     def __init__(self, bake, caster="auto", transport="auto"):
-        expect(
-            transport in TRANSPORTS,
-            f"transport: expected one of {', '.join(TRANSPORTS)}, got {transport!r}",
-        )
-        self.bake, self.transport = bake, transport
-        self.used, self.why = "exact", ""
+        # A `Bake`; that module knows no relighter, and this one need not know it.
+        parts = "scene", "transport", "make_caster"
+        expect_offers("bake", bake, parts, "what `load` returns")
+        self.bake, self.transport = bake, expect_one_of("transport", transport, TRANSPORTS)
+        expect_kind("caster", caster, str, "the name of one")
+        self.used, self.why, self.notes = "exact", "", ()
         self._caster_name, self._caster = caster, None
         self._images, self._turning = {}, {}
         self._environment = (None, None)
@@ -86,16 +110,24 @@ class Relighter:
         (n_points, 3) float32
             Linear Rec.709 radiance of all points.
         """
+        strength = expect_number("strength", strength, 0, BRIGHTEST)
+        light_strength = expect_number("light_strength", light_strength, 0, BRIGHTEST)
+        sharp_sun = expect_flag("sharp_sun", sharp_sun)
+        lamp_samples = expect_whole("lamp_samples", lamp_samples, 1, MOST_LAMP_SAMPLES)
+        expect_bounces(bounces)
+        rotation_matrix(rotation)
+        if pace is not None:
+            expect_number("pace", pace, above=0)
+        chosen = self._chosen_lamps(light, lamps)
+        # No lamps in a list is an answer; not to ask for any is none.
         expect(
-            light is not None or lamps is not False,
+            light is not None or chosen or isinstance(lamps, list | tuple),
             "light: give an environment image, 'world', or ask for the lamps",
         )
-        for factor in (strength, light_strength):
-            expect(
-                np.isfinite(factor) and factor >= 0,
-                f"strength: expected a finite number >= 0, got {factor}",
-            )
-        chosen = self._chosen_lamps(light, lamps)
+        expect(
+            light is not None or rotation is None,
+            "rotation: turns an environment image; there is none",
+        )
         apart = pace and isinstance(light, str | Path) and reads_in_threads(light)
         light = yield from maybe_beside(apart, "image", self._read, light)
         if sharp_sun:
@@ -103,6 +135,12 @@ class Relighter:
                 isinstance(light, EnvironmentMap),
                 "sharp_sun: needs an environment image, not a light that is on texels already",
             )
+        if isinstance(light, EnvironmentMap):
+            expect_strength(light.name, light.pixels, strength * light_strength)
+        elif light is not None and not isinstance(light, str):
+            texels = expect_radiance("light", light, self.bake.cube_map)
+            expect_strength("light", texels, strength * light_strength)
+        self.notes = getattr(light, "notes", ())
         quick = None
         if light is not None and self.transport != "exact":
             unread = pace and self._form is None
@@ -161,8 +199,10 @@ class Relighter:
         return self._form[1]
 
     def _chosen_lamps(self, light, lamps):
-        if lamps is not True:
-            return list(lamps or [])
+        if not isinstance(lamps, bool | np.bool_):
+            return expect_all("lamps", lamps, Lamp | BrightPixels, "lamps, True or False")
+        if not lamps:
+            return []
         found = list(self.bake.lamps)
         expect(found, "lamps: the baked scene had no lamps that render")
         if isinstance(light, str) and light == "world":
@@ -174,8 +214,9 @@ class Relighter:
         """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
         if not isinstance(light, str | Path) or light == "world":
             return light
-        path = Path(light)
-        stamp = path.stat().st_mtime_ns if path.is_file() else None
+        path = expect_path("light", light)
+        with system_errors(path):
+            stamp = path.stat().st_mtime_ns if path.is_file() else None
         if (path, stamp) not in self._images:
             while len(self._images) >= _MOST_IMAGES:
                 self._images.pop(next(iter(self._images)))
@@ -259,7 +300,9 @@ class Relighter:
 
 def on_texels(bake, light, rotation=None):
     """(n_directions, 3) float32 of an environment, of 'world', or of light on texels already."""
+    expect_offers("bake", bake, ("world", "cube_map"), "what `load` returns")
     if isinstance(light, str):
+        expect(light == "world", f"light: expected 'world' or an image, got {light!r}")
         expect(
             bake.world is not None,
             "light 'world': the bake has none, its world was not understood; give an image",
@@ -269,7 +312,13 @@ def on_texels(bake, light, rotation=None):
     if isinstance(light, EnvironmentMap):
         return light.to_cube_map(bake.cube_map, rotation)
     expect(rotation is None, "rotation: turns an environment image, not a light on texels")
-    return expect_array("light", light, (bake.cube_map.n_directions, 3), np.float32)
+    return expect_radiance("light", light, bake.cube_map)
+
+
+def expect_bounces(bounces):
+    """Raise `PRTError` unless this is "baked", None (all) or a number of bounces."""
+    if bounces is not None and not (isinstance(bounces, str) and bounces == "baked"):
+        expect_whole("bounces", bounces, 0)
 
 
 def lamp_signature(lamp):

@@ -121,11 +121,14 @@ def trial_lines(facts):
     head = f"{'settings':{width}}"
     yield f"tried on a sample: method      {head}  error %  worst %       MB      ms"
     for trial in trials:
-        yield (
-            f"                   {trial['method']:10}  {trial['settings']:{width}}  "
-            f"{100 * trial['error']:7.2f}  {100 * trial['worst']:7.2f}  "
-            f"{trial['megabytes']:7.1f}  {trial['milliseconds']:6.1f}"
-        )
+        if trial.get("failure"):
+            figures = f"out: {trial['failure']}"
+        else:
+            figures = (
+                f"{100 * trial['error']:7.2f}  {100 * trial['worst']:7.2f}  "
+                f"{trial['megabytes']:7.1f}  {trial['milliseconds']:6.1f}"
+            )
+        yield f"                   {trial['method']:10}  {trial['settings']:{width}}  {figures}"
     yield f"chosen: {facts['method']}, {facts['why']}"
 
 
@@ -133,11 +136,10 @@ def compressed_lines(facts):
     """Lines on a compressed form: what it is, how near, how large, how fast."""
     settings = ", ".join(f"{k} {v}" for k, v in facts["settings"].items() if v is not None)
     yield f"  method  {facts['method']} ({settings}), {facts['seconds']:.1f} s"
-    verdict = {None: "", True: ", within the tolerance", False: ", NOT within the tolerance"}
     yield (
         f"  error   {facts['error']:.2%} of relit colours in the mean over {facts['lights']} "
         f"lights it was not chosen under, {facts['worst']:.2%} under {facts['worst_light']}"
-        f"{verdict[facts['tolerance_met']]}"
+        f"{', within the tolerance' if facts['tolerance_met'] else ''}"
     )
     yield (
         f"  size    {facts['bytes'] / 1e6:.1f} MB, {facts['bits_a_coefficient']:.2f} bits a "
@@ -147,3 +149,20 @@ def compressed_lines(facts):
         f"  speed   {facts['milliseconds']:.1f} ms a light in the median, "
         f"{facts['milliseconds_worst']:.1f} ms the slowest"
     )
+    yield from (f"  note    {note}" for note in facts.get("notes", ()))
+    yield from (f"  MISSED  {line}" for line in missed(facts))
+
+
+def missed(facts):
+    """What was asked of a compressed form and is not kept, a line each."""
+    if facts["tolerance_met"] is False:
+        yield (
+            f"NOT within the tolerance of {facts['tolerance']:.2%}: the error is "
+            f"{facts['error']:.2%}, {facts['worst']:.2%} under the worst light; ask for less, "
+            "or relight with --transport exact"
+        )
+    asked = (facts.get("asked") or {}).get("milliseconds")
+    if asked is not None and facts["milliseconds"] > asked:
+        yield (
+            f"NOT within {asked:g} ms: a light takes {facts['milliseconds']:.1f} ms in the median"
+        )

@@ -7,14 +7,16 @@ n x n texels with n = 2^k m are halved k times; m x m scaling coefficients stay.
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_flag, expect_numbers, expect_whole
 
 # Texels that are transformed at once.
 _TEXELS = 1 << 18
+_MOST_RESOLUTION = 1024
 
 
 def haar_levels(size):
     """How many times a side of `size` can be halved."""
+    size = expect_whole("size", size, 1)
     return (size & -size).bit_length() - 1
 
 
@@ -33,7 +35,7 @@ def haar_forward(faces, levels=None):
         Scaling coefficients in the corner [0, 0]; beside them, level by level, the differences
         along columns (right), along rows (below) and both.
     """
-    faces = np.asarray(faces)
+    faces = expect_numbers("faces", faces)
     levels = _levels(faces, levels)
     n = faces.shape[-1]
     result = np.empty(faces.shape, faces.dtype)
@@ -64,7 +66,7 @@ def _forward(faces, out, levels):
 
 def haar_inverse(coefficients, levels=None):
     """Faces from their coefficients: the inverse, and the transpose, of `haar_forward`."""
-    result = np.array(coefficients)
+    result = np.array(expect_numbers("coefficients", coefficients))
     for level in reversed(range(_levels(result, levels))):
         size = result.shape[-1] >> level
         half = size // 2
@@ -93,9 +95,22 @@ def haar_rows(rows, resolution, inverse=False):
     -------
     (..., 6 resolution^2) float
     """
-    rows = np.asarray(rows)
+    rows = expect_rows(rows, resolution)
+    expect_flag("inverse", inverse)
     faces = rows.reshape(*rows.shape[:-1], 6, resolution, resolution)
     return (haar_inverse if inverse else haar_forward)(faces).reshape(rows.shape)
+
+
+def expect_rows(rows, resolution):
+    """Rows of a cube map's texels: (..., 6 resolution^2) numbers."""
+    resolution = expect_whole("resolution", resolution, 1, _MOST_RESOLUTION)
+    rows = expect_numbers("rows", rows)
+    wanted = 6 * resolution**2
+    expect(
+        rows.ndim and rows.shape[-1] == wanted,
+        f"rows: expected (..., {wanted}), got {rows.shape}",
+    )
+    return rows
 
 
 def haar_areas(resolution):
@@ -108,7 +123,8 @@ def haar_areas(resolution):
     areas : (6 resolution^2,) float64
         Texels in the support.
     """
-    n, levels = resolution, haar_levels(resolution)
+    n = expect_whole("resolution", resolution, 1, _MOST_RESOLUTION)
+    levels = haar_levels(n)
     level = np.zeros((n, n), int)
     for step in range(levels):
         size = n >> step
@@ -120,12 +136,10 @@ def haar_areas(resolution):
 
 
 def _levels(array, levels):
-    n = array.shape[-1]
-    most = haar_levels(n)
+    n = array.shape[-1] if array.ndim else 0
     expect(
-        array.ndim >= 2 and array.shape[-2] == n and array.dtype.kind == "f",
+        array.ndim >= 2 and array.shape[-2] == n > 0 and array.dtype.kind == "f",
         f"faces: expected (..., n, n) floats, got {array.shape} {array.dtype}",
     )
-    levels = most if levels is None else levels
-    expect(0 <= levels <= most, f"levels: expected 0 to {most} for faces of {n}, got {levels}")
-    return levels
+    most = haar_levels(n)
+    return most if levels is None else expect_whole("levels", levels, 0, most)

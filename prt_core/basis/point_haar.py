@@ -7,7 +7,7 @@ Sweldens 1997, unbalanced Haar wavelets, on a tree as in Gavish et al. 2010.)
 
 import numpy as np
 
-from prt_core.basis.wavelets import _all_steps
+from prt_core.basis.wavelets import all_steps, expect_array_of
 from prt_core.errors import expect, expect_array
 
 # Normals count as much as so much of the scene's size.
@@ -41,24 +41,23 @@ class PointHaar:
     def __init__(self, positions, normals=None, groups=None):
         positions = expect_array("positions", positions, (None, 3), np.float64)
         n = len(positions)
+        expect(n, "positions: expected at least one point")
         size = np.ptp(positions, axis=0).max(initial=0) or 1.0
         features = [positions / size]
         if normals is not None:
             normals = expect_array("normals", normals, (n, 3), np.float64)
             features.append(_NORMAL_SHARE * normals)
         if groups is not None:
-            features.append(2.0 * np.asarray(groups, np.float64)[:, None])
+            groups = expect_array("groups", groups, (n,), np.int64)
+            features.append(2.0 * groups[:, None])
         depth = max(n - 1, 0).bit_length()
         self._plant(_tree_order(np.hstack(features), depth))
 
     @classmethod
     def from_order(cls, order):
         """The transform whose leaves are these points, a permutation of 0 to n - 1."""
-        order = np.asarray(order, np.int64)
-        expect(
-            order.ndim == 1 and (np.sort(order) == np.arange(len(order))).all(),
-            "order: expected every point once",
-        )
+        order = expect_array("order", order, (None,), np.int64)
+        expect((np.sort(order) == np.arange(len(order))).all(), "order: expected every point once")
         self = cls.__new__(cls)
         self._plant(order)
         return self
@@ -102,12 +101,12 @@ class PointHaar:
 
     def forward(self, vectors, depth=None):
         """Coefficients after `depth` steps of (..., n) functions in the order of the points."""
-        return _all_steps(self, np.asarray(vectors)[..., self.order], depth, False)
+        return all_steps(self, expect_array_of(vectors, self.n)[..., self.order], depth, False)
 
     def inverse(self, coefficients, depth=None):
         """Functions in the order of the points: undoes `forward`."""
-        result = np.empty_like(coefficients)
-        result[..., self.order] = _all_steps(self, coefficients, depth, True)
+        result = np.empty_like(expect_array_of(coefficients, self.n))
+        result[..., self.order] = all_steps(self, coefficients, depth, True)
         return result
 
     def head(self, vectors, depth):

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from prt_core.basis.point_haar import PointHaar
-from prt_core.basis.wavelets import _all_steps
-from prt_core.errors import expect, expect_array
+from prt_core.basis.wavelets import all_steps
+from prt_core.errors import expect, expect_array, expect_numbers
 
 # Functions that a node keeps.
 _KEPT = 3
@@ -46,14 +46,15 @@ class PointMultiwavelet(PointHaar):
         size = np.ptp(positions, axis=0).max(initial=0) or 1.0
         features = [254 * (positions - middle) / size]
         if normals is not None:
-            features.insert(0, 127 * np.asarray(normals, np.float64))
+            features.insert(0, 127 * expect_array("normals", normals, (None, 3), np.float64))
         features = np.rint(np.hstack(features)).clip(-127, 127).astype(np.int8)
         self._plant(tree.order, features[:, (features != features[:1]).any(axis=0)])
 
     @classmethod
     def from_order(cls, order, features):
         """The transform that has these leaves and features, as it was."""
-        order, features = np.asarray(order, np.int64), np.asarray(features)
+        order = expect_array("order", order, (None,), np.int64)
+        features = expect_numbers("features", features)
         expect(
             features.ndim == 2 and features.dtype == np.int8 and len(features) == len(order),
             f"features: expected ({len(order)}, k) int8, got {features.shape} {features.dtype}",
@@ -65,7 +66,7 @@ class PointMultiwavelet(PointHaar):
     def check(self):
         """A number by which to tell whether the same basis was made of the same features."""
         places = np.arange(self.n)
-        return float(_all_steps(self, np.cos(places)[None], None, False)[0] @ np.sin(2 * places))
+        return float(all_steps(self, np.cos(places)[None], None, False)[0] @ np.sin(2 * places))
 
     def _plant(self, order, features):
         self.n, self.order, self.features = len(order), order, features

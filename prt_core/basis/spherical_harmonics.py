@@ -6,7 +6,7 @@ Signs as in Sloan 2008 without the Condon-Shortley phase: Y_1 is proportional to
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_array, expect_vectors, expect_whole
 
 MOST = 32
 
@@ -26,11 +26,8 @@ def harmonics(directions, order):
     (..., order^2) float64
         Orthonormal over the sphere.
     """
-    expect(
-        isinstance(order, int | np.integer) and 1 <= order <= MOST,
-        f"order: expected a whole number from 1 to {MOST}, got {order!r}",
-    )
-    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+    order = expect_whole("order", order, 1, MOST)
+    x, y, z = np.moveaxis(expect_vectors("directions", directions), -1, 0)
     result = np.empty((*z.shape, order * order))
     # Legendre functions divided by sin^m, fully normalised, so that no factorial appears; the
     # sines go with the angle as real and imaginary part of (x + i y)^m.
@@ -71,6 +68,9 @@ def texel_harmonics(resolution, order, faces, n_nodes=4):
     (6 resolution^2, order^2) float64
         The projection of a light (n_directions,) is `light @ integrals`.
     """
+    resolution = expect_whole("resolution", resolution, 1, 1024)
+    n_nodes = expect_whole("n_nodes", n_nodes, 1, 64)
+    faces = expect_array("faces", faces, (6, 3, 3), np.float64)
     nodes, weights = np.polynomial.legendre.leggauss(n_nodes)
     place = (np.arange(resolution)[:, None] + (nodes + 1) / 2) / resolution * 2 - 1
     weight = np.outer(weights, weights).ravel() / resolution**2
@@ -79,7 +79,7 @@ def texel_harmonics(resolution, order, faces, n_nodes=4):
     square = (local**2).sum(axis=-1)
     local /= np.sqrt(square)[..., None]
     result = []
-    for face in np.asarray(faces):
+    for face in faces:
         values = harmonics(local @ face, order) * square[..., None] ** -1.5
         values = values.reshape(resolution, n_nodes, resolution, n_nodes, -1)
         values = np.moveaxis(values, 1, 2).reshape(resolution**2, n_nodes**2, -1)
@@ -107,9 +107,10 @@ def rotation_of_harmonics(matrix, order):
     PRTError
         `matrix` is no rotation.
     """
-    matrix = np.asarray(matrix, np.float64)
+    order = expect_whole("order", order, 1, MOST)
+    matrix = expect_array("matrix", matrix, (3, 3), np.float64, -2, 2)
     expect(
-        matrix.shape == (3, 3) and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6),
+        np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6),
         "matrix: expected a rotation, (3, 3) with orthonormal rows",
     )
     # A degree's functions at a few well spread directions determine the block.

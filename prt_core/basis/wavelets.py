@@ -9,8 +9,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from prt_core.basis.haar import haar_levels, haar_rows
-from prt_core.errors import PRTError, expect
+from prt_core.basis.haar import expect_rows, haar_levels, haar_rows
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_flag,
+    expect_numbers,
+    expect_one_of,
+    expect_pair,
+    expect_whole,
+    shown,
+)
 
 # Our name: PyWavelets' name.
 WAVELETS = {
@@ -24,6 +33,7 @@ WAVELETS = {
 ORTHONORMAL = ("haar", "d4", "d6", "d8")
 # Results that are made from the samples around them by one product.
 _TOGETHER = 32
+_MOST_SIDE = 1 << 24
 
 
 class ImageWavelet:
@@ -51,9 +61,8 @@ class ImageWavelet:
     haar = None
 
     def __init__(self, shape, wavelet="haar"):
-        self.shape = int(shape[0]), int(shape[1])
-        expect(min(self.shape) >= 1, f"shape: expected two positive numbers, got {shape}")
-        self.wavelet = wavelet
+        self.shape = expect_pair("shape", shape, 1, _MOST_SIDE)
+        self.wavelet = expect_one_of("wavelet", wavelet, WAVELETS)
         step_matrices(2, wavelet)
         self.orthonormal = wavelet in ORTHONORMAL
         self.n = self.shape[0] * self.shape[1]
@@ -69,11 +78,11 @@ class ImageWavelet:
 
     def forward(self, vectors, depth=None):
         """Copy of (..., n) vectors after `depth` steps; default: all."""
-        return _all_steps(self, vectors, depth, False)
+        return all_steps(self, vectors, depth, False)
 
     def inverse(self, vectors, depth=None):
         """Undo `forward`."""
-        return _all_steps(self, vectors, depth, True)
+        return all_steps(self, vectors, depth, True)
 
     def head(self, vectors, depth):
         """The part of (m, n) vectors that step `depth` changes: (m, height, width), no copy."""
@@ -134,14 +143,15 @@ def wavelet_rows(rows, resolution, wavelet, inverse=False):
     -------
     (..., 6 resolution^2) float
     """
+    rows = expect_rows(rows, resolution)
+    expect_flag("inverse", inverse)
     expect(
-        wavelet in ORTHONORMAL,
+        isinstance(wavelet, str) and wavelet in ORTHONORMAL,
         f"wavelet: expected one of {', '.join(ORTHONORMAL)} for rows, got {wavelet!r}",
     )
     if wavelet == "haar":
         return haar_rows(rows, resolution, inverse)
     faces = ImageWavelet((resolution, resolution), wavelet)
-    rows = np.asarray(rows)
     flat = np.ascontiguousarray(rows).reshape(-1, resolution * resolution)
     return (faces.inverse if inverse else faces.forward)(flat).reshape(rows.shape)
 
@@ -152,10 +162,7 @@ def step_matrices(n, wavelet):
 
     The first half of the result are scaling coefficients, the second details.
     """
-    expect(
-        wavelet in WAVELETS,
-        f"wavelet: expected one of {', '.join(WAVELETS)}, got {wavelet!r}",
-    )
+    expect_one_of("wavelet", wavelet, WAVELETS)
     pywt = _pywavelets(wavelet)
     filters = pywt.Wavelet(WAVELETS[wavelet])
     if wavelet in ORTHONORMAL:
@@ -217,13 +224,24 @@ def _mirrored(taps, n, first):
     return result
 
 
-def _all_steps(transform, vectors, depth, inverse):
-    depth = transform.depth if depth is None else depth
-    result = np.array(vectors)
+def all_steps(transform, vectors, depth, inverse):
+    most = transform.depth
+    depth = most if depth is None else expect_whole("depth", depth, 0, most)
+    result = np.array(expect_array_of(vectors, transform.n))
     flat = result.reshape(-1, transform.n)
     for level in reversed(range(depth)) if inverse else range(depth):
         (transform.inverse_step if inverse else transform.forward_step)(flat, level)
     return result
+
+
+def expect_array_of(vectors, n):
+    """(..., n) floats."""
+    vectors = expect_numbers("vectors", vectors)
+    expect(
+        vectors.ndim and vectors.shape[-1] == n and vectors.dtype.kind == "f",
+        f"vectors: expected (..., {n}) floats, got {shown(vectors)}",
+    )
+    return vectors
 
 
 def _pywavelets(wavelet):

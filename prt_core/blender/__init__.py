@@ -1,7 +1,7 @@
 """Blender's side of the core: the only folder that imports bpy.
 
 Importing it makes Blender's ray casters known by name (`blender`, `bvhtree`) and lends the
-image reader its .hdr format.
+image reader Blender's own for .exr, inside the program Blender.
 """
 
 import bpy  # noqa: F401  (must come before mathutils)

@@ -10,7 +10,14 @@ import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from prt_core.rays.caster import MISS, Hits, as_rays, barycentric_of, register_caster
+from prt_core.rays.caster import (
+    MISS,
+    Hits,
+    as_limits,
+    as_rays,
+    barycentric_of,
+    register_caster,
+)
 
 # Rays are as long as they like in the scene's frame, whose size is 1.
 _FAR = 100.0
@@ -86,6 +93,7 @@ class BlenderCaster:
         origins, directions = as_rays(origins, directions)
         if not len(origins):
             return np.zeros(0, bool)
+        distances = as_limits(distances, len(origins))
         if distances is not None:
             distances = np.ascontiguousarray(np.minimum(distances, _FAR), np.float32)
         return self._cast(origins, directions, distances) != MISS

@@ -5,12 +5,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_array
+from prt_core.errors import PRTError, expect, expect_array, expect_path
+from prt_core.files import written
 
 COLLECTION = "PRT"
 # Custom properties: on copies, on meshes whose active colours changed, on the preview's own blocks.
 _COPY, ACTIVE_BEFORE, PREVIEW = "prt_copy", "prt_active_before", "PRT preview"
 CHANNELS = "RGB"
+# A whole compressed .blend ends so: the magic number of Zstandard's seek table.
+_LAST_BYTES = b"\xb1\xea\x92\x8f"
 
 
 def write_colours(
@@ -273,8 +276,24 @@ def is_copy(item):
 
 def save_scene(path):
     """Save the open file under a name, through a temporary one; never half."""
-    path = Path(path).resolve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.stem + ".part.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, compress=True)
-    temporary.replace(path)
+    path = expect_path("scene", path).resolve()
+    expect(path.suffix == ".blend", f"{path}: expected a name that ends in .blend")
+    with written(path) as part:
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=True)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            raise PRTError(f"{path}: Blender cannot save it ({reason})") from error
+        else:
+            # Blender says that it has saved a compressed file also where the disk was full.
+            with part.open("rb") as file:
+                file.seek(-len(_LAST_BYTES), 2)
+                whole = file.read() == _LAST_BYTES
+            expect(
+                whole,
+                f"{path}: was cut off while Blender wrote it; free some space there, or choose "
+                "another disk",
+            )
+        finally:
+            # Blender's own temporary file, where it fails.
+            Path(f"{part}@").unlink(missing_ok=True)

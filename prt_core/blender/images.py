@@ -17,9 +17,16 @@ def pixels_of(image):
     Raises
     ------
     PRTError
-        The file is missing, or the colour space is neither sRGB nor linear Rec.709.
+        The file is missing, or the colour space of an image of bytes is neither sRGB nor linear
+        Rec.709.
     """
     width, height = image.size
+    # Known once its size was asked for.
+    expect(
+        image.type != "MULTILAYER",
+        f"image '{image.name}': has several layers, whose pixels Blender keeps to itself; save the "
+        "Combined one alone",
+    )
     expect(
         width > 0 and height > 0,
         f"image '{image.name}': no pixels; its file '{image.filepath}' is missing or unreadable",
@@ -32,10 +39,11 @@ def pixels_of(image):
     elif image.channels == 3:
         values = np.concatenate([values, np.ones_like(values[..., :1])], axis=-1)
     space = image.colorspace_settings.name
-    if space == "sRGB":
-        # Float images are kept linear in memory whatever their file holds.
-        if not image.is_float:
-            values = np.concatenate([linear_of_srgb(values[..., :3]), values[..., 3:]], axis=-1)
+    if image.is_float:
+        # Blender has made these linear Rec.709 whatever their file holds.
+        pass
+    elif space == "sRGB":
+        values = np.concatenate([linear_of_srgb(values[..., :3]), values[..., 3:]], axis=-1)
     elif space not in _LINEAR:
         raise PRTError(
             f"image '{image.name}': colour space '{space}' is not understood; "
@@ -61,11 +69,10 @@ def _read(path):
 
 
 def register():
-    """Lend Blender's readers: for .hdr, and inside the program Blender for .exr as well.
+    """Lend Blender's reader of .exr inside the program Blender.
 
     The program may hold another OpenEXR library than the Python module brings, and two of them
     in one process can crash (Debian's Blender does).
     """
-    register_reader(".hdr", _read)
     if bpy.app.binary_path or find_spec("OpenEXR") is None:
         register_reader(".exr", _read)

@@ -1,6 +1,7 @@
 """`prt bake | relight | compress | info | bench`: the command line, also `python -m prt_core`."""
 
 import argparse
+import os
 import sys
 
 import prt_core
@@ -9,7 +10,7 @@ from prt_core.cli.bench import add_bench
 from prt_core.cli.compress import add_compress
 from prt_core.cli.info import add_info
 from prt_core.cli.relight import add_relight
-from prt_core.errors import PRTError
+from prt_core.errors import PRTError, system_errors
 
 __all__ = ["main"]
 
@@ -24,11 +25,22 @@ def main(argv=None, in_blender=False):
     in_blender : bool
         Inside a running Blender: the scene that is open is used where no .blend is named.
     """
+    if hasattr(sys.stdout, "reconfigure"):
+        # Names of objects may have letters that a terminal has not.
+        sys.stdout.reconfigure(errors="backslashreplace")
     parser = _parser(in_blender)
     options = parser.parse_args(argv)
     try:
-        return options.run(options) or 0
+        with system_errors():
+            code = options.run(options) or 0
+            # What cannot be printed is known now, and not when Python ends.
+            sys.stdout.flush()
+        return code
     except PRTError as error:
+        _forget_lines()
+        if isinstance(error.__cause__, BrokenPipeError):
+            # Whoever read the lines has seen enough.
+            return 0
         print(f"prt: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -36,8 +48,23 @@ def main(argv=None, in_blender=False):
         return 130
 
 
+def _forget_lines():
+    """Lines that could not be printed are not tried again when Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message):
+        self.exit(2, f"prt: {message}; '{self.prog} --help' tells what there is\n")
+
+
 def _parser(in_blender):
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="prt", description="Bake how light travels in a scene once, relight it at once."
     )
     parser.add_argument("--version", action="version", version=f"prt {prt_core.__version__}")

@@ -1,6 +1,8 @@
-"""What several commands take."""
+"""What several commands take, and what is refused before any work."""
 
 import argparse
+
+from prt_core.errors import expect
 
 _IN_BLENDER = "the scene that is open"
 
@@ -10,6 +12,22 @@ def scene_argument(parser, in_blender):
         parser.add_argument("scene", nargs="?", help=f".blend; default: {_IN_BLENDER}")
     else:
         parser.add_argument("scene", help=".blend")
+
+
+def expect_used(options, needed):
+    """Refuse options that would change nothing.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        None or False where an option was not given.
+    needed : dict of str -> (tuple of str, str)
+        For an option those of which one must be given as well, and how they are called.
+    """
+    for name, (others, told) in needed.items():
+        given = getattr(options, name) not in (None, False)
+        used = any(getattr(options, other) not in (None, False) for other in others)
+        expect(not given or used, f"--{name.replace('_', '-')}: changes nothing without {told}")
 
 
 def caster_argument(parser):
@@ -47,6 +65,6 @@ def bounces(text):
 
 def size(text):
     width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and 0 < int(width) * int(height) < 1 << 28):
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
     return int(width), int(height)

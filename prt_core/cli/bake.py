@@ -7,12 +7,14 @@ import prt_core
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
+    expect_used,
     quiet_arguments,
     scene_argument,
     size,
 )
 from prt_core.cli.show import working
 from prt_core.errors import expect
+from prt_core.files import expect_output
 from prt_core.report import report_lines
 from prt_core.scene import PARAMETRISATIONS
 
@@ -39,15 +41,13 @@ def add_bake(commands, in_blender):
     bake.add_argument(
         "--camera-pixels", type=size, metavar="WxH", help="bake what the camera sees as an image"
     )
-    bake.add_argument(
-        "--pixel-samples", type=int, default=2, help="points along a side of its pixels (2)"
-    )
+    bake.add_argument("--pixel-samples", type=int, help="points along a side of its pixels (2)")
     bake.add_argument(
         "--geometry-image", nargs=2, metavar=("OBJECT", "N"),
         help="bake an image of N x N texels of an object's surface",
     )  # fmt: skip
     bake.add_argument(
-        "--parametrisation", default="auto", choices=PARAMETRISATIONS,
+        "--parametrisation", choices=PARAMETRISATIONS,
         help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
     )  # fmt: skip
     caster_argument(bake)
@@ -60,11 +60,21 @@ def add_bake(commands, in_blender):
 def _geometry_image(words):
     if words is None:
         return None
-    expect(words[1].isdigit(), f"--geometry-image: expected OBJECT N, got {' '.join(words)}")
-    return words[0], int(words[1])
+    name, size = words
+    good = name and size.isdecimal()
+    expect(good, f"--geometry-image: expected OBJECT N, got {' '.join(words)}")
+    return name, int(size)
+
+
+_NEEDED = {
+    "pixel_samples": (("camera_pixels",), "--camera-pixels"),
+    "parametrisation": (("geometry_image",), "--geometry-image"),
+}
 
 
 def _bake(options):
+    expect_used(options, _NEEDED)
+    samples = 2 if options.pixel_samples is None else options.pixel_samples
     blend = options.scene
     if blend is None:
         from prt_core.api import import_bpy
@@ -73,7 +83,8 @@ def _bake(options):
         expect(options.output or name, "output: the open scene has no file; name one with -o")
     else:
         name = blend
-    output = Path(options.output or Path(name).with_suffix(".prt"))
+    output = options.output if options.output is not None else Path(name).with_suffix(".prt")
+    output = expect_output("--output", output, ".prt", folder=True)
     with working(options.quiet or options.json) as bar:
         report = prt_core.bake(
             blend,
@@ -89,9 +100,9 @@ def _bake(options):
             seed=options.seed,
             method=options.method,
             camera_pixels=options.camera_pixels,
-            pixel_samples=options.pixel_samples,
+            pixel_samples=samples,
             geometry_image=_geometry_image(options.geometry_image),
-            parametrisation=options.parametrisation,
+            parametrisation=options.parametrisation or "auto",
         )
     if options.json:
         print(json.dumps({"bake": str(output), **report}))

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps, load
 from prt_core.cli.arguments import quiet_arguments, scene_argument
-from prt_core.cli.bench_scenes import lights_named, scene_named
+from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
-from prt_core.compress import method_names
+from prt_core.compress import method_named, method_names
 from prt_core.errors import expect
 from prt_core.progress import run
 
@@ -27,7 +27,7 @@ def add_bench_compress(kinds, in_blender):
         help="budgets: which of each method's settings, 0 the smallest (all)",
     )  # fmt: skip
     compress.add_argument("-o", "--output", required=True, metavar="FOLDER", help="of the report")
-    compress.add_argument("--resolution", type=int, default=32, help="of a scene that is baked")
+    compress.add_argument("--resolution", type=int, help="of a scene that is baked (32)")
     compress.add_argument(
         "--light", nargs="+", metavar="IMAGE", help="environments; default: Blender's own eight"
     )
@@ -43,17 +43,24 @@ def add_bench_compress(kinds, in_blender):
 def _bench_compress(options):
     from prt_core.evaluate.bench_compress import bench_compress_steps
     from prt_core.evaluate.compress_report import compress_report
-    from prt_core.evaluate.report import expect_folder, write_report
+    from prt_core.evaluate.report import write_report
 
-    expect_folder(options.output)
+    expect_bench(options)
     expect(
         options.rungs is None or min(options.rungs) >= 0,
         f"rungs: expected whole numbers >= 0, got {options.rungs}",
     )
+    expect(
+        options.resolution is None or not _is_bake(options.scene),
+        "--resolution: changes nothing for a bake that is there",
+    )
+    for name in options.methods:
+        method_named(name)
     silent = options.quiet or options.json
     with working(silent) as bar, tempfile.TemporaryDirectory() as folder:
+        images = images_named(options.light, every=True)
         name, bake = _baked(options, Path(folder), bar)
-        lights = lights_named(options.light, options.rotate, bake.cube_map, every=True)
+        lights = turned(images, options.rotate, bake.cube_map)
         made = {}
         steps = bench_compress_steps(
             bake, name, options.methods, lights, options.rungs, options.seed, made
@@ -64,15 +71,20 @@ def _bench_compress(options):
         report = compress_report(bake, caster, rows, made, *first, len(lights))
         caster.close()
         page = write_report(options.output, report)
-    return show_bench(options, rows, _print_rows, page)
+    return show_bench(options, rows, _print_rows, page, images)
+
+
+def _is_bake(scene):
+    return scene is not None and Path(scene).suffix == ".prt"
 
 
 def _baked(options, folder, bar):
     """(name, Bake): a bake that is there, or one of a scene, made for the occasion."""
-    if options.scene and options.scene.endswith(".prt"):
+    if _is_bake(options.scene):
         return Path(options.scene).stem, load(options.scene)
+    resolution = 32 if options.resolution is None else options.resolution
+    settings = BakeSettings(resolution=resolution, seed=options.seed)
     name, scene = scene_named(options.scene)
-    settings = BakeSettings(resolution=options.resolution, seed=options.seed)
     run(bake_steps(scene, folder / "bench.prt", settings), bar)
     return name, load(folder / "bench.prt")
 
@@ -82,6 +94,9 @@ def _print_rows(rows):
     print(f"{'method':{width}}       MB    bits  seconds  ms median   worst   matrix  relit  worst"
           "    seam")  # fmt: skip
     for row in rows:
+        if row.get("failure"):
+            print(f"{row['label']:{width}}  out: {row['failure']}")
+            continue
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
         matrix = "" if row["matrix_l2"] is None else f"{row['matrix_l2']:.2%}"
         seam = "" if row["seam"] is None else f"{row['seam']:.1%}"

@@ -5,6 +5,8 @@ import json
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import open_scene
 from prt_core.cli.show import Hushed
+from prt_core.errors import expect_whole
+from prt_core.light import CubeMap
 
 
 def add_bench_rays(kinds, in_blender):
@@ -20,6 +22,8 @@ def add_bench_rays(kinds, in_blender):
 def _bench_rays(options):
     from prt_core.evaluate.bench_rays import bench_rays
 
+    CubeMap(options.resolution)
+    expect_whole("--points", options.points, 1)
     with Hushed():
         rows = bench_rays(open_scene(options.scene), options.resolution, options.points)
     if options.json:

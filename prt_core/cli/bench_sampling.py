@@ -1,7 +1,7 @@
 """`prt bench sampling`: ways to sample the visibility against every entry traced."""
 
 from prt_core.cli.arguments import quiet_arguments, scene_argument
-from prt_core.cli.bench_scenes import lights_named, scene_named
+from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
 from prt_core.light import CubeMap
 from prt_core.progress import run
@@ -39,18 +39,19 @@ def add_bench_sampling(kinds, in_blender):
 
 def _bench_sampling(options):
     from prt_core.evaluate.bench_sampling import bench_sampling_steps, parse_method
-    from prt_core.evaluate.report import expect_folder, write_report
+    from prt_core.evaluate.report import write_report
     from prt_core.evaluate.sampling_report import sampling_report
 
-    expect_folder(options.output)
+    expect_bench(options)
     methods = [parse_method(text) for text in options.methods]
     for method in methods:
         method.made_settings(options.seed)
     cube_map = CubeMap(options.resolution)
     rows = []
     with working(options.quiet or options.json) as bar:
+        images = images_named(options.light)
         name, scene = scene_named(options.scene)
-        lights = lights_named(options.light, options.rotate, cube_map)
+        lights = turned(images, options.rotate, cube_map)
         for back_end in options.caster:
             caster = scene.make_caster(back_end)
             try:
@@ -63,7 +64,7 @@ def _bench_sampling(options):
             finally:
                 caster.close()
         page = write_report(options.output, report)
-    return show_bench(options, rows, _print_rows, page)
+    return show_bench(options, rows, _print_rows, page, images)
 
 
 def _print_rows(rows):

@@ -3,8 +3,11 @@
 import importlib
 from pathlib import Path
 
-from prt_core.errors import PRTError, expect
+from prt_core.errors import PRTError, expect, expect_number, expect_seed
+from prt_core.evaluate.report import expect_plots
+from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
+from prt_core.light.environment import named_images
 
 
 def open_scene(path):
@@ -34,26 +37,38 @@ def scene_named(path):
     return path, scenes.measuring_scene(path)
 
 
-def lights_named(paths, rotations, cube_map, every=False):
-    """{name: radiance} of each environment at each rotation.
+def images_named(paths, every=False):
+    """{name: EnvironmentMap}, read before the work.
 
     Where no `paths` are given those of Blender that bakes are certified under, or `every` one.
     """
-    if paths is None:
-        try:
-            from prt_core.api import import_bpy
+    if paths is not None:
+        return named_images(paths)
+    try:
+        from prt_core.api import import_bpy
 
-            import_bpy()
-        except PRTError as error:
-            raise PRTError(f"light: give images with --light ({error})") from error
-        from prt_core.blender.studio import ALL, NAMES, studio_paths
+        import_bpy()
+    except PRTError as error:
+        raise PRTError(f"light: give images with --light ({error})") from error
+    from prt_core.blender.studio import ALL, NAMES, studio_paths
 
-        named = studio_paths(ALL if every else NAMES)
-    else:
-        named = {Path(path).stem: path for path in paths}
-    images = {name: EnvironmentMap.read(path) for name, path in named.items()}
+    found = studio_paths(ALL if every else NAMES)
+    return {name: EnvironmentMap.read(path) for name, path in found.items()}
+
+
+def turned(images, rotations, cube_map):
+    """{name: radiance} of each environment at each rotation."""
     return {
         f"{name} at {angle:g}°": image.to_cube_map(cube_map, angle)
         for name, image in images.items()
         for angle in rotations
     }
+
+
+def expect_bench(options):
+    """Refuse what cannot be measured or written, before any work."""
+    expect_output("--output", options.output, None, folder=True)
+    expect_plots()
+    expect_seed(options.seed)
+    for angle in options.rotate:
+        expect_number("--rotate", angle)

@@ -1,11 +1,13 @@
 """`prt compress`: a bake in fewer bytes, relit in milliseconds."""
 
 import json
+import sys
 
 from prt_core.cli.arguments import quiet_arguments
 from prt_core.cli.show import working
 from prt_core.compress import method_names
-from prt_core.report import compressed_lines, trial_lines
+from prt_core.errors import expect
+from prt_core.report import compressed_lines, missed, trial_lines
 
 
 def add_compress(commands):
@@ -25,7 +27,7 @@ def add_compress(commands):
         "--light", nargs="+", metavar="IMAGE",
         help="environments it is chosen and measured under; default: Blender's own",
     )  # fmt: skip
-    compress.add_argument("--seed", type=int, default=0)
+    compress.add_argument("--seed", type=int, help="of random numbers (0)")
     quiet_arguments(compress)
     compress.set_defaults(run=_compress)
 
@@ -33,6 +35,10 @@ def add_compress(commands):
 def _compress(options):
     from prt_core.api import compress_bake
 
+    expect(
+        options.method != "none" or options.seed is None,
+        "--seed: changes nothing with --method none",
+    )
     with working(options.quiet or options.json) as bar:
         facts = compress_bake(
             options.bake,
@@ -40,12 +46,14 @@ def _compress(options):
             tolerance=options.tolerance,
             megabytes=options.megabytes,
             milliseconds=options.milliseconds,
-            seed=options.seed,
+            seed=options.seed or 0,
             lights=options.light,
             report=bar,
         )
     if options.json:
         print(json.dumps({"bake": options.bake, **(facts or {"method": "none"})}))
+        for line in missed(facts) if facts else ():
+            print(f"prt: {line}", file=sys.stderr)
         return 0
     if facts is None:
         print(f"{options.bake}: holds no compressed form any more")

@@ -2,18 +2,39 @@
 
 import argparse
 import time
-from pathlib import Path
 
 import numpy as np
 
 import prt_core
-from prt_core.api import read_environment
-from prt_core.cli.arguments import bounces, caster_argument, size, transport_argument
+from prt_core.api import expect_blend
+from prt_core.cli.arguments import (
+    bounces,
+    caster_argument,
+    expect_used,
+    size,
+    transport_argument,
+)
 from prt_core.cli.show import Hushed
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_number, expect_whole
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.evaluate.view import expect_view
+from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap, rotation_matrix
-from prt_core.relighter import Relighter
+from prt_core.light.environment import BRIGHTEST, read_environment
+from prt_core.relighter import MOST_LAMP_SAMPLES, Relighter
+
+# Stops beyond which float32 overflows or holds nothing any more.
+_MOST_STOPS = 64
+_OUTPUTS = {"output": ".npz", "png": ".png", "image": ".png", "blend": ".blend"}
+_NEEDED = {
+    "size": (("png",), "--png"),
+    "scene": (("blend",), "--blend"),
+    "attribute": (("blend",), "--blend"),
+    "domain": (("blend",), "--blend"),
+    "rotate": (("light",), "--light IMAGE"),
+    "sharp_sun": (("light",), "--light IMAGE"),
+    "lamp_samples": (("lamps", "sharp_sun"), "--lamps or --sharp-sun"),
+}
 
 
 def add_relight(commands, in_blender):
@@ -28,7 +49,7 @@ def add_relight(commands, in_blender):
         "--sharp-sun", action="store_true", help="cast the shadow rays of the image's sun"
     )
     relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
-    relight.add_argument("--lamp-samples", type=int, default=256, help="shadow rays a lamp (256)")
+    relight.add_argument("--lamp-samples", type=int, help="shadow rays a lamp (256)")
     relight.add_argument(
         "--bounces", type=bounces, default="baked", help="default: as baked; 0 is direct light"
     )
@@ -38,42 +59,33 @@ def add_relight(commands, in_blender):
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
-    relight.add_argument("--size", type=size, default=(960, 540), help="of the picture (960x540)")
+    relight.add_argument("--size", type=size, help="of the picture (960x540)")
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
         "--scene", metavar="BLEND", help="the baked .blend, to colour a copy of it (for --blend)"
     )
-    relight.add_argument("--attribute", default="PRT", help="name of the colour attribute (PRT)")
-    relight.add_argument("--domain", choices=("corner", "point"), default="corner")
+    relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
+    relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
     transport_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
 
 
 def _frames(text):
-    if not (text.isdigit() and 0 < int(text) < 100000):
-        raise argparse.ArgumentTypeError(f"expected a number of frames, got '{text}'")
+    if not (text.isdecimal() and 0 < int(text) < 100000):
+        raise argparse.ArgumentTypeError(f"expected 1 to 99,999 frames, got '{text}'")
     return int(text)
 
 
 def _relight(options):
-    expect(
-        options.output or options.png or options.blend or options.image,
-        "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
-    )
-    expect(
-        options.light or options.lamps,
-        "relight: no light; give --light IMAGE, --light world or --lamps",
-    )
-    needs_bpy = options.caster in ("blender", "bvhtree") or options.blend
-    if needs_bpy:
+    _expect_request(options)
+    if options.caster in ("blender", "bvhtree") or options.blend:
         _load_bpy()
-    for path, suffix in ((options.output, ".npz"), (options.blend, ".blend")):
-        expect(
-            path is None or Path(path).suffix == suffix,
-            f"{path}: expected a name that ends in {suffix}",
-        )
     baked = prt_core.load(options.bake)
+    expect(
+        not options.image or baked.scene.image is not None,
+        "--image: this bake holds none; bake with --camera-pixels or --geometry-image",
+    )
     if options.turn:
         return _relight_turn(baked, options)
     _bpy_for(options)
@@ -81,10 +93,10 @@ def _relight(options):
     relighter = Relighter(baked, options.caster, options.transport)
     try:
         radiance = relighter.relight(read_environment(options.light), **_light_options(options))
-        spent, how = time.perf_counter() - start, _how(relighter)
+        spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
     finally:
         relighter.close()
-    radiance = radiance * np.float32(2.0**options.exposure)
+    radiance = _exposed(radiance, options)
     colours = baked.colours(radiance)
     if options.output:
         write_npz(options.output, colours)
@@ -96,18 +108,81 @@ def _relight(options):
         write_png(options.image, to_srgb(baked.image(radiance)))
     if options.blend:
         _write_blend(baked, colours, options)
-    outputs = options.output, options.png, options.image, options.blend
-    written = ", ".join(p for p in outputs if p)
+    written = ", ".join(p for p in _outputs(options).values() if p)
     print(f"{written}: {len(baked.scene.points):,} points relit {how} in {spent:.2f} s")
+    _print_notes(baked, options, notes)
     return 0
+
+
+def _expect_request(options):
+    """Refuse what cannot be done, or would change nothing, before any work; fill in defaults."""
+    outputs = _outputs(options)
+    expect(
+        any(path is not None for path in outputs.values()),
+        "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
+    )
+    expect(
+        options.light is not None or options.lamps,
+        "relight: no light; give --light IMAGE, --light world or --lamps",
+    )
+    expect_used(options, _NEEDED)
+    fixed = options.light == "world"
+    expect(not fixed or options.rotate is None, "--rotate: the world's light is fixed; give its "
+           "image to turn it")  # fmt: skip
+    expect(not fixed or not options.sharp_sun, "--sharp-sun: needs an image; the world's light is "
+           "on texels already")  # fmt: skip
+    expect(
+        options.transport == "auto" or options.light is not None,
+        "--transport: lamps are always exact; it changes nothing without --light",
+    )
+    expect(
+        options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
+        "--caster: no ray is cast; it changes nothing without --png, --lamps or --sharp-sun",
+    )
+    if options.turn:
+        expect(
+            options.light is not None and not fixed and not options.blend and not options.image,
+            "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE, "
+            "and --output or --png alone",
+        )
+    _expect_numbers(options)
+    paths = []
+    for name, path in outputs.items():
+        if path is not None:
+            path = frame_path(path, 1) if options.turn else path
+            paths.append(expect_output(f"--{name}", path, _OUTPUTS[name]).resolve())
+    twice = [path for path in paths if paths.count(path) > 1]
+    expect(not twice, f"{twice and twice[0]}: named for two outputs; give each its own")
+    if options.scene:
+        scene = expect_blend(options.scene).resolve()
+        expect(scene not in paths, f"{options.scene}: would be replaced by its own copy; give "
+               "--blend another name")  # fmt: skip
+
+
+def _expect_numbers(options):
+    if options.rotate is not None:
+        expect_number("--rotate", options.rotate)
+    expect_number("--strength", options.strength, 0, BRIGHTEST)
+    expect_number("--exposure", options.exposure, -_MOST_STOPS, _MOST_STOPS)
+    samples = 256 if options.lamp_samples is None else options.lamp_samples
+    options.lamp_samples = expect_whole("--lamp-samples", samples, 1, MOST_LAMP_SAMPLES)
+    options.size = options.size or (960, 540)
+    if options.png:
+        expect_view(*options.size)
+    expect(
+        options.attribute is None or options.attribute.strip(),
+        "--attribute: expected a name, got an empty one",
+    )
+    options.attribute = options.attribute or "PRT"
+    options.domain = options.domain or "corner"
+
+
+def _outputs(options):
+    return {name: getattr(options, name) for name in _OUTPUTS}
 
 
 def _relight_turn(baked, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
-    expect(
-        options.light not in (None, "world") and not options.blend,
-        "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE",
-    )
     _bpy_where_needed()
     light = read_environment(options.light)
     relighter = Relighter(baked, options.caster, options.transport)
@@ -116,7 +191,7 @@ def _relight_turn(baked, options):
     for frame in range(options.turn):
         rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
         radiance = relighter.relight(light, **{**_light_options(options), "rotation": rotation})
-        radiance = radiance * np.float32(2.0**options.exposure)
+        radiance = _exposed(radiance, options)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
@@ -125,7 +200,17 @@ def _relight_turn(baked, options):
     spent = (time.perf_counter() - start) / options.turn
     first = frame_path(options.png or options.output, 1)
     print(f"{first} and on: {options.turn} frames relit {_how(relighter)}, {spent:.2f} s each")
+    _print_notes(baked, options, relighter.notes)
     return 0
+
+
+def _exposed(radiance, options):
+    radiance = radiance * np.float32(2.0**options.exposure)
+    expect(
+        np.isfinite(radiance).all(),
+        f"--exposure: {options.exposure:g} stops take the colours beyond what float32 holds",
+    )
+    return radiance
 
 
 def _how(relighter):
@@ -134,6 +219,13 @@ def _how(relighter):
         return "exactly"
     facts = relighter.compressed().facts
     return f"compressed ({facts['method']}, error {facts['error']:.2%})"
+
+
+def _print_notes(baked, options, notes):
+    if options.png and baked.camera is None:
+        notes = [*notes, "the baked scene has no camera of perspective: seen from the front"]
+    for note in notes:
+        print(f"  note    {note}")
 
 
 def _load_bpy():

@@ -56,11 +56,14 @@ def working(silent):
             bar.close()
 
 
-def show_bench(options, rows, print_rows, page):
-    """What a bench found: one JSON list, or its table and where the report is."""
+def show_bench(options, rows, print_rows, page, images):
+    """What a bench found: one JSON list, or its table, where the report is, and what is to be
+    said about the images of light."""
     if options.json:
         print(json.dumps(rows))
     else:
         print_rows(rows)
         print(f"{page}: written {time.strftime('%H:%M')}")
+        for note in (note for image in images.values() for note in image.notes):
+            print(f"  note    {note}")
     return 0

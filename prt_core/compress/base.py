@@ -8,7 +8,8 @@ import numpy as np
 from prt_core.compress.parameters import Parameters
 from prt_core.compress.rows import ArrayRows, Rows
 from prt_core.compress.state import array_of, value_of
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect, expect_array, expect_kind, expect_numbers
+from prt_core.light.environment import BRIGHTEST
 from prt_core.progress import run
 
 
@@ -55,11 +56,15 @@ class Compressor(Parameters, ABC):
         -------
         (n_points, n_channels) float32
         """
+        return self._relight(self._as_light(light))
+
+    def _as_light(self, light):
+        """A light that this form can be lit by, (n_directions, n_channels) float32."""
         self._expect_fitted()
-        light = np.asarray(light, np.float32)
+        light = expect_numbers("light", light)
         light = light[:, None] if light.ndim == 1 else light
-        light = expect_array("light", light, (self.n_directions_, self.n_channels_))
-        return self._relight(light)
+        shape = self.n_directions_, self.n_channels_
+        return expect_array("light", light, shape, np.float32, -BRIGHTEST, BRIGHTEST)
 
     def state(self):
         """Everything that `from_state` needs: a dict of arrays and of values that JSON knows."""
@@ -83,6 +88,7 @@ class Compressor(Parameters, ABC):
         PRTError
             Something is missing, of another shape or type, or does not fit the rest.
         """
+        expect_kind("state", state, dict)
         model = value_of(state, "params", lambda params: cls(**params))
         for name in ("n_points", "n_directions", "n_channels"):
             setattr(model, name + "_", value_of(state, name, int))
@@ -120,13 +126,4 @@ class Compressor(Parameters, ABC):
 
 def as_rows(rows):
     """`Rows` as they are, arrays as `ArrayRows`."""
-    return rows if isinstance(rows, Rows) else ArrayRows(np.asarray(rows))
-
-
-def expect_count(name, value, least=1):
-    """A whole number of at least `least`."""
-    expect(
-        isinstance(value, int | np.integer) and value >= least,
-        f"{name}: expected a whole number >= {least}, got {value!r}",
-    )
-    return int(value)
+    return rows if isinstance(rows, Rows) else ArrayRows(rows)

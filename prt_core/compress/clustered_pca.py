@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor, expect_tolerance
 from prt_core.compress.kmeans import kmeans_steps
 from prt_core.compress.lbg import lbg_steps
 from prt_core.compress.sketch import sketch_steps
-from prt_core.errors import expect
+from prt_core.errors import expect_one_of, expect_seed, expect_whole
 
 # Points a cluster has on average where their number is not given.
 _POINTS_A_CLUSTER = 350
@@ -52,15 +51,15 @@ class ClusteredPCA(ClusterCompressor):
         n_clusters = self.n_clusters
         if n_clusters is None:
             n_clusters = max(1, round(rows.n_points / _POINTS_A_CLUSTER))
-        n_clusters = expect_count("n_clusters", n_clusters)
-        rank = expect_count("n_components", self.n_components, 0)
+        n_clusters = expect_whole("n_clusters", n_clusters, 1)
+        rank = expect_whole("n_components", self.n_components, 0)
         tolerance = expect_tolerance(self.tolerance)
-        expect(
-            self.method in ("static", "iterative"),
-            f"method: expected 'static' or 'iterative', got {self.method!r}",
-        )
-        iterative = self.method == "iterative"
-        n_sketch = self.n_sketch or (256 if iterative else 64)
+        method = expect_one_of("method", self.method, ("static", "iterative"))
+        expect_seed(self.seed)
+        iterative = method == "iterative"
+        n_sketch = 256 if iterative else 64
+        if self.n_sketch is not None:
+            n_sketch = expect_whole("n_sketch", self.n_sketch, 1)
         sketch = yield from sketch_steps(rows, n_sketch, self.seed)
         first = np.ascontiguousarray(sketch.coordinates[:, :64])
         labels = yield from kmeans_steps(first, n_clusters, self.seed)

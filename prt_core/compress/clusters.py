@@ -8,7 +8,8 @@ from prt_core.compress.parallel import in_parallel
 from prt_core.compress.row_code import RowCode
 from prt_core.compress.seams import guests
 from prt_core.compress.state import array_of, expect_state, value_of
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_array, expect_indices, expect_number
+from prt_core.light.environment import BRIGHTEST
 from prt_core.progress import Progress
 
 
@@ -41,7 +42,7 @@ class ClusterCompressor(Compressor):
         -------
         (n,) int32
         """
-        rows = as_rows(rows)
+        rows = self._like(rows)
         parts = [self._nearest(rows.features(points))[0] for points in rows.blocks()]
         return np.concatenate(parts)
 
@@ -53,8 +54,7 @@ class ClusterCompressor(Compressor):
         (n, 1 + rank) float32
             The cluster, then the weights, zero beyond the cluster's rank.
         """
-        rows = as_rows(rows)
-        self._expect_fitted()
+        rows = self._like(rows)
         width = 1 + max(len(a.basis) for a in self.affine_)
         parts = []
         for points in rows.blocks():
@@ -69,11 +69,24 @@ class ClusterCompressor(Compressor):
             parts.append(result)
         return np.concatenate(parts)
 
+    def _like(self, rows):
+        """Rows as wide as those that were fitted."""
+        self._expect_fitted()
+        rows = as_rows(rows)
+        wanted = self.n_directions_, self.n_channels_
+        found = rows.n_directions, rows.n_channels
+        expect(found == wanted, f"rows: expected (n, {wanted[0]}, {wanted[1]}), got {found}")
+        return rows
+
     def inverse_transform(self, coordinates):
         """Rows from coordinates: (n, n_directions, n_channels) float32."""
         self._expect_fitted()
-        coordinates = np.asarray(coordinates, np.float32)
-        labels = coordinates[:, 0].astype(int)
+        width = 1 + max(len(a.basis) for a in self.affine_)
+        limits = -BRIGHTEST, BRIGHTEST
+        coordinates = expect_array("coordinates", coordinates, (None, width), np.float32, *limits)
+        last = len(self.affine_) - 1
+        labels = expect_array("coordinates: clusters", coordinates[:, 0], (None,), None, 0, last)
+        labels = labels.astype(int)
         features = np.empty((len(labels), self.code_.n_features), np.float32)
         for c in np.unique(labels):
             here, affine = labels == c, self.affine_[c]
@@ -84,7 +97,7 @@ class ClusterCompressor(Compressor):
     def reconstruct(self, points):
         """The compressed rows of some fitted points, (n, n_directions, n_channels) float32."""
         self._expect_fitted()
-        points = np.atleast_1d(points)
+        points = expect_indices("points", points, self.n_points_)
         second = np.full(self.n_points_, -1)
         second[self.guests_[:, 0]] = np.arange(len(self.guests_))
         features = self._slot_features(self.place_[points])
@@ -306,11 +319,7 @@ def ranks_within(models, allowed):
 
 def expect_tolerance(tolerance):
     """None, or a number between 0 and 1."""
-    expect(
-        tolerance is None or 0 < tolerance < 1,
-        f"tolerance: expected None or a number between 0 and 1, got {tolerance!r}",
-    )
-    return tolerance
+    return None if tolerance is None else expect_number("tolerance", tolerance, above=0, below=1)
 
 
 def _distance(features, affine: Affine):

@@ -4,11 +4,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from prt_core.basis import haar_areas, haar_rows
-from prt_core.compress.base import Compressor, expect_count
+from prt_core.compress.base import Compressor
 from prt_core.compress.light_terms import heaviest
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.state import array_of, expect_state, value_of
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_kind, expect_number, expect_one_of, expect_whole
 from prt_core.progress import Progress
 
 SELECTIONS = ("unweighted", "area", "transport")
@@ -43,13 +43,10 @@ class HaarLighting(Compressor):
             rows.resolution is not None,
             "rows: Haar lighting needs the texels of a cube map; say its resolution",
         )
-        expect(
-            self.selection in SELECTIONS,
-            f"selection: expected one of {', '.join(SELECTIONS)}, got {self.selection!r}",
-        )
-        expect(0 < self.step < 1, f"step: expected a number between 0 and 1, got {self.step!r}")
+        expect_one_of("selection", self.selection, SELECTIONS)
+        expect_number("step", self.step, above=0, below=1)
         if self.n_terms is not None:
-            expect_count("n_terms", self.n_terms)
+            expect_whole("n_terms", self.n_terms, 1)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
         self._mix = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
@@ -95,7 +92,7 @@ class HaarLighting(Compressor):
 
     def transform_light(self, light):
         """Wavelet coefficients of a light, (n_directions, n_channels)."""
-        return haar_rows(np.asarray(light, np.float32).T, self.resolution_).T
+        return haar_rows(self._as_light(light).T, self.resolution_).T
 
     def choose(self, coefficients, n_terms, selection=None):
         """The `n_terms` largest coefficients under the selection's weights, sorted."""
@@ -183,7 +180,10 @@ class IncrementalLighting:
     """
 
     def __init__(self, model, n_terms=None):
+        expect_kind("model", model, HaarLighting, "a fitted HaarLighting")
         model._expect_fitted()
+        if n_terms is not None:
+            expect_whole("n_terms", n_terms, 1)
         self.model, self.n_terms = model, n_terms or model.n_terms
         self.shown = np.zeros((model.n_directions_, model.n_channels_), np.float32)
         # In float64: thousands of small differences add up.

@@ -3,10 +3,10 @@
 import numpy as np
 
 from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
-from prt_core.compress.base import Compressor, expect_count
+from prt_core.compress.base import Compressor
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.state import array_of, expect_state
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_array, expect_whole
 from prt_core.light import rotation_matrix
 from prt_core.light.cubemap import _FACES, CubeMap
 from prt_core.progress import Progress
@@ -32,8 +32,7 @@ class Harmonics(Compressor):
         self.order = order
 
     def fit_steps(self, rows):
-        order = expect_count("order", self.order)
-        expect(order <= 10, f"order: expected 1 to 10, got {order}")
+        order = expect_whole("order", self.order, 1, 10)
         expect(
             rows.resolution is not None,
             "rows: harmonics need the texels of a cube map; say its resolution",
@@ -58,14 +57,16 @@ class Harmonics(Compressor):
 
     def project(self, light):
         """Coefficients of a light: (order^2, n_channels) float64."""
-        return self._integrals.T @ np.asarray(light, np.float64)
+        return self._integrals.T @ self._as_light(light).astype(np.float64)
 
     def relight_coefficients(self, coefficients, rotation=None):
         """Colours under a light given by coefficients, turned by `rotation` (degrees or matrix)."""
+        self._expect_fitted()
         if rotation is not None:
             turn = rotation_of_harmonics(rotation_matrix(rotation), self.order)
             coefficients = turn @ coefficients
-        values = np.asarray(coefficients, np.float32)
+        shape = self.order**2, self.n_channels_
+        values = expect_array("coefficients", coefficients, shape, np.float32)
         result = np.einsum("nkc,kc->nc", self.coefficients_, values)
         return result if self.gain_ is None else result * self.gain_
 
@@ -82,7 +83,7 @@ class Harmonics(Compressor):
 
     def _restore(self, state):
         _expect_cube_map(self)
-        order = expect_count("order", self.order)
+        order = expect_whole("order", self.order, 1)
         shape = self.n_points_, order**2, self.n_channels_
         self.coefficients_ = array_of(state, "coefficients", shape, "float32")
         self._integrals = texel_harmonics(self.resolution_, order, _FACES)

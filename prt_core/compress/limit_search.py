@@ -2,6 +2,9 @@
 
 import math
 
+# Of the logarithm of the limit.
+_LEAST_STEP = 0.05
+
 
 class LimitSearch:
     """A limit whose measured value comes close to the wanted one and not above it.
@@ -33,6 +36,7 @@ class LimitSearch:
         self._wanted, self._sign, self._near = wanted, 1 if rising else -1, near
         self._left, self._least = most, least
         self._good = self._bad = None
+        self._told = 0
 
     def tell(self, value):
         """The value that was measured at `limit`. True where it is the best so far."""
@@ -45,6 +49,7 @@ class LimitSearch:
         else:
             self._bad = x, y
         self._left -= 1
+        self._told += 1
         done = good and y >= math.log(self._near)
         self.limit = None if done or self._left <= 0 else self._next()
         return better
@@ -60,6 +65,8 @@ class LimitSearch:
         x, y = self._good or self._bad
         # Errors grow about as the root of the root of the limit to the root of it.
         step = self._sign * (aim - y) / 0.4
-        step = math.copysign(min(max(abs(step), 0.05), 12.0), step)
+        # Values of few terms are stairs: steps grow, or the next stair is never reached.
+        least = _LEAST_STEP * 2 ** max(self._told - 2, 0)
+        step = math.copysign(min(max(abs(step), least), 12.0), step)
         limit = math.exp(x + step)
         return limit if limit >= self._least else None

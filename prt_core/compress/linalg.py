@@ -23,6 +23,8 @@ def orthonormal_columns(matrix):
         matrix, as accurate as Householder's QR where k' columns are kept, and many times faster.
     """
     for _ in range(2):
+        if not matrix.shape[1]:
+            break
         squares, vectors = np.linalg.eigh(_gram(matrix))
         kept = squares > 1e-11 * max(squares[-1], 1e-300)
         matrix = matrix @ (vectors[:, kept] / np.sqrt(squares[kept])).astype(matrix.dtype)

@@ -13,7 +13,7 @@ import numpy as np
 
 from prt_core.basis import PointHaar
 from prt_core.compress.rows import Rows, SomeRows, TransportRows
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_kind, expect_offers, expect_one_of, expect_whole
 
 _METHODS = {}
 
@@ -43,6 +43,7 @@ class Task:
     @classmethod
     def of(cls, transport, points, seed=0):
         """All points of a bake; `points` are its `BakePoints`."""
+        expect_offers("points", points, ("positions", "object_index"), "a bake's points")
         rows = TransportRows(transport, seed=seed)
         return cls(transport, rows, points.positions, points.normals, points.object_index, seed)
 
@@ -66,6 +67,9 @@ class Task:
 
     def sample(self, n_points, n_patches):
         """About `n_points` of the points: in so many patches of neighbours, or evenly (None)."""
+        n_points = expect_whole("n_points", n_points, 1)
+        if n_patches is not None:
+            n_patches = expect_whole("n_patches", n_patches, 1, n_points)
         order = PointHaar(self.positions, self.normals, self.groups).order
         if len(order) <= n_points:
             return np.arange(len(order))
@@ -119,6 +123,7 @@ class Method:
 
 def register_method(method):
     """Make a method known, in place of an older one of its name."""
+    expect_kind("method", method, Method)
     expect(
         method.name.isidentifier() and method.name not in ("auto", "none"),
         f"method: '{method.name}' cannot be a method's name",
@@ -134,5 +139,5 @@ def method_names():
 
 def method_named(name):
     """The `Method` of a name; `PRTError` where there is none."""
-    expect(name in _METHODS, f"method: expected one of {', '.join(_METHODS)}, got {name!r}")
+    expect_one_of("method", name, _METHODS)
     return _METHODS[name]

@@ -2,6 +2,8 @@
 
 import inspect
 
+from prt_core.errors import expect
+
 
 class Parameters:
     """What `__init__` takes is kept under the same names, and can be read, set and cloned.
@@ -19,10 +21,9 @@ class Parameters:
         return {name: getattr(self, name) for name in self._names()}
 
     def set_params(self, **params):
-        """Set some of the parameters; unknown names raise ValueError. Returns self."""
+        """Set some of the parameters; unknown names raise `PRTError`. Returns self."""
         unknown = sorted(set(params) - set(self._names()))
-        if unknown:
-            raise ValueError(f"{type(self).__name__}: unknown parameter {', '.join(unknown)}")
+        expect(not unknown, f"{type(self).__name__}: unknown parameter {', '.join(unknown)}")
         for name, value in params.items():
             setattr(self, name, value)
         return self

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor, expect_tolerance
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_pair, expect_whole
 
 
 class PCA(ClusterCompressor):
@@ -24,7 +23,7 @@ class PCA(ClusterCompressor):
         self.tolerance = tolerance
 
     def fit_steps(self, rows):
-        rank = expect_count("n_components", self.n_components, 0)
+        rank = expect_whole("n_components", self.n_components, 0)
         labels = np.zeros(rows.n_points, np.int32)
         return self._fit_clusters(rows, labels, rank, expect_tolerance(self.tolerance))
 
@@ -50,13 +49,13 @@ class BlockPCA(ClusterCompressor):
         self.tolerance = tolerance
 
     def fit_steps(self, rows):
-        height, width = self.shape
-        size = expect_count("size", self.size)
+        height, width = expect_pair("shape", self.shape)
+        size = expect_whole("size", self.size, 1)
         expect(
             height * width == rows.n_points,
             f"shape: {height} x {width} pixels are not the {rows.n_points} points of the rows",
         )
         row, column = np.divmod(np.arange(height * width), width)
         labels = row // size * -(-width // size) + column // size
-        rank = expect_count("n_components", self.n_components, 0)
+        rank = expect_whole("n_components", self.n_components, 0)
         return self._fit_clusters(rows, labels, rank, expect_tolerance(self.tolerance))

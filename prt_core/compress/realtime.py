@@ -14,7 +14,16 @@ import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController
 
 from prt_core.compress.light_terms import heaviest
-from prt_core.errors import expect, expect_array
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_kind,
+    expect_number,
+    expect_offers,
+    expect_whole,
+)
+from prt_core.light.environment import BRIGHTEST
+from prt_core.transport import Transport
 
 # Slots of a cluster that are one product at most, and what their number is rounded up to.
 _CHUNK, _ROUND = 256, 16
@@ -41,8 +50,16 @@ class ClusterRelighter:
     """
 
     def __init__(self, model, transport=None, n_terms=512, error=1e-3, n_exact=16, bright=2e-3):
-        self.model, self.n_terms, self.error = model, n_terms, error
-        self.n_exact, self.bright = n_exact if transport is not None else 0, bright
+        expect_offers("model", model, ("affine_", "code_"), "a fitted compressor of clusters")
+        if transport is not None:
+            expect_kind("transport", transport, Transport)
+        if n_terms is not None:
+            expect_whole("n_terms", n_terms, 1)
+        expect_whole("n_exact", n_exact, 0)
+        self.model, self.n_terms = model, n_terms
+        self.error = expect_number("error", error, 0, 1)
+        self.bright = expect_number("bright", bright, 0, 1)
+        self.n_exact = min(n_exact, model.n_directions_) if transport is not None else 0
         self._n_others = (os.cpu_count() or 1) - 1
         self._pool = ThreadPoolExecutor(max(self._n_others, 1))
         # Products of this size are over before BLAS has woken its threads.
@@ -55,7 +72,8 @@ class ClusterRelighter:
     def relight(self, light):
         """(n_points, n_channels) float32 under (n_directions, n_channels) light."""
         model = self.model
-        light = expect_array("light", light, (model.n_directions_, model.n_channels_), np.float32)
+        shape = model.n_directions_, model.n_channels_
+        light = expect_array("light", light, shape, np.float32, -BRIGHTEST, BRIGHTEST)
         with self._blas.limit(limits=1):
             bright, rest = self._split(light)
             # Texels are looked up by the other threads while this one multiplies bases.

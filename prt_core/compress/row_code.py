@@ -13,6 +13,7 @@ import numpy as np
 
 from prt_core.basis import haar_areas, haar_rows
 from prt_core.compress.state import array_of, expect_state
+from prt_core.errors import expect, expect_flag, expect_whole
 
 # Standard deviation of the wavelet coefficients of environments at level l, 0 the coarsest, is
 # about sqrt(_SMOOTH 4^-l + _WHITE): smooth skies and small bright things.
@@ -61,6 +62,12 @@ class RowCode:
     @classmethod
     def plain(cls, n_directions, n_channels, resolution=None, natural=True):
         """Each channel a group of its own."""
+        n_directions = expect_whole("n_directions", n_directions, 1)
+        n_channels = expect_whole("n_channels", n_channels, 1, 64)
+        expect_flag("natural", natural)
+        if resolution is not None:
+            expect_whole("resolution", resolution, 1)
+            expect(6 * resolution**2 == n_directions, f"resolution: {resolution} does not fit")
         groups = tuple(Group(tuple(row)) for row in np.eye(n_channels))
         scale = natural_scale(resolution) if resolution and natural else None
         return cls(n_directions, n_channels, groups, resolution, scale)

@@ -12,8 +12,19 @@ import numpy as np
 from prt_core.compress.indirect import indirect_factors
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.row_code import Group, RowCode, natural_scale
-from prt_core.errors import expect, expect_array
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_flag,
+    expect_indices,
+    expect_kind,
+    expect_numbers,
+    expect_seed,
+    expect_whole,
+)
+from prt_core.light.environment import BRIGHTEST
 from prt_core.progress import Progress, run
+from prt_core.transport import Transport
 from prt_core.transport.visibility import unpack
 
 _BLOCK = 512
@@ -64,15 +75,19 @@ class ArrayRows(Rows):
     """
 
     def __init__(self, array, resolution=None):
-        array = np.asarray(array)
+        array = expect_numbers("rows", array)
         array = array[..., None] if array.ndim == 2 else array
-        self.array = expect_array("rows", array, (None, None, None))
+        array = expect_array("rows", array, (None, None, None), None, -BRIGHTEST, BRIGHTEST)
+        expect(array.size, f"rows: expected some, got an array of shape {array.shape}")
+        self.array = array if array.dtype.kind == "f" else array.astype(np.float32)
         self.n_points, self.n_directions, self.n_channels = array.shape
-        expect(
-            resolution is None or 6 * resolution**2 == self.n_directions,
-            f"resolution: {resolution} has {6 * (resolution or 0) ** 2} directions, "
-            f"the rows have {self.n_directions}",
-        )
+        if resolution is not None:
+            expect_whole("resolution", resolution, 1)
+            expect(
+                6 * resolution**2 == self.n_directions,
+                f"resolution: {resolution} has {6 * resolution**2} directions, "
+                f"the rows have {self.n_directions}",
+            )
         self.resolution = resolution
 
     def block(self, points):
@@ -98,7 +113,10 @@ class TransportRows(Rows):
     """
 
     def __init__(self, transport, rank=128, natural=True, seed=0):
-        self.transport = transport
+        self.transport = expect_kind("transport", transport, Transport)
+        expect_whole("rank", rank, 0)
+        expect_flag("natural", natural)
+        expect_seed(seed)
         self.n_points, self.n_directions = transport.shape
         self.n_channels = 3
         self.resolution = transport.cube_map.resolution
@@ -141,7 +159,7 @@ class TransportRows(Rows):
 
     def features(self, points):
         code, lefts = self._ready
-        points = np.atleast_1d(points)
+        points = expect_indices("points", points, self.n_points)
         result = np.empty((len(points), code.n_features), np.float32)
         # The same direct light in three channels is sqrt(3) of it in the first mixed one.
         result[:, code.slices[0]] = code.code(self.direct(points) * np.float32(3**0.5))
@@ -171,7 +189,8 @@ class SomeRows(Rows):
     """
 
     def __init__(self, rows, points):
-        points = np.asarray(points)
+        expect_kind("rows", rows, Rows)
+        points = expect_indices("points", points, rows.n_points)
         if isinstance(rows, SomeRows):
             rows, points = rows.rows, rows.points[points]
         self.rows, self.points, self._features = rows, points, None

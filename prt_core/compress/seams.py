@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from prt_core.errors import expect_array
+from prt_core.errors import expect_array, expect_whole
 
 
 def neighbour_pairs(positions, normals=None, groups=None, k=6):
@@ -25,7 +25,12 @@ def neighbour_pairs(positions, normals=None, groups=None, k=6):
         Each pair once, the smaller index first.
     """
     positions = expect_array("positions", positions, (None, 3), np.float64)
-    k = min(k, len(positions) - 1)
+    n_points = len(positions)
+    if normals is not None:
+        normals = expect_array("normals", normals, (n_points, 3))
+    if groups is not None:
+        groups = expect_array("groups", groups, (n_points,))
+    k = min(expect_whole("k", k, 1), n_points - 1)
     if k < 1:
         return np.zeros((0, 2), int)
     _, near = cKDTree(positions).query(positions, k + 1)
@@ -42,6 +47,8 @@ def neighbour_pairs(positions, normals=None, groups=None, k=6):
 
 def border_pairs(labels, pairs):
     """The pairs whose points are in different clusters."""
+    labels = expect_array("labels", labels, (None,), np.int64)
+    pairs = expect_array("pairs", pairs, (None, 2), np.int64, 0, len(labels) - 1)
     return pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
 
 
@@ -60,7 +67,10 @@ def seam(colours, truth, pairs):
         `largest` and `rms`: of the jump of (colours - truth) over a pair, relative to the mean
         of the truth.
     """
-    error = np.asarray(colours, np.float64) - truth
+    colours = expect_array("colours", colours, (None, None), np.float64)
+    truth = expect_array("truth", truth, colours.shape, np.float64)
+    pairs = expect_array("pairs", pairs, (None, 2), np.int64, 0, len(colours) - 1)
+    error = colours - truth
     jumps = np.linalg.norm(error[pairs[:, 0]] - error[pairs[:, 1]], axis=1)
     size = np.linalg.norm(truth, axis=1).mean() or 1.0
     if not len(jumps):

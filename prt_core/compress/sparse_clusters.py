@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor, expect_tolerance
 from prt_core.compress.kmeans import kmeans_steps
 from prt_core.compress.lbg import lbg_steps
 from prt_core.compress.sketch import Sketch, sketch_basis, sketch_coordinates
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect, expect_array, expect_seed, expect_whole
 
 # Components that clusters of dense points go through; rounds of all rows in the end.
 _RANKS, _LAST = (1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 48, 64), 4
@@ -54,18 +53,25 @@ class SparseClusteredPCA(ClusterCompressor):
         self.seed = seed
 
     def fit_steps(self, rows):
-        dense = expect_array("dense", self.dense, (None,))
-        near = expect_array("neighbours", self.neighbours, (rows.n_points, None))
-        inside = len(dense) and dense.min() >= 0 and dense.max() < rows.n_points
-        expect(inside, f"dense: expected some of the {rows.n_points} points, got {len(dense)}")
+        last = rows.n_points - 1
+        dense = expect_array("dense", self.dense, (None,), np.int64, 0, last)
+        near = expect_array(
+            "neighbours", self.neighbours, (rows.n_points, None), np.int64, -1, last
+        )
+        expect_whole("n_sketch", self.n_sketch, 1)
+        expect_seed(self.seed)
+        expect(len(dense), f"dense: expected some of the {rows.n_points} points, got none")
         known = np.zeros(rows.n_points + 1, bool)
         known[dense] = True
         expect(
-            (near[:, 0] >= 0).all() and (known[near] | (near < 0)).all(),
+            near.shape[1] and (near[:, 0] >= 0).all() and (known[near] | (near < 0)).all(),
             "neighbours: expected at least one for each point, and dense points only",
         )
-        n_clusters = self.n_clusters or max(1, round(rows.n_points / 350))
-        rank = expect_count("n_components", self.n_components, 0)
+        n_clusters = self.n_clusters
+        if n_clusters is None:
+            n_clusters = max(1, round(rows.n_points / 350))
+        n_clusters = expect_whole("n_clusters", n_clusters, 1)
+        rank = expect_whole("n_components", self.n_components, 0)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
         basis = yield from sketch_basis(rows, dense, self.n_sketch, self.seed)

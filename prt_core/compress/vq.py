@@ -1,9 +1,9 @@
 """Vector quantisation: every row is replaced by the mean of its cluster."""
 
-from prt_core.compress.base import expect_count
 from prt_core.compress.clusters import ClusterCompressor
 from prt_core.compress.kmeans import kmeans_steps
 from prt_core.compress.sketch import sketch_steps
+from prt_core.errors import expect_seed, expect_whole
 
 
 class VectorQuantisation(ClusterCompressor):
@@ -23,7 +23,9 @@ class VectorQuantisation(ClusterCompressor):
         self.seed = seed
 
     def fit_steps(self, rows):
-        n_clusters = expect_count("n_clusters", self.n_clusters)
+        n_clusters = expect_whole("n_clusters", self.n_clusters, 1)
+        expect_whole("n_sketch", self.n_sketch, 1)
+        expect_seed(self.seed)
         sketch = yield from sketch_steps(rows, self.n_sketch, self.seed)
         labels = yield from kmeans_steps(sketch.coordinates, n_clusters, self.seed)
         return (yield from self._fit_clusters(rows, labels, 0))

@@ -16,7 +16,7 @@ from prt_core.basis import (
     haar_areas,
     wavelet_rows,
 )
-from prt_core.compress.base import Compressor, expect_count
+from prt_core.compress.base import Compressor
 from prt_core.compress.column_coder import ColumnCoder
 from prt_core.compress.column_pictures import columns_by_depth, picture_of
 from prt_core.compress.columns import transposed_steps
@@ -30,7 +30,15 @@ from prt_core.compress.sparse_columns import (
     unpack_groups,
 )
 from prt_core.compress.state import array_of, expect_state, value_of
-from prt_core.errors import expect
+from prt_core.errors import (
+    expect,
+    expect_flag,
+    expect_number,
+    expect_offers,
+    expect_one_of,
+    expect_seed,
+    expect_whole,
+)
 from prt_core.threads import on_all_cores
 
 MODES = ("adaptive", "4d", "2d")
@@ -161,32 +169,27 @@ class Wavelet4D(Compressor):
             rows.resolution is not None,
             "rows: 4D wavelets need the texels of a cube map; say its resolution",
         )
+        if self.columns is not None:
+            expect_offers("columns", self.columns, ("n", "depth", "forward_step"), "a transform")
         n = getattr(self.columns, "n", rows.n_points)
         expect(
             n == rows.n_points,
             f"columns: a transform of {n} points, the rows have {rows.n_points}",
         )
-        expect(self.mode in MODES, f"mode: expected one of {', '.join(MODES)}, got {self.mode!r}")
-        expect(
-            self.rows in ORTHONORMAL,
-            f"rows: expected one of {', '.join(ORTHONORMAL)}, got {self.rows!r}",
-        )
-        expect(0 <= self.error < 1, f"error: expected a number from 0 to below 1, got {self.error}")
-        expect(
-            self.bits is None or 2 <= self.bits <= 16,
-            f"bits: expected None or 2 to 16, got {self.bits!r}",
-        )
-        expect(
-            self.scaling in SCALINGS,
-            f"scaling: expected one of {', '.join(SCALINGS)}, got {self.scaling!r}",
-        )
-        expect(
-            self.light_error is None or 0 <= self.light_error < 1,
-            f"light_error: expected None or a number from 0 to below 1, got {self.light_error}",
-        )
+        expect_one_of("mode", self.mode, MODES)
+        expect_one_of("rows", self.rows, ORTHONORMAL)
+        expect_one_of("scaling", self.scaling, SCALINGS)
+        expect_number("error", self.error, 0, below=1)
+        if self.bits is not None:
+            expect_whole("bits", self.bits, 2, 16)
+        expect_flag("dither", self.dither)
+        if self.light_error is not None:
+            expect_number("light_error", self.light_error, 0, below=1)
+        expect_whole("memory", self.memory, 1)
+        expect_seed(self.seed)
         for name in ("nbytes_wanted", "n_terms"):
             if getattr(self, name) is not None:
-                expect_count(name, getattr(self, name))
+                expect_whole(name, getattr(self, name), 1)
 
     def _prepare(self, n_points, mixed):
         self._transform = self.columns or ImageWavelet((1, n_points))
@@ -243,7 +246,7 @@ class Wavelet4D(Compressor):
         coefficients : (n_directions, n_channels) float32
             Of the light; zero for all others.
         """
-        light = np.asarray(light, np.float32)
+        light = self._as_light(light)
         coefficients = wavelet_rows(light.T, self.resolution_, self.rows).T
         share = self.matrix_error_ / 10 if self.light_error is None else self.light_error
         importance = self.importance_.astype(np.float64)

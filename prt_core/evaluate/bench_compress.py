@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.compress import Irradiance, Task, border_pairs, method_named, neighbour_pairs, seam
-from prt_core.compress.choose import describe, relative_l2
+from prt_core.compress.choose import FAILURES, describe, reason_of, relative_l2
 from prt_core.errors import expect
 from prt_core.machine import peak_bytes, reset_peak
 from prt_core.progress import Progress
@@ -14,6 +14,12 @@ from prt_core.seeds import Stage, generator
 
 # White lights that estimate the matrix' error; points of the dense product that is timed.
 _WHITE, _DENSE_POINTS = 6, 2048
+# What a row of a method that failed has none of.
+_NOTHING = dict.fromkeys(
+    ("bytes", "bits_a_coefficient", "seconds", "peak_bytes", "ms_median", "ms_worst", "matrix_l2",
+     "matrix_psnr", "relit_l2_mean", "relit_l2_worst", "worst_light", "relit_psnr", "seam",
+     "seam_rms", "failure")
+)  # fmt: skip
 
 
 @dataclass
@@ -64,7 +70,8 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
         peak_bytes, ms_median, ms_worst, matrix_l2, matrix_psnr, relit_l2_mean, relit_l2_worst,
         relit_psnr, worst_light, seam, seam_rms. First the dense product, the bake itself
         (`exact`), and irradiance without shadows, the floor. Bytes of a method are those that
-        relighting reads.
+        relighting reads; seconds count what all methods of a bake share. A method that failed
+        has None for all that was to be measured, and `failure` says why.
     """
     chosen = [method_named(method) for method in methods]
     expect(lights, "light: give at least one")
@@ -82,31 +89,44 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
             if rung >= len(ladder):
                 continue
             model = ladder[rung]
-            reset_peak()
-            began = time.perf_counter()
-            yield from model.fit_steps(task.rows)
-            if method.finish is not None:
-                method.finish(model, task)
-            # What all methods of a bake share is made once, and counted for each.
-            seconds = prepared + time.perf_counter() - began
-            peak = peak_bytes()
-            quick = method.relighter(model, bake.transport)
             label = f"{method.name} ({describe(model)})"
             row = {
                 **head,
+                **_NOTHING,
                 "method": method.name,
                 "label": label,
                 "settings": {k: v for k, v in model.get_params().items() if _is_plain(v)},
                 "rung": rung,
-                **_size(model.nbytes, task),
-                "seconds": seconds,
-                "peak_bytes": peak,
-                **_matrix(model, truth, task),
             }
-            rows.append({**row, **(yield from _relit(quick, model, truth, pairs, label))})
-            if made is not None:
-                made[label] = quick
+            try:
+                found = yield from _measured(method, model, task, truth, pairs, label, made)
+                found["seconds"] += prepared
+            except FAILURES as error:
+                found = {"failure": reason_of(error)}
+            rows.append({**row, **found})
     return rows
+
+
+def _measured(method, model, task, truth, pairs, label, made):
+    """Fit a model and measure it; a generator of `Progress` that returns its figures."""
+    reset_peak()
+    began = time.perf_counter()
+    yield from model.fit_steps(task.rows)
+    if method.finish is not None:
+        method.finish(model, task)
+    seconds = time.perf_counter() - began
+    peak = peak_bytes()
+    quick = method.relighter(model, task.transport)
+    figures = {
+        **_size(model.nbytes, task),
+        "seconds": seconds,
+        "peak_bytes": peak,
+        **_matrix(model, truth, task),
+        **(yield from _relit(quick, model, truth, pairs, label)),
+    }
+    if made is not None:
+        made[label] = quick
+    return figures
 
 
 def _truth(transport, lights, seed):
@@ -189,8 +209,10 @@ def _matrix(model, truth, task):
         kept += float((wanted.astype(np.float64) ** 2).sum())
     entries = 3 * task.n_points * task.rows.n_directions
     rms = np.sqrt(lost / (len(truth.white) * entries))
-    psnr = 20 * np.log10(truth.largest / rms) if rms else None
-    return {"matrix_l2": float(np.sqrt(lost / kept)), "matrix_psnr": psnr and float(psnr)}
+    psnr = 20 * np.log10(truth.largest / rms) if rms and truth.largest else None
+    # A black scene has no size that an error could be a share of.
+    share = np.sqrt(lost / kept) if kept else float(lost > 0)
+    return {"matrix_l2": float(share), "matrix_psnr": psnr and float(psnr)}
 
 
 def _relit(quick, model, truth, pairs, label):
@@ -204,8 +226,10 @@ def _relit(quick, model, truth, pairs, label):
         spent.append(time.perf_counter() - start)
         wanted = truth.colours[name]
         errors[name] = relative_l2(found, wanted)
+        expect(np.isfinite(errors[name]), f"its colours are not finite under {name}")
         rms = max(float(np.sqrt(((found - wanted).astype(np.float64) ** 2).mean())), 1e-30)
-        psnr.append(20 * np.log10(float(wanted.max()) / rms))
+        if wanted.any():
+            psnr.append(20 * np.log10(float(wanted.max()) / rms))
         if border is not None:
             seams.append(seam(found, wanted, border))
         yield Progress(label.split(" ")[0], index + 1, len(truth.lights))
@@ -216,7 +240,7 @@ def _relit(quick, model, truth, pairs, label):
         "relit_l2_mean": float(np.mean(list(errors.values()))),
         "relit_l2_worst": errors[worst],
         "worst_light": worst,
-        "relit_psnr": float(np.mean(psnr)),
+        "relit_psnr": float(np.mean(psnr)) if psnr else None,
         "seam": max((s["largest"] for s in seams), default=None),
         "seam_rms": float(np.mean([s["rms"] for s in seams])) if seams else None,
     }

@@ -4,8 +4,10 @@ import time
 
 import numpy as np
 
+from prt_core.errors import expect_kind, expect_seed, expect_whole
 from prt_core.light import CubeMap
 from prt_core.rays.caster import known_casters
+from prt_core.scene import Scene
 from prt_core.transport import visibility_bits
 
 # One ray a call: a smaller share of the rays is enough to know its speed.
@@ -27,7 +29,11 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
         incoherent), `overhead` (stage time / bare time) and `disagree`, the rays on which it
         differs from the first back-end.
     """
+    expect_kind("scene", scene, Scene)
     cube_map = CubeMap(resolution)
+    n_points = expect_whole("points", n_points, 1)
+    expect_whole("repeats", repeats, 1)
+    expect_seed(seed)
     rng = np.random.default_rng(seed)
     n_points = min(n_points, len(scene.points))
     points = np.sort(rng.choice(len(scene.points), n_points, replace=False))

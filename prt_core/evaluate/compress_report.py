@@ -21,6 +21,7 @@ _COLUMNS = [
     ("worst_light", ""),
     ("seam", ".2%"),
     ("seam_rms", ".3%"),
+    ("failure", ""),
 ]
 _LABELS = {
     "megabytes": "megabytes",
@@ -87,8 +88,9 @@ def _pictures(bake, caster, rows, made, light_name, light):
     image = rays.picture(truth)
     stops = -np.log2(max(float(np.percentile(image.max(axis=-1), 97)), 1e-6))
     shown, differences = [("exact", to_srgb(image, stops))], []
-    for method in dict.fromkeys(row["method"] for row in rows if row["label"] in made):
-        own = [row for row in rows if row["method"] == method]
+    fitted = [row for row in rows if row["label"] in made]
+    for method in dict.fromkeys(row["method"] for row in fitted):
+        own = [row for row in fitted if row["method"] == method]
         best = min(own, key=lambda row: abs(np.log(max(row["relit_l2_mean"], 1e-9) / _SHOWN_ERROR)))
         colours = made[best["label"]].relight(light)
         caption = f"{best['label']}: {best['bytes'] / 1e6:.1f} MB, {best['ms_median']:.1f} ms"

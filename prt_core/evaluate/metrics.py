@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_array
+from prt_core.light.environment import BRIGHTEST
 
 
 def colour_error(colours, truth, weights=None):
@@ -19,11 +20,14 @@ def colour_error(colours, truth, weights=None):
     dict
         `l2`: sqrt(sum |c - t|^2 / sum |t|^2); `mean`: mean(c) / mean(t) - 1.
     """
-    colours, truth = np.asarray(colours, np.float64), np.asarray(truth, np.float64)
+    colours = expect_array("colours", colours, (None, None), np.float64, -BRIGHTEST, BRIGHTEST)
+    truth = expect_array("truth", truth, (None, None), np.float64, -BRIGHTEST, BRIGHTEST)
     expect(
         colours.shape == truth.shape, f"truth: expected shape {colours.shape}, got {truth.shape}"
     )
-    w = np.ones(len(truth)) if weights is None else np.asarray(weights, np.float64)
+    w = np.ones(len(truth))
+    if weights is not None:
+        w = expect_array("weights", weights, (len(truth),), np.float64, 0, BRIGHTEST)
     power = (w[:, None] * truth**2).sum()
     mean = (w[:, None] * truth).sum()
     return {

@@ -12,13 +12,14 @@ import html
 import io
 import json
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect
+from prt_core.errors import PRTError, expect_path
 from prt_core.evaluate.view import png_bytes
+from prt_core.files import new_folder, written
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 1240px; color: #222; }
@@ -75,20 +76,24 @@ def write_report(folder, report):
     Path
         Of the page, which needs no other file.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "rows.json").write_text(json.dumps(report.rows, indent=1) + "\n")
     flat = [flattened(row) for row in report.rows]
     names = list(dict.fromkeys(name for row in flat for name in row))
-    with (folder / "rows.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(flat)
-    for name, data in report.plots.items():
-        (folder / f"{name}.png").write_bytes(data)
-    page = folder / "report.html"
-    page.write_text(_page(report, flat))
-    return page
+    table = io.StringIO(newline="")
+    writer = csv.DictWriter(table, names)
+    writer.writeheader()
+    writer.writerows(flat)
+    files = {
+        "rows.json": (json.dumps(report.rows, indent=1) + "\n").encode(),
+        "rows.csv": table.getvalue().encode(),
+        **{f"{name}.png": data for name, data in report.plots.items()},
+        "report.html": _page(report, flat).encode(),
+    }
+    folder = expect_path("report", folder)
+    with new_folder(folder), ExitStack() as parts:
+        # Named at the end: a report that is there stays whole until this one is.
+        for name, data in files.items():
+            parts.enter_context(written(folder / name)).write_bytes(data)
+    return folder / "report.html"
 
 
 def flattened(row, prefix=""):
@@ -209,6 +214,11 @@ def _matplotlib():
     return Figure
 
 
+def expect_plots():
+    """Raise `PRTError` where plots cannot be drawn: before the work that they are to show."""
+    _matplotlib()
+
+
 def _png(figure):
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
@@ -265,8 +275,3 @@ def _shown(value, style):
 def _image(data, name):
     text = base64.b64encode(data).decode()
     return f'<img alt="{html.escape(name)}" src="data:image/png;base64,{text}">'
-
-
-def expect_folder(path):
-    """Raise `PRTError` where a report cannot be written to `path`."""
-    expect(not Path(path).is_file(), f"{path}: expected a folder for the report, this is a file")

@@ -1,17 +1,26 @@
 """A relit sequence on disk: one .npz, and one picture where wanted, a frame."""
 
 import re
-from pathlib import Path
+import zipfile
 
 import numpy as np
 
-from prt_core.errors import expect
-from prt_core.evaluate.view import CameraRays, to_srgb, write_png
+from prt_core.errors import (
+    expect,
+    expect_kind,
+    expect_offers,
+    expect_pair,
+    expect_path,
+    expect_whole,
+    shown,
+)
+from prt_core.evaluate.view import CameraRays, expect_view, to_srgb, write_png
+from prt_core.files import written
 
 
 def frame_path(pattern, frame):
     """The path of one frame: `####` in the pattern is its number, else it is put before the dot."""
-    path = Path(pattern)
+    path, frame = expect_path("frames", pattern), expect_whole("frame", frame, -(10**9), 10**9)
     found = re.search("#+", path.name)
     if found:
         name = path.name[: found.start()] + f"{frame:0{len(found[0])}d}" + path.name[found.end() :]
@@ -29,13 +38,15 @@ def write_npz(path, colours):
         `NAME.npz`.
     colours : dict of str -> array
     """
-    path = Path(path)
-    expect(path.suffix == ".npz", f"{path}: expected a name that ends in .npz")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **colours)
-    temporary.replace(path)
+    path = expect_path("colours", path)
+    expect(path.suffix.lower() == ".npz", f"{path}: expected a name that ends in .npz")
+    good = isinstance(colours, dict) and all(isinstance(name, str) for name in colours)
+    expect(good, f"{path}: expected arrays by name, got {shown(colours)}")
+    # Not `np.savez`, to which a name such as 'file' is an argument of its own.
+    with written(path) as part, zipfile.ZipFile(part, "w") as file:
+        for name, array in colours.items():
+            with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
 
 
 class PictureWriter:
@@ -50,7 +61,10 @@ class PictureWriter:
     """
 
     def __init__(self, bake, size, caster="auto"):
-        self._bake, self._size, self._caster = bake, size, caster
+        self._bake = expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
+        self._size = expect_pair("size", size)
+        self._caster = expect_kind("caster", caster, str, "the name of one")
+        expect_view(*self._size)
         self._camera = self._rays = None
 
     def write(self, path, radiance, camera=None, background=None):
@@ -65,7 +79,7 @@ class PictureWriter:
         background : callable, optional
             The sky (see `CameraRays.picture`).
         """
-        camera = camera or self._bake.camera
+        camera = self._bake.camera if camera is None else camera
         if self._rays is None or camera != self._camera:
             caster = self._bake.make_caster(self._caster)
             try:

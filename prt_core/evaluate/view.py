@@ -2,14 +2,41 @@
 
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import expect
-from prt_core.scene import camera_rays
+from prt_core.errors import (
+    expect,
+    expect_all,
+    expect_array,
+    expect_caster,
+    expect_number,
+    expect_numbers,
+    expect_offers,
+    expect_pair,
+    expect_path,
+    expect_whole,
+    shown,
+)
+from prt_core.files import written
+from prt_core.machine import expect_memory
+from prt_core.scene import camera_rays, expect_camera
 
 _BATCH = 1 << 20
+
+
+# Bytes of a sample of a picture while it is made, at 2 x 2 samples a pixel.
+_SAMPLE_BYTES = 200
+# Radiance that float32 holds several times.
+_MOST = 1e37
+
+
+def expect_view(width, height, samples=2):
+    """Raise `PRTError` where a picture of so many pixels cannot be made on this machine."""
+    width, height = expect_pair("size", (width, height), 1, 1 << 20)
+    samples = expect_whole("samples", samples, 1, 16)
+    needed = _SAMPLE_BYTES * width * height * samples**2
+    expect_memory(f"size: a picture of {width} x {height}", needed, "take a smaller one")
 
 
 def auto_camera(scene, width=960, height=540):
@@ -20,6 +47,7 @@ def auto_camera(scene, width=960, height=540):
     dict
         `matrix` (4 x 4, camera to world), `tangent` of half the wider angle.
     """
+    expect_offers("scene", scene, ("centre", "size"), "a Scene")
     away = np.array([0.35, -0.85, 0.45])
     away /= np.linalg.norm(away)
     right = np.cross([0, 0, 1.0], away)
@@ -46,8 +74,11 @@ class CameraRays:
     """
 
     def __init__(self, scene, caster, camera=None, width=960, height=540, samples=2):
-        camera = camera or auto_camera(scene)
-        self.width, self.height, self.samples = width, height, samples
+        camera = auto_camera(scene) if camera is None else camera
+        expect_view(width, height, samples)
+        expect_caster(caster)
+        expect_camera(camera)
+        self.width, self.height, self.samples, self._scene = width, height, samples, scene
         matrix = np.asarray(camera["matrix"], np.float64)
         directions = camera_rays(camera, width, height, samples)
         self.directions = directions.astype(np.float32)
@@ -80,6 +111,8 @@ class CameraRays:
         (height, width, 3) float32
             Linear. Sides that return no light are black.
         """
+        shape = len(self._scene.points), 3
+        radiance = expect_array("radiance", radiance, shape, np.float32, -_MOST, _MOST)
         lit = self.points[:, 0] >= 0
         image = np.zeros((len(self.hit), 3), np.float32)
         image[lit] = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
@@ -92,29 +125,38 @@ class CameraRays:
 
 def render_view(bake, radiance, caster, width=960, height=540, background=None):
     """One picture, (height, width, 3) float32 linear, from the bake's camera."""
+    expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
     rays = CameraRays(bake.scene, caster, bake.camera, width, height)
     return rays.picture(radiance, background)
 
 
 def to_srgb(linear, exposure=0.0):
     """Linear radiance as sRGB bytes, `exposure` in stops; brighter than white is cut."""
-    value = np.clip(np.asarray(linear, np.float32) * np.float32(2.0**exposure), 0, 1)
+    stops = expect_number("exposure", exposure, -64, 64)
+    linear = expect_numbers("linear", linear)
+    expect(not np.isnan(linear).any(), "linear: expected no NaN")
+    with np.errstate(over="ignore"):
+        value = np.clip(np.asarray(linear, np.float32) * np.float32(2.0**stops), 0, 1)
     curve = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
     return (curve * 255 + 0.5).astype(np.uint8)
 
 
 def write_png(path, image):
     """Write (height, width, 3) uint8 sRGB pixels; through a temporary file, never half."""
-    path = Path(path)
+    path = expect_path("picture", path)
     expect(path.suffix.lower() == ".png", f"{path}: expected a name that ends in .png")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_bytes(png_bytes(image))
-    temporary.replace(path)
+    data = png_bytes(image)
+    with written(path) as part:
+        part.write_bytes(data)
 
 
 def png_bytes(image):
     """(height, width, 3) uint8 sRGB pixels as a PNG file (ISO/IEC 15948)."""
+    image = expect_array("picture", image, (None, None, 3))
+    expect(
+        image.dtype == np.uint8 and image.size,
+        f"picture: expected some pixels of uint8, got {shown(image)}",
+    )
     height, width, _ = image.shape
     flat = image.reshape(height, -1)
     # Filter 2: each row less the one above it.
@@ -144,6 +186,14 @@ def contact_sheet(images, labels, columns):
     """
     from PIL import Image, ImageDraw, ImageFont
 
+    pictures = expect_all("images", images, np.ndarray, "pictures")
+    expect(pictures, "images: expected at least one")
+    images = [expect_array("images", picture, pictures[0].shape) for picture in pictures]
+    good = images[0].ndim == 3 and all(picture.dtype == np.uint8 for picture in images)
+    expect(good, f"images: expected (height, width, 3) uint8, got {shown(images[0])}")
+    labels = expect_all("labels", labels, str, "texts")
+    expect(len(labels) == len(images), f"labels: expected {len(images)}, got {len(labels)}")
+    columns = expect_whole("columns", columns, 1, 1000)
     height, width = images[0].shape[:2]
     bar, rows = 26, -(-len(images) // columns)
     sheet = Image.new("RGB", (columns * width, rows * (height + bar)), (24, 24, 24))

@@ -3,7 +3,7 @@
 from prt_core.light.bright import BrightPixels, split_sun
 from prt_core.light.cubemap import CubeMap
 from prt_core.light.environment import EnvironmentMap
-from prt_core.light.images import read_image, write_image
+from prt_core.light.images import read_image, read_picture, write_image
 from prt_core.light.local import Lamp
 from prt_core.light.rotation import rotation_about_z, rotation_matrix
 from prt_core.light.sun import sun_light
@@ -16,6 +16,7 @@ __all__ = [
     "Lamp",
     "TurningLight",
     "read_image",
+    "read_picture",
     "rotation_about_z",
     "rotation_matrix",
     "split_sun",

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.errors import expect
-from prt_core.light.environment import EnvironmentMap
+from prt_core.errors import expect, expect_array, expect_kind, expect_numbers, expect_pair
+from prt_core.light.environment import EnvironmentMap, expect_strength
 from prt_core.light.rotation import rotation_matrix
 
 # A pixel is part of a sun when it is so many times brighter than the mean of the map.
 _TIMES_MEAN = 50.0
+_MOST_SIDE = 1 << 20
 
 
 @dataclass
@@ -37,6 +38,15 @@ class BrightPixels:
     kind: str = "pixels"
 
     def __post_init__(self):
+        n = expect_numbers("rows", self.rows).size
+        expect(n > 0, "bright pixels: expected at least one")
+        height, width = self.shape = expect_pair("shape", self.shape, 1, _MOST_SIDE)
+        for name, most in (("rows", height), ("columns", width)):
+            array = expect_array(name, getattr(self, name), (n,), np.int64, 0, most - 1)
+            setattr(self, name, array)
+        self.radiance = expect_array("radiance", self.radiance, (n, 3), np.float64, 0)
+        expect((self.radiance > 0).any(axis=1).all(), "radiance: expected light in every pixel")
+        self.rotation = rotation_matrix(self.rotation)
         edges = np.sin(np.pi / 2 - np.arange(self.shape[0] + 1) / self.shape[0] * np.pi)
         self._top, self._bottom = edges[self.rows], edges[self.rows + 1]
         area = (self._top - self._bottom) * 2 * np.pi / self.shape[1]
@@ -82,7 +92,9 @@ def split_sun(environment, rotation=None, strength=1.0):
     sun : BrightPixels or None
         None where no pixel is much brighter than the others.
     """
-    expect(strength >= 0, f"strength: expected a number >= 0, got {strength}")
+    expect_kind("environment", environment, EnvironmentMap)
+    expect_strength(environment.name, environment.pixels, strength)
+    turn = rotation_matrix(rotation)
     pixels = environment.pixels
     height, width = pixels.shape[:2]
     z = np.sin(np.pi / 2 - np.arange(height + 1) / height * np.pi)
@@ -95,6 +107,10 @@ def split_sun(environment, rotation=None, strength=1.0):
     rest = pixels.copy()
     rest[bright] *= (limit / pixels[bright].max(axis=-1, keepdims=True)).astype(np.float32)
     rows, columns = np.nonzero(bright)
-    above = (pixels[bright].astype(np.float64) - rest[bright]) * strength
-    sun = BrightPixels(rows, columns, (height, width), above, rotation_matrix(rotation))
-    return EnvironmentMap(rest, environment.name), sun
+    above = np.maximum(pixels[bright].astype(np.float64) - rest[bright], 0) * strength
+    # Rounding leaves nothing of those that are hardly above.
+    some = above.any(axis=1)
+    if not some.any():
+        return environment, None
+    sun = BrightPixels(rows[some], columns[some], (height, width), above[some], turn)
+    return EnvironmentMap(rest, environment.name, environment.notes), sun

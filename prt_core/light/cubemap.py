@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect, expect_array, expect_whole
 
 # Per face (+x, -x, +y, -y, +z, -z): the axis it looks along, and those of its columns and rows.
 _FACES = np.array(
@@ -52,11 +52,7 @@ class CubeMap:
     face_axes = _FACES
 
     def __init__(self, resolution):
-        expect(
-            int(resolution) == resolution and 1 <= resolution <= 1024,
-            f"resolution: expected a whole number from 1 to 1024, got {resolution}",
-        )
-        self.resolution = int(resolution)
+        self.resolution = expect_whole("resolution", resolution, 1, 1024)
 
     @property
     def n_directions(self):
@@ -103,6 +99,8 @@ class CubeMap:
         u, v : (m,) float
             -1 to 1 on a face, along its columns and rows; further out they lie on others.
         """
+        u = expect_array("u", u, (None,), np.float64)
+        v = expect_array("v", v, (len(u),), np.float64)
         local = np.stack([np.ones_like(u), u, v], axis=-1)
         return np.concatenate([local @ face for face in _FACES])
 
@@ -171,7 +169,7 @@ class CubeMap:
         PRTError
             `factor` does not divide the resolution.
         """
-        n = self.resolution
+        n, factor = self.resolution, expect_whole("factor", factor, 1)
         expect(n % factor == 0, f"coarser: {factor} does not divide the resolution {n}")
         small = n // factor
         face, row, column = np.unravel_index(np.arange(self.n_directions), (6, n, n))

@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_array
-from prt_core.light.images import read_image
+from prt_core.errors import expect, expect_array, expect_kind, expect_number, expect_path, shown
+from prt_core.light.cubemap import CubeMap
+from prt_core.light.images import read_picture, told
 from prt_core.light.rotation import rotation_matrix
 from prt_core.threads import on_all_cores
 
@@ -15,6 +17,8 @@ from prt_core.threads import on_all_cores
 _EVEN_SAMPLES, _BRIGHT_SAMPLES = 80, 4000
 _EVEN_HEIGHT = 256
 _BAND = 1 << 16
+# Light beyond this overflows float32 where it is squared, or summed over the sphere.
+BRIGHTEST = 1e15
 # Pixels above so many times the mean count as small sources.
 _BRIGHT = 4.0
 
@@ -46,24 +50,37 @@ class EnvironmentMap:
         Linear Rec.709 radiance, equirectangular, straight up in the first row.
     name : str
         For messages.
+    notes : tuple of str
+        What was read and converted, where there was a choice (see `read_picture`).
     """
 
     pixels: np.ndarray
     name: str = "environment"
+    notes: tuple = ()
 
     def __post_init__(self):
-        pixels = expect_array(f"{self.name}: pixels", self.pixels, (None, None, 3), np.float32)
-        expect(pixels.size > 0, f"{self.name}: the image has no pixels")
-        if pixels.min() < 0:
-            raise PRTError(
-                f"{self.name}: radiance expected >= 0, the smallest value is {pixels.min():.4g}"
-            )
+        name = expect_kind("environment: name", self.name, str, "text")
+        pixels = expect_array(f"{name}: pixels", self.pixels, (None, None, 3), np.float32)
+        expect(pixels.size > 0, f"{name}: the image has no pixels")
+        low, high = pixels.min(), pixels.max()
+        expect(
+            low >= 0,
+            f"{name}: radiance expected >= 0, the smallest value is {low:.4g}; "
+            f"{told((pixels < 0).any(axis=-1), 'negative')}; repair the image first, as with "
+            "'oiiotool in.exr --clamp:min=0 -o out.exr'",
+        )
+        expect(
+            high <= BRIGHTEST,
+            f"{name}: radiance expected at most {BRIGHTEST:g}, the largest value is {high:.4g}; "
+            f"{told((pixels > BRIGHTEST).any(axis=-1), 'brighter')}; repair the image first, as "
+            "with 'oiiotool in.exr --clamp:max=1e6 -o out.exr'",
+        )
         self.pixels = pixels
 
     @classmethod
     def read(cls, path):
         """Read an .exr or .hdr image; anything but twice as wide as high is refused."""
-        pixels = read_image(path)
+        pixels, notes = read_picture(path)
         height, width = pixels.shape[:2]
         expect(
             width == 2 * height or (height == 1 and width == 1),
@@ -73,7 +90,7 @@ class EnvironmentMap:
         negative = -float(np.minimum(pixels, 0).sum(dtype=np.float64))
         if 0 < negative < 1e-4 * float(np.maximum(pixels, 0).sum(dtype=np.float64)):
             pixels = np.maximum(pixels, 0)
-        return cls(pixels, str(path))
+        return cls(pixels, str(path), tuple(notes))
 
     def to_cube_map(self, cube_map, rotation=None, strength=1.0):
         """The mean radiance of every texel; no pixel's energy is lost or counted twice.
@@ -94,10 +111,8 @@ class EnvironmentMap:
         -------
         (n_directions, 3) float32
         """
-        expect(
-            np.isfinite(strength) and strength >= 0,
-            f"strength: expected a finite number >= 0, got {strength}",
-        )
+        expect_kind("cube_map", cube_map, CubeMap)
+        expect_strength(self.name, self.pixels, strength)
         matrix = rotation_matrix(rotation)
         if self.pixels.shape[:2] == (1, 1):
             light = np.repeat(self.pixels[0].astype(np.float64), cube_map.n_directions, axis=0)
@@ -134,11 +149,47 @@ class EnvironmentMap:
 
     def sample(self, directions):
         """Radiance (m, 3) float32 of the pixel each direction falls into."""
-        u, v = equirectangular(np.asarray(directions, np.float64))
+        directions = expect_array("directions", directions, (None, 3), np.float64)
+        u, v = equirectangular(directions)
         height, width = self.pixels.shape[:2]
         column = np.minimum((u * width).astype(np.int64), width - 1)
         row = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
         return self.pixels[row, column]
+
+
+def read_environment(light):
+    """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
+    if isinstance(light, Path) or (isinstance(light, str) and light != "world"):
+        return EnvironmentMap.read(light)
+    return light
+
+
+def named_images(paths):
+    """{name: EnvironmentMap} of images, by the names of their files."""
+    good = isinstance(paths, list | tuple) and len(paths)
+    expect(good, f"lights: expected a list of images or a dict of lights, got {shown(paths)}")
+    lights = {}
+    for path in paths:
+        path = expect_path("lights", path)
+        name = path.stem if path.stem not in lights else str(path)
+        lights[name] = EnvironmentMap.read(path)
+    return lights
+
+
+def expect_radiance(name, light, cube_map):
+    """Light on the texels of a cube map as (n_directions, 3) float32."""
+    return expect_array(name, light, (cube_map.n_directions, 3), np.float32, 0, BRIGHTEST)
+
+
+def expect_strength(name, light, strength):
+    """Raise `PRTError` unless `strength` is a factor under which a light stays finite."""
+    strength = expect_number("strength", strength, 0)
+    brightest = float(light.max(initial=0))
+    expect(
+        brightest * strength <= BRIGHTEST,
+        f"strength: {strength:g} times the brightest of {name}, {brightest:.4g}, is above "
+        f"{BRIGHTEST:g}; expected less",
+    )
 
 
 def sums_on_texels(cube_map, matrix, rows, columns, shape, values, samples):

@@ -1,121 +1,285 @@
-"""Images of light: OpenEXR here, other formats through readers that `prt_core.blender` lends."""
+"""Images of light: OpenEXR and Radiance here, or through readers that `prt_core.blender` lends."""
 
-from pathlib import Path
+import io
+import os
+from contextlib import ExitStack, contextmanager, redirect_stdout
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_array
+from prt_core.errors import PRTError, expect, expect_array, expect_path, system_errors
+from prt_core.files import written
+from prt_core.light.exr_header import read_parts
+from prt_core.light.primaries import to_rec709
+from prt_core.light.radiance import read_radiance
+from prt_core.machine import expect_memory
 
 _READERS = {}
 _RGB, _GREY = ("R", "G", "B"), "Y"
+# What the main layer of a file is called; others are passes, such as AO.
+_MAIN = ("", "combined", "composite", "rgba", "rgb", "beauty", "color", "colour", "main", "default")
+_MOST_NAMES = 6
 
 
 def register_reader(suffix, reader):
-    """Make a format known: `reader(path) -> (height, width, 3) float32`, first row on top."""
+    """Make a format known: `reader(path) -> (height, width, 3) float32`, first row on top.
+
+    Where one is known for ".exr", the header is still read here (see `read_picture`).
+    """
     _READERS[suffix] = reader
 
 
 def read_image(path):
-    """Read an image of linear light.
+    """Read an image of linear light; see `read_picture`.
+
+    Returns
+    -------
+    (height, width, 3) float32
+        Linear Rec.709, first row on top.
+    """
+    return read_picture(path)[0]
+
+
+def read_picture(path):
+    """Read an image of linear light, and what is to be said about it.
 
     Parameters
     ----------
     path : str or Path
         `.exr`: half, float or uint channels; RGB, RGBA or luminance only (Y); scan lines or
-        tiles; of several parts or layers the first that has colour. `.hdr`: where Blender is
-        there.
+        tiles; of several parts or layers the main one (see `main_layer`). `.hdr`: see
+        `read_radiance`. Other primaries than Rec.709's are converted.
 
     Returns
     -------
-    (height, width, 3) float32
-        Linear, first row on top.
+    pixels : (height, width, 3) float32
+        Linear Rec.709, first row on top.
+    notes : list of str
+        Which layer was read where there were several, and what was converted.
 
     Raises
     ------
     PRTError
-        No such file, a format that is not read here, or no colour in it.
+        No such file, a format that is not read here, no colour in it, or values that are not
+        finite.
     """
-    path = Path(path)
+    path = expect_path("image", path)
+    with system_errors(path):
+        return _read(path)
+
+
+def _read(path):
     expect(path.is_file(), f"{path}: there is no such image file")
     suffix = path.suffix.lower()
-    if suffix in _READERS:
-        return expect_array(str(path), _READERS[suffix](path), (None, None, 3), np.float32)
     if suffix == ".exr":
-        return _read_exr(path)
-    if suffix == ".hdr":
-        raise PRTError(f"{path}: .hdr is read through Blender; pip install bpy, or convert to .exr")
-    raise PRTError(f"{path}: expected an .exr or .hdr image, got '{suffix or 'no suffix'}'")
+        pixels, notes = _read_exr(path)
+    elif suffix in _READERS:
+        pixels, notes = np.asarray(_READERS[suffix](path), np.float32), []
+    elif suffix == ".hdr":
+        pixels, notes = read_radiance(path)
+    else:
+        raise PRTError(f"{path}: expected an .exr or .hdr image, got '{suffix or 'no suffix'}'")
+    bad = ~np.isfinite(pixels).all(axis=-1)
+    expect(
+        not bad.any(),
+        f"{path}: {told(bad, 'NaN or infinite')}; repair the image first: paint over them, or "
+        f"'oiiotool {path.name} --fixnan box3 -o repaired.exr'",
+    )
+    return expect_array(str(path), pixels, (None, None, 3), np.float32), notes
+
+
+def told(bad, what):
+    """How many pixels of a (height, width) mask are wrong, and where the first of them is."""
+    row, column = np.argwhere(bad)[0] if bad.any() else (0, 0)
+    return (
+        f"{int(bad.sum()):,} pixels are {what}, the first at column {column}, row {row}, counted "
+        "from 0 at the top left"
+    )
 
 
 def reads_in_threads(path):
     """Whether `read_image` may be called beside the main thread: not where Blender reads."""
-    suffix = Path(path).suffix.lower()
-    return suffix == ".exr" and suffix not in _READERS
+    suffix = expect_path("image", path).suffix.lower()
+    return suffix in (".exr", ".hdr") and suffix not in _READERS
 
 
 def write_image(path, pixels):
-    """Write (height, width, 3) float32 pixels as an OpenEXR image, ZIP compressed."""
+    """Write (height, width, 3) float32 pixels as an OpenEXR image, ZIP compressed; whole or not
+    at all."""
     import OpenEXR
 
+    path = expect_path("image", path)
+    expect(path.suffix.lower() == ".exr", f"{path}: expected a name that ends in .exr")
     pixels = expect_array(str(path), pixels, (None, None, 3), np.float32)
+    expect(pixels.size, f"{path}: the image has no pixels")
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
-        file.write(str(path))
+    with written(path) as part, OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
+        try:
+            file.write(str(part))
+        except RuntimeError as error:
+            raise OSError(None, " ".join(str(error).split())) from error
+
+
+def main_layer(path, parts):
+    """The layer that is the image: plain R, G, B; else the one called Combined or the like.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    parts : list of Part
+
+    Returns
+    -------
+    index : int
+        Of the part.
+    names : list of str
+        Of the three channels.
+    label : str
+        Of the part and layer; empty for plain channels.
+    others : list of str
+        Labels that were not chosen.
+
+    Raises
+    ------
+    PRTError
+        No colour, or several layers of which none is called as the main one would be.
+    """
+    for wanted in (_RGB, (_GREY,) * 3):
+        found = [
+            (index, [prefix + name for name in wanted], _label(part, len(parts) > 1, prefix))
+            for index, part in enumerate(parts)
+            for prefix in dict.fromkeys(_prefix(name) for name in part.channels)
+            if all(prefix + name in part.channels for name in wanted)
+        ]
+        if found:
+            break
+    names = [name for part in parts for name in part.channels]
+    expect(found, f"{path}: no R, G, B or Y channels; it has {', '.join(names) or 'none'}")
+    main = [item for item in found if item[2].rpartition(".")[2].lower() in _MAIN]
+    # Plain channels go before any layer.
+    main.sort(key=lambda item: item[2] != "")
+    labels = [label or "R, G, B" for *_, label in found]
+    expect(
+        main or len(found) == 1,
+        f"{path}: has the layers {_listed(labels)}, and none is called Combined or main; save the "
+        "one that is meant alone",
+    )
+    index, channels, label = (main or found)[0]
+    return index, channels, label, [other for other in labels if other != (label or "R, G, B")]
+
+
+def _prefix(name):
+    layer, dot, _ = name.rpartition(".")
+    return layer + dot
+
+
+def _label(part, several, prefix):
+    label = ".".join(filter(None, (part.name if several else "", prefix.rstrip("."))))
+    # The two views of a stereo image are the same layer; the first is read.
+    if part.view and (label == part.view or label.endswith(f".{part.view}")):
+        label = label[: -len(part.view)].rstrip(".")
+    return label
+
+
+def _listed(labels):
+    some = ", ".join(labels[:_MOST_NAMES])
+    return some + (f" and {len(labels) - _MOST_NAMES} more" if len(labels) > _MOST_NAMES else "")
 
 
 def _read_exr(path):
+    parts = read_parts(path)
+    index, names, label, others = main_layer(path, parts)
+    part = parts[index]
+    expect(
+        not part.deep, f"{path}: deep images are not understood; flatten it to one layer of pixels"
+    )
+    base = names[0].rpartition(".")[0]
+    chroma = [f"{base}.{name}" if base else name for name in ("RY", "BY")]
+    expect(
+        names[0] != names[1] or not any(name in part.channels for name in chroma),
+        f"{path}: luminance and chroma (Y, RY, BY) are not understood; save it as R, G, B",
+    )
+    sampled = {part.channels[name][1:] for name in names}
+    expect(
+        sampled == {(1, 1)},
+        f"{path}: its colours are stored for some of the pixels only (sub-sampling); "
+        "save them for all",
+    )
+    needed = 4 * sum(other.nbytes for other in parts) + 16 * _size(part.display)
+    expect_memory(str(path), needed, "scale it down")
+    notes = []
+    if others:
+        notes.append(f"{path}: read is {label or 'plain R, G, B'}, not {_listed(others)}")
+    reader = _READERS.get(".exr")
+    if reader is None:
+        pixels = _decoded(path, part, index, names)
+    else:
+        expect(
+            len(parts) == 1 and not label,
+            f"{path}: Blender reads no layers here; save {label or 'the plain R, G, B'} alone",
+        )
+        pixels = np.asarray(reader(path), np.float32)
+    matrix = to_rec709(str(path), part.chromaticities) if part.chromaticities else None
+    if matrix is not None and names[0] != names[1]:
+        given = pixels
+        pixels = pixels @ matrix.T.astype(np.float32)
+        notes.append(f"{path}: converted from the primaries of its header to Rec.709")
+        # Colours outside Rec.709 have a negative channel that the image had not.
+        pixels = np.where((given >= 0).all(axis=-1, keepdims=True), np.maximum(pixels, 0), pixels)
+    return pixels, notes
+
+
+def _size(window):
+    return (window[2] - window[0] + 1) * (window[3] - window[1] + 1)
+
+
+def _decoded(path, part, index, names):
     import OpenEXR
 
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            for part in file.parts:
-                found = _colour_channels(part.channels)
-                if found:
-                    return _to_array(path, part, found)
-            names = [name for part in file.parts for name in part.channels]
+        with _silence(), OpenEXR.File(str(path), separate_channels=True) as file:
+            expect(
+                len(file.parts) > index,
+                f"{path}: not a readable OpenEXR image, its pixels cannot be decoded; "
+                "copy or download it again",
+            )
+            channels = file.parts[index].channels
+            planes = [np.asarray(channels[name].pixels, np.float32) for name in names]
     except PRTError:
         raise
     except Exception as error:
-        raise PRTError(f"{path}: not a readable OpenEXR image ({error})") from error
-    raise PRTError(f"{path}: no R, G, B or Y channels; it has {', '.join(names) or 'none'}")
+        reason = " ".join(str(error).split())
+        raise PRTError(f"{path}: not a readable OpenEXR image ({reason})") from error
+    return _on_display_window(part, np.stack(planes, axis=-1))
 
 
-def _colour_channels(channels):
-    """Names of the three channels to read: the plain ones, else the first layer that has them."""
-    layers = sorted({name.rpartition(".")[0] for name in channels})
-    for layer in layers:
-        prefix = layer + "." if layer else ""
-        if all(prefix + c in channels for c in _RGB):
-            return [prefix + c for c in _RGB]
-    for layer in layers:
-        prefix = layer + "." if layer else ""
-        if prefix + _GREY in channels:
-            return [prefix + _GREY] * 3
-    return None
+@contextmanager
+def _silence():
+    """OpenEXR prints what it cannot decode, by Python and by C; the error that follows says it."""
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(io.StringIO()))
+        try:
+            kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        except OSError:
+            # A program without a console shows nothing as it is.
+            yield
+            return
+        stack.callback(os.close, kept)
+        stack.callback(os.dup2, kept, 2)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+        yield
 
 
-def _to_array(path, part, names):
-    planes = [np.asarray(part.channels[name].pixels, np.float32) for name in names]
-    expect(
-        len({plane.shape for plane in planes}) == 1 and planes[0].ndim == 2,
-        f"{path}: the colour channels differ in size (chroma sub-sampling); save them alike",
-    )
-    pixels = _on_display_window(part.header, np.stack(planes, axis=-1))
-    if not np.isfinite(pixels).all():
-        bad = int((~np.isfinite(pixels)).any(axis=-1).sum())
-        raise PRTError(f"{path}: {bad} pixels are NaN or infinite; repair the image first")
-    return pixels
-
-
-def _on_display_window(header, pixels):
+def _on_display_window(part, pixels):
     """Pixels outside the stored data window are black, those outside the display are cut."""
-    (dx0, dy0), _ = (np.asarray(corner) for corner in header["dataWindow"])
-    low, high = (np.asarray(corner) for corner in header["displayWindow"])
-    width, height = high - low + 1
-    if (dx0, dy0) == tuple(low) and pixels.shape[:2] == (height, width):
+    dx, dy = part.window[:2]
+    left, top, right, bottom = part.display
+    width, height = right - left + 1, bottom - top + 1
+    if (dx, dy) == (left, top) and pixels.shape[:2] == (height, width):
         return pixels
     result = np.zeros((height, width, 3), np.float32)
-    x, y = int(dx0 - low[0]), int(dy0 - low[1])
-    source = pixels[max(0, -y) : height - y, max(0, -x) : width - x]
+    x, y = dx - left, dy - top
+    source = pixels[max(0, -y) : max(height - y, 0), max(0, -x) : max(width - x, 0)]
     result[max(0, y) :, max(0, x) :][: source.shape[0], : source.shape[1]] = source
     return result

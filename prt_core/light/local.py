@@ -4,7 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_flag,
+    expect_kind,
+    expect_number,
+)
+from prt_core.light.environment import BRIGHTEST
 from prt_core.sobol import sobol_points
 
 KINDS = ("point", "spot", "area", "sun")
@@ -55,13 +62,24 @@ class Lamp:
     name: str = "lamp"
 
     def __post_init__(self):
-        expect(self.kind in KINDS, f"{self.name}: kind expected one of {KINDS}, got '{self.kind}'")
-        self.power = expect_array(f"{self.name}: power", self.power, (3,), np.float64)
-        self.position = expect_array(f"{self.name}: position", self.position, (3,), np.float64)
-        self.size = tuple(float(side) for side in self.size)
-        self.scale = tuple(float(factor) for factor in self.scale)
+        name = expect_kind("lamp: name", self.name, str, "text")
+        good = isinstance(self.kind, str) and self.kind in KINDS
+        expect(good, f"{name}: kind expected one of {KINDS}, got {self.kind!r}")
+        power = f"{name}: power"
+        self.power = expect_array(power, self.power, (3,), np.float64, -BRIGHTEST, BRIGHTEST)
+        self.position = expect_array(f"{name}: position", self.position, (3,), np.float64)
+        size = expect_array(f"{name}: size", self.size, (2,), np.float64, 0)
+        self.size = tuple(float(side) for side in size)
+        scale = expect_array(f"{name}: scale", self.scale, (3,), np.float64, 0)
+        self.scale = tuple(float(factor) for factor in scale)
+        self.soft_falloff = expect_flag(f"{name}: soft_falloff", self.soft_falloff)
         axes = np.eye(3) if self.axes is None else self.axes
-        self.axes = expect_array(f"{self.name}: axes", axes, (3, 3), np.float64)
+        self.axes = expect_array(f"{name}: axes", axes, (3, 3), np.float64)
+        self.radius = expect_number(f"{name}: radius", self.radius, 0)
+        self.ellipse = expect_flag(f"{name}: ellipse", self.ellipse)
+        self.cone = expect_number(f"{name}: cone", self.cone, 0, 2 * np.pi)
+        self.blend = expect_number(f"{name}: blend", self.blend, 0, 1)
+        self.angle = expect_number(f"{name}: angle", self.angle, 0, 2 * np.pi)
 
     @property
     def is_small(self):
@@ -94,7 +112,9 @@ class Lamp:
             On a surface facing the sample, were it the whole lamp: the mean over samples of
             `irradiance * cosine * visibility` is the lamp's irradiance.
         """
-        return getattr(self, f"_sample_{self.kind}")(np.asarray(positions, np.float64), uv)
+        positions = expect_array("positions", positions, (None, 3), np.float64)
+        uv = expect_array("uv", uv, (len(positions), 2))
+        return getattr(self, f"_sample_{self.kind}")(positions, uv)
 
     def _sample_point(self, positions, uv):
         if self.radius > 0 and not self.soft_falloff:

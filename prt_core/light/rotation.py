@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect, expect_array, expect_number, expect_numbers
 
 
 def rotation_about_z(degrees):
     """(3, 3) float64: turns the sky counter-clockwise seen from above, by `degrees`."""
-    return _about(2, degrees)
+    return _about(2, expect_number("degrees", degrees))
 
 
 def rotation_matrix(rotation):
@@ -25,14 +25,12 @@ def rotation_matrix(rotation):
     """
     if rotation is None:
         return np.eye(3)
-    array = np.asarray(rotation, np.float64)
-    expect(np.isfinite(array).all(), "rotation: expected finite angles, got NaN or infinity")
-    if array.ndim == 0:
-        return rotation_about_z(float(array))
-    if array.shape == (3,):
-        x, y, z = array
+    if not isinstance(rotation, list | tuple | np.ndarray):
+        return _about(2, expect_number("rotation", rotation))
+    if expect_numbers("rotation", rotation).shape == (3,):
+        x, y, z = expect_array("rotation", rotation, (3,), np.float64)
         return _about(2, z) @ _about(1, y) @ _about(0, x)
-    matrix = expect_array("rotation", array, (3, 3), np.float64)
+    matrix = expect_array("rotation", rotation, (3, 3), np.float64)
     expect(
         np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) and np.linalg.det(matrix) > 0,
         "rotation: expected a matrix that turns without scaling or mirroring",

@@ -2,9 +2,13 @@
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect, expect_array, expect_kind, expect_number
+from prt_core.light.cubemap import CubeMap
+from prt_core.light.environment import BRIGHTEST
 
 _SAMPLES = 1 << 16
+# Half a turn, as float32 knows it: Blender's is a little more.
+_WIDEST = float(np.nextafter(np.float32(np.pi), np.float32(4)))
 
 
 def sun_light(cube_map, direction, irradiance, angle=0.0):
@@ -27,15 +31,14 @@ def sun_light(cube_map, direction, irradiance, angle=0.0):
         The disc's power is spread over the texels it covers. An angle smaller than a texel
         still fills whole texels: shadows are as soft as the resolution allows.
     """
+    expect_kind("cube_map", cube_map, CubeMap)
     direction = expect_array("direction", direction, (3,), np.float64)
     length = np.linalg.norm(direction)
     expect(length > 0, "direction: expected a vector of length above zero")
-    expect(0 <= angle <= np.pi, f"angle: expected 0 to pi radians, got {angle}")
-    irradiance = np.broadcast_to(np.asarray(irradiance, np.float64), (3,))
-    expect(
-        np.isfinite(irradiance).all() and (irradiance >= 0).all(),
-        f"irradiance: expected finite numbers >= 0, got {irradiance}",
-    )
+    angle = expect_number("angle", angle, 0, _WIDEST)
+    if not isinstance(irradiance, list | tuple | np.ndarray):
+        irradiance = [expect_number("irradiance", irradiance, 0)] * 3
+    irradiance = expect_array("irradiance", irradiance, (3,), np.float64, 0, BRIGHTEST)
     axis = direction / length
     # Points spread evenly over the cap (a golden-angle spiral).
     i = np.arange(_SAMPLES) + 0.5

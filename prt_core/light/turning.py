@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from prt_core.errors import expect_kind
 from prt_core.light.cubemap import CubeMap
-from prt_core.light.environment import pixel_parts, sums_on_texels
+from prt_core.light.environment import EnvironmentMap, pixel_parts, sums_on_texels
 from prt_core.light.rotation import rotation_matrix
 
 # How much finer than the texels the parts are that are turned: of what is even, what is bright.
@@ -22,7 +23,8 @@ class TurningLight:
     """
 
     def __init__(self, environment, cube_map):
-        self.cube_map = cube_map
+        expect_kind("environment", environment, EnvironmentMap)
+        self.cube_map = expect_kind("cube_map", cube_map, CubeMap)
         even, bright = environment.layers
         self._even = self._coarse(_EVEN, even)
         self._bright = None if bright is None else self._suns(*bright)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.rays.caster import MISS, Hits, as_rays, register_caster
+from prt_core.rays.caster import MISS, Hits, as_limits, as_rays, register_caster
 
 
 class BruteForceCaster:
@@ -20,7 +20,8 @@ class BruteForceCaster:
 
     def occluded(self, origins, directions, distances=None):
         distance = self.intersect(origins, directions).distance
-        return distance < (np.inf if distances is None else np.asarray(distances))
+        limits = as_limits(distances, len(distance))
+        return distance < (np.inf if limits is None else limits)
 
     def intersect(self, origins, directions):
         origins, directions = as_rays(origins, directions)

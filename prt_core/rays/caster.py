@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect_array
+from prt_core.errors import PRTError, expect, expect_array, expect_kind, expect_numbers, shown
 
 MISS = -1
 _FACTORIES = {}
@@ -77,6 +77,17 @@ def as_rays(origins, directions):
     return np.ascontiguousarray(origins), np.ascontiguousarray(directions)
 
 
+def as_limits(distances, n_rays):
+    """How far rays go, (n_rays,) float32, or None: as far as they will."""
+    if distances is None:
+        return None
+    array = expect_numbers("distances", distances)
+    good = array.shape == (n_rays,) and not np.isnan(array).any()
+    expect(good, f"distances: expected {n_rays} numbers, got {shown(distances)}")
+    with np.errstate(over="ignore"):
+        return np.asarray(array, np.float32)
+
+
 def barycentric_of(vertices, triangles, origins, directions, triangle):
     """Barycentric weights and distances of known hits, float64 inside (Möller & Trumbore 1997).
 
@@ -124,6 +135,9 @@ def make_caster(name, vertices, triangles):
     PRTError
         The back-end is unknown or not installed; nothing falls back in silence.
     """
+    expect_kind("caster", name, str, "the name of one")
+    vertices = expect_array("vertices", vertices, (None, 3), np.float32)
+    triangles = expect_array("triangles", triangles, (None, 3), np.int32, 0, len(vertices) - 1)
     if name == "auto":
         name = next((n for n in ("embree", "blender") if n in _FACTORIES), None)
         if name is None:

@@ -7,7 +7,7 @@ import numpy as np
 from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
-from prt_core.rays.caster import Hits, as_rays, barycentric_of, register_caster
+from prt_core.rays.caster import Hits, as_limits, as_rays, barycentric_of, register_caster
 
 _SLICE = 1 << 17
 
@@ -44,9 +44,10 @@ class EmbreeCaster:
 
     def occluded(self, origins, directions, distances=None):
         origins, directions = as_rays(origins, directions)
+        limits = as_limits(distances, len(origins))
 
         def cast(part):
-            limit = None if distances is None else np.ascontiguousarray(distances[part], np.float32)
+            limit = None if limits is None else np.ascontiguousarray(limits[part])
             return self._scene.run(origins[part], directions[part], limit, query="OCCLUDED") == 0
 
         return self._slices(cast, len(origins), bool)

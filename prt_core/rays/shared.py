@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from prt_core.errors import expect_caster
 from prt_core.threads import on_all_cores
 
 # Rays of a batch; below so many another thread is not worth its start.
@@ -44,4 +45,5 @@ class SharedCaster:
 
 def shared(caster):
     """The caster itself where it spreads the work on its own."""
+    expect_caster(caster)
     return SharedCaster(caster) if caster.threads > 1 else caster

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.errors import expect, expect_array, expect_whole
+
 # A solution is final when each optimality condition holds to this share of lambda.
 _SLACK = 1e-7
 # Added to the diagonal, relative: equal columns then share their weight.
@@ -54,7 +56,9 @@ def gram(columns, targets):
     grams : (n, k, k), moments : (n, k), squares : (n,) float64
         A^T A, A^T y and |y|^2.
     """
-    n, k, _ = columns.shape
+    columns = expect_array("columns", columns, (None, None, None))
+    n, k, m = columns.shape
+    targets = expect_array("targets", targets, (n, m))
     grams, moments = np.empty((n, k, k)), np.empty((n, k))
     targets = np.asarray(targets, np.float64)
     # A few problems at a time, so that their float64 copies stay in the cache.
@@ -83,8 +87,15 @@ def l1_batched(grams, moments, squares, strengths, start=None, most_iterations=4
     -------
     L1Solutions
     """
+    grams, moments = expect_problems(grams, moments)
     n, k = moments.shape
-    weights = np.zeros((n, k)) if start is None else np.array(start, np.float64)
+    squares = expect_array("squares", squares, (n,), np.float64)
+    strengths = expect_array("strengths", strengths, (n,), np.float64)
+    expect((strengths > 0).all(), "strengths: expected numbers above 0")
+    most_iterations = expect_whole("most_iterations", most_iterations, 1)
+    weights = np.zeros((n, k))
+    if start is not None:
+        weights = np.array(expect_array("start", start, (n, k), np.float64))
     iterations = np.zeros(n, np.int32)
     for first in range(0, n, _CHUNK):
         part = slice(first, first + _CHUNK)
@@ -95,11 +106,23 @@ def l1_batched(grams, moments, squares, strengths, start=None, most_iterations=4
     return L1Solutions(weights, objective, gap, iterations)
 
 
+def expect_problems(grams, moments):
+    """(n, k, k) and (n, k) float64 of n problems (see `gram`)."""
+    moments = expect_array("moments", moments, (None, None), np.float64)
+    n, k = moments.shape
+    return expect_array("grams", grams, (n, k, k), np.float64), moments
+
+
 def l1_certificate(grams, moments, squares, strengths, weights):
     """Objective and duality gap of any weights, (n,) float64 each.
 
     The dual point is the residual scaled into |A^T nu| <= lambda (Kim et al. 2007, equation 9).
     """
+    grams, moments = expect_problems(grams, moments)
+    n, k = moments.shape
+    squares = expect_array("squares", squares, (n,), np.float64)
+    strengths = expect_array("strengths", strengths, (n,), np.float64)
+    weights = expect_array("weights", weights, (n, k), np.float64)
     product = np.einsum("nij,nj->ni", grams, weights)
     slope = moments - product
     fitted = np.einsum("ni,ni->n", moments, weights)

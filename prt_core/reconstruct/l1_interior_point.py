@@ -14,10 +14,14 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, cg
 
+from prt_core.errors import expect_array, expect_number, expect_one_of, expect_whole
+
 # The paper's: shrinking of a step, slope it must reach, growth of the barrier.
 _ALPHA, _BETA, _MU, _LEAST_STEP = 0.01, 0.5, 2.0, 0.5
 # Unknowns from which on the Newton system is solved by conjugate gradients.
 _LARGE = 1000
+# Values beyond leave nothing of float64's precision where they are squared.
+_LARGEST = 1e15
 
 
 @dataclass
@@ -50,9 +54,14 @@ def l1_interior_point(columns, target, strength, tolerance=1e-8, most_iterations
     -------
     L1Solution
     """
-    a = np.asarray(columns, np.float64).T
-    y = np.asarray(target, np.float64)
+    a = expect_array("columns", columns, (None, None), np.float64, -_LARGEST, _LARGEST).T
+    y = expect_array("target", target, (len(a),), np.float64, -_LARGEST, _LARGEST)
+    strength = expect_number("strength", strength, above=0)
+    tolerance = expect_number("tolerance", tolerance, above=0)
+    most_iterations = expect_whole("most_iterations", most_iterations, 1)
     k = a.shape[1]
+    if solver is not None:
+        expect_one_of("solver", solver, ("cholesky", "pcg"))
     solver = solver or ("cholesky" if k < _LARGE else "pcg")
     gram = a.T @ a if solver == "cholesky" else None
     w, u, t = np.zeros(k), np.ones(k), 1 / max(strength, 1e-300)

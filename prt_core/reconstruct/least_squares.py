@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from prt_core.reconstruct.l1_batched import expect_problems
+
 # Directions in which the columns are this small, squared and relative, are noise of float32.
 _CUT = 1e-12
 
@@ -21,6 +23,7 @@ def least_squares(grams, moments):
         The certificate: the largest entry of |A^T (A w - y)|, as a share of that of |A^T y|. It
         is zero at a minimum; what stays is what the cut at singular values of 1e-6 leaves.
     """
+    grams, moments = expect_problems(grams, moments)
     values, vectors = np.linalg.eigh(grams)
     largest = np.maximum(values[:, -1:], 1e-300)
     inverse = np.where(values > _CUT * largest, 1 / np.maximum(values, 1e-300), 0)

@@ -13,7 +13,7 @@ from prt_core.sampling.certificate import (
     certificate_steps,
     probe_lights,
 )
-from prt_core.sampling.groups import certified_together
+from prt_core.sampling.groups import Groups, certified_together
 from prt_core.sampling.huang import HuangSettings, sample_huang
 from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler, sampler_named, sampler_names
@@ -22,6 +22,7 @@ __all__ = [
     "AgreementSettings",
     "CertificateSettings",
     "Estimate",
+    "Groups",
     "HuangSettings",
     "ObjectError",
     "Sampled",

@@ -14,11 +14,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import (
+    expect_flag,
+    expect_kind,
+    expect_mask,
+    expect_number,
+    expect_seed,
+    expect_whole,
+)
 from prt_core.sampling.groups import alike
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.open_sky import open_points
-from prt_core.sampling.sampled import Sampled, register_sampler
+from prt_core.sampling.sampled import Sampled, expect_sampled, register_sampler
 from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.sampling.votes import Asked, coin, on_rows
 from prt_core.seeds import Stage, generator
@@ -92,26 +99,17 @@ class AgreementSettings:
     seed: int = 0
 
     def __post_init__(self):
-        least = {"neighbours": 1, "candidates": self.neighbours, "first": 1, "look_neighbours": 1}
+        expect_whole("neighbours", self.neighbours, 1)
+        least = {"candidates": self.neighbours, "first": 1, "look_neighbours": 1}
         for name in ("neighbours", "candidates", "checks", "edge_halvings", "first", "looks",
                      "look_neighbours", "look_reach", "seed"):  # fmt: skip
-            value, low = getattr(self, name), least.get(name, 0)
-            expect(
-                isinstance(value, int | np.integer) and value >= low,
-                f"{name}: expected a whole number >= {low}, got {value!r}",
-            )
-        expect(
-            np.isfinite(self.growth) and self.growth > 1,
-            f"growth: expected a number above 1, got {self.growth!r}",
-        )
-        expect(
-            self.most_wrong is None or self.most_wrong > 0,
-            f"most_wrong: expected a number above 0 or None, got {self.most_wrong!r}",
-        )
-        expect(
-            0 <= self.look_share <= 1,
-            f"look_share: expected a number between 0 and 1, got {self.look_share!r}",
-        )
+            expect_whole(name, getattr(self, name), least.get(name, 0))
+        expect_seed(self.seed)
+        expect_flag("boundaries", self.boundaries)
+        expect_number("growth", self.growth, above=1)
+        expect_number("look_share", self.look_share, 0, 1)
+        if self.most_wrong is not None:
+            expect_number("most_wrong", self.most_wrong, above=0)
 
 
 def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=None):
@@ -135,7 +133,8 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
         entries traced by reason: first, disagree, check, follow, rest; given_up (points that
         were traced whole because neighbours know nothing of them).
     """
-    settings = settings or AgreementSettings()
+    settings = AgreementSettings() if settings is None else settings
+    expect_kind("settings", settings, AgreementSettings)
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed)
     yield from work.begin()
     rng = generator(settings.seed, Stage.AGREEMENT)
@@ -197,7 +196,11 @@ def refine_agreement(
     -------
     Sampled
     """
+    expect_kind("settings", settings, AgreementSettings)
+    turn = expect_whole("turn", turn, 0)
+    expect_sampled(sampled, scene, cube_map)
     work = _Work(scene, cube_map, caster, tally, pace, settings.seed, sampled)
+    points = expect_mask("points", points, len(scene.points))
     yield from work.begin()
     ordered = work.in_order()
     level = ordered[points[ordered] & ~work.open[ordered]]
@@ -207,7 +210,9 @@ def refine_agreement(
 
 def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
     """Trace whatever was not traced in some points; yields `Progress`, returns `Sampled`."""
+    expect_sampled(sampled, scene, cube_map)
     work = _Work(scene, cube_map, caster, tally, pace, 0, sampled)
+    points = expect_mask("points", points, len(scene.points))
     yield from work.begin()
     # Open points as well: what is asked for whole is judged by rays alone.
     wanted = np.flatnonzero(points)

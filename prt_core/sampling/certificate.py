@@ -23,7 +23,18 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
+from prt_core.errors import (
+    expect_indices,
+    expect_kind,
+    expect_named,
+    expect_seed,
+    expect_whole,
+)
+from prt_core.light.cubemap import CubeMap
+from prt_core.light.environment import expect_radiance
+from prt_core.sampling.groups import Groups
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
+from prt_core.sampling.sampled import expect_sampled
 from prt_core.sampling.tracer import Tracer
 from prt_core.seeds import Stage, generator
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
@@ -100,6 +111,11 @@ class CertificateSettings:
     rows: int = 512
     seed: int = 0
 
+    def __post_init__(self):
+        expect_whole("entries", self.entries, 1)
+        expect_whole("rows", self.rows, 1)
+        expect_seed(self.seed)
+
 
 def certificate_steps(
     scene,
@@ -129,9 +145,8 @@ def certificate_steps(
     turn : int
         Another one draws other entries.
     tally, pace : see `sample_agreement`
-    groups : (n_points,) int, dict of int -> str, optional
-        Points that are certified together, and what each group is called (see
-        `groups.certified_together`); default: objects.
+    groups : Groups, optional
+        Points that are certified together (see `certified_together`); default: objects.
     wanted : sequence of int, optional
         Groups to certify; default: all.
 
@@ -140,11 +155,22 @@ def certificate_steps(
     list of ObjectError
         One for each of them.
     """
-    settings = settings or CertificateSettings()
+    settings = CertificateSettings() if settings is None else settings
+    expect_kind("settings", settings, CertificateSettings)
     tracer = Tracer(scene, cube_map, caster, tally, pace, "certificate")
+    expect_sampled(sampled, scene, cube_map)
+    turn = expect_whole("turn", turn, 0)
+    lights = {
+        name: expect_radiance(f"lights: {name}", light, cube_map)
+        for name, light in expect_named("lights", lights, object, "lights").items()
+    }
     tracer.done = len(scene.points)
-    index, names = groups or (scene.points.object_index, [o.name for o in scene.objects])
+    if groups is None:
+        groups = Groups(scene.points.object_index, [item.name for item in scene.objects])
+    index, names = expect_kind("groups", groups, Groups)
     present = np.unique(index)
+    if wanted is not None:
+        wanted = expect_indices("wanted", wanted, present.max() + 1)
     certified = []
     for number in present if wanted is None else wanted:
         rng = generator(settings.seed, Stage.CERTIFICATE, turn, number)
@@ -340,6 +366,7 @@ def probe_lights(cube_map):
     -------
     dict of str -> (n_directions, 3) float32
     """
+    expect_kind("cube_map", cube_map, CubeMap)
     towards = {"low sun": [0.8, 0.3, 0.52], "high sun": [-0.3, -0.4, 0.87]}
     lights = {"even sky": np.ones((cube_map.n_directions, 3), np.float32)}
     for name, way in towards.items():

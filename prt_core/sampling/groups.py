@@ -1,5 +1,7 @@
 """Objects that are taken together: instances of one mesh when asking, many small ones otherwise."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from prt_core.sampling.neighbours import morton
@@ -8,6 +10,20 @@ from prt_core.sampling.neighbours import morton
 _ALONE = 2048
 # Objects that are certified each for itself, at most; where there are more, small ones are not.
 _EACH = 12
+
+
+class Groups(NamedTuple):
+    """Points in groups.
+
+    Attributes
+    ----------
+    index : (n_points,) int64
+    names : dict of int -> str
+        What each group is called.
+    """
+
+    index: np.ndarray
+    names: dict
 
 
 def alike(scene):
@@ -43,9 +59,7 @@ def certified_together(scene):
 
     Returns
     -------
-    group : (n_points,) int64
-    names : dict of int -> str
-        What each group is called.
+    Groups
     """
     index = scene.points.object_index
     counts = np.bincount(index, minlength=len(scene.objects))
@@ -64,7 +78,7 @@ def certified_together(scene):
         members = present[group[present] == number]
         more = f" and {len(members) - 1:,} more" if len(members) > 1 else ""
         names[int(number)] = scene.objects[number].name + more
-    return group[index], names
+    return Groups(group[index], names)
 
 
 def _along_a_curve(scene, objects):

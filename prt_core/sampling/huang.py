@@ -10,7 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import (
+    expect,
+    expect_kind,
+    expect_number,
+    expect_one_of,
+    expect_seed,
+    expect_whole,
+)
 from prt_core.sampling.adaptive_angle import AngularGrid
 from prt_core.sampling.dense import DensePoints, dense_steps
 from prt_core.sampling.rivals import COLUMN_CHOICES
@@ -89,43 +96,23 @@ class HuangSettings:
 
     def __post_init__(self):
         for name in ("dense_share", "first_share", "threshold"):
-            value = getattr(self, name)
-            expect(0 < value <= 1, f"{name}: expected a number above 0, at most 1, got {value}")
+            expect_number(name, getattr(self, name), above=0, most=1)
         for name in ("features", "neighbours", "fewest", "rank_neighbours", "fewest_dense",
                      "reduced_rows"):  # fmt: skip
-            value = getattr(self, name)
-            expect(
-                isinstance(value, int) and value >= 1,
-                f"{name}: expected a whole number >= 1, got {value!r}",
-            )
+            expect_whole(name, getattr(self, name), 1)
+        expect_whole("iterations", self.iterations, 0)
         expect(
-            isinstance(self.iterations, int) and self.iterations >= 0,
-            f"iterations: expected a whole number >= 0, got {self.iterations!r}",
-        )
-        expect(
-            isinstance(self.window, int) and self.window >= 3 and self.window % 2 == 1,
+            expect_whole("window", self.window, 3) % 2 == 1,
             f"window: expected an odd number >= 3, got {self.window!r}",
         )
         for name in ("radius", "strength", "rank_power"):
-            value = getattr(self, name)
-            expect(np.isfinite(value) and value > 0, f"{name}: expected a number > 0, got {value}")
-        expect(
-            np.isfinite(self.normal_weight) and self.normal_weight >= 0,
-            f"normal_weight: expected a number >= 0, got {self.normal_weight}",
-        )
-        expect(
-            self.reconstruction in RECONSTRUCTIONS,
-            f"reconstruction: expected one of {', '.join(RECONSTRUCTIONS)}, "
-            f"got '{self.reconstruction}'",
-        )
-        expect(
-            self.columns in COLUMNS,
-            f"columns: expected one of {', '.join(COLUMNS)}, got '{self.columns}'",
-        )
-        expect(
-            self.quantity in ("transport", "visibility"),
-            f"quantity: expected transport or visibility, got '{self.quantity}'",
-        )
+            expect_number(name, getattr(self, name), above=0)
+        expect_number("normal_weight", self.normal_weight, 0)
+        expect_number("rank_threshold", self.rank_threshold, 0, 1)
+        expect_one_of("reconstruction", self.reconstruction, RECONSTRUCTIONS)
+        expect_one_of("columns", self.columns, COLUMNS)
+        expect_one_of("quantity", self.quantity, ("transport", "visibility"))
+        expect_seed(self.seed)
 
 
 @dataclass
@@ -162,7 +149,8 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
         `facts`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of each
         sparse point, mean) and duality_gap (the largest, as a share of |y|^2).
     """
-    settings = settings or HuangSettings()
+    settings = HuangSettings() if settings is None else settings
+    expect_kind("settings", settings, HuangSettings)
     seconds = {}
     clock = _Clock(seconds)
     tracer = Tracer(scene, cube_map, caster, tally, pace)

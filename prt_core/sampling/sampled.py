@@ -4,7 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_kind
+from prt_core.light.cubemap import CubeMap
+from prt_core.scene import Scene
+from prt_core.transport.visibility import expect_bits
 
 _SAMPLERS = {}
 
@@ -35,6 +38,16 @@ class Sampled:
     facts: dict = field(default_factory=dict)
 
 
+def expect_sampled(sampled, scene, cube_map):
+    """Raise `PRTError` unless this is the sampled visibility of a scene."""
+    expect_kind("scene", scene, Scene)
+    expect_kind("cube_map", cube_map, CubeMap)
+    expect_kind("sampled", sampled, Sampled)
+    for name in ("bits", "traced"):
+        bits = expect_bits(f"sampled: {name}", getattr(sampled, name), cube_map.n_directions)
+        expect(len(bits) == len(scene.points), f"sampled: {name} are of another scene")
+
+
 def register_sampler(name, sampler, settings):
     """Make a sampler known.
 
@@ -61,7 +74,7 @@ def sampler_named(name):
         There is none of that name.
     """
     expect(
-        name in _SAMPLERS,
+        isinstance(name, str) and name in _SAMPLERS,
         f"method: there is no sampler '{name}'; choose one of {', '.join(sampler_names())}",
     )
     return _SAMPLERS[name]

@@ -4,8 +4,11 @@ import os
 
 import numpy as np
 
+from prt_core.errors import expect_kind
+from prt_core.light.cubemap import CubeMap
 from prt_core.progress import Pace, Progress
 from prt_core.rays import shared
+from prt_core.scene import Scene
 from prt_core.threads import on_all_cores
 
 # Rays prepared at once, at most (but for one point's).
@@ -44,6 +47,8 @@ class Tracer:
     """
 
     def __init__(self, scene, cube_map, caster, tally=None, pace=None, stage="visibility"):
+        expect_kind("scene", scene, Scene)
+        expect_kind("cube_map", cube_map, CubeMap)
         self._origins = scene.ray_origins
         self._directions = cube_map.samples.astype(np.float32)
         self._caster, self._tally = shared(caster), tally

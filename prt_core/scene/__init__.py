@@ -11,6 +11,7 @@ from prt_core.scene.geometry_images import (
 from prt_core.scene.point_images import (
     PointImage,
     camera_rays,
+    expect_camera,
     surface_points,
     with_camera_image,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "SceneObject",
     "camera_rays",
     "changes",
+    "expect_camera",
     "geometry_layout",
     "mesh_digests",
     "surface_points",

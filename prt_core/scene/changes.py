@@ -5,11 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.errors import expect_named, expect_offers
+
 
 def mesh_digests(meshes):
     """Digest of all that a bake takes from each mesh but its name: {name: hexadecimal}."""
     digests = {}
-    for mesh in meshes:
+    for mesh in meshes if isinstance(meshes, list | tuple) else [meshes]:
+        expect_offers("meshes", mesh, ("corner_vertex", "corner_albedo"), "a list of Mesh")
         digest = hashlib.blake2b(digest_size=16)
         for array in (
             mesh.vertices,
@@ -63,6 +66,8 @@ class Changes:
 
 def changes(source, digests):
     """`Changes` from the digests `source` of a bake to the digests of now."""
+    for name, given in (("source", source), ("digests", digests)):
+        expect_named(name, given, str, "digests")
     gone = [name for name in source if name not in digests]
     new = [name for name in digests if name not in source]
     renamed = {}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_caster, expect_kind, expect_offers, expect_one_of
 from prt_core.scene.closed_surface import closed_surface
 from prt_core.scene.octahedron import octahedral_directions
 from prt_core.scene.point_images import (
@@ -70,10 +70,8 @@ def geometry_layout(mesh, parametrisation="auto"):
     PRTError
         There is no UV map, or the surface is no sphere (see `closed_surface`).
     """
-    expect(
-        parametrisation in PARAMETRISATIONS,
-        f"parametrisation: expected one of {', '.join(PARAMETRISATIONS)}, got {parametrisation!r}",
-    )
+    expect_offers("mesh", mesh, ("corner_uv", "solid_triangles"), "a Mesh")
+    expect_one_of("parametrisation", parametrisation, PARAMETRISATIONS)
     if parametrisation == "auto":
         parametrisation = "sphere" if mesh.corner_uv is None else "uv"
     return (atlas_layout if parametrisation == "uv" else sphere_layout)(mesh)
@@ -134,12 +132,17 @@ def with_geometry_image(scene, caster, layout, size):
     Scene
         With an `image`.
     """
+    expect_offers("scene", scene, ("hit_points", "objects"), "a Scene")
+    expect_caster(caster)
+    expect_kind("layout", layout, Layout)
     expect_size(size, size)
     found, barycentric = intersect(caster, *_texel_rays(size, layout.round))
     source = np.where(found >= 0, layout.source[found], -1)
     hit = np.flatnonzero(source >= 0)
     expect(len(hit), f"{layout.name}: its UV layout covers nothing between 0 and 1")
-    index = [item.name for item in scene.objects].index(layout.name)
+    names = [item.name for item in scene.objects]
+    expect(layout.name in names, f"layout: its object '{layout.name}' is not in the scene")
+    index = names.index(layout.name)
     mine = np.flatnonzero(scene.triangle_object == index)
     second, third = barycentric[hit].T
     weights = np.stack([1 - second - third, second, third], axis=1)

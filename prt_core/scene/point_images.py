@@ -8,7 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_caster,
+    expect_number,
+    expect_offers,
+    expect_whole,
+    shown,
+)
+from prt_core.machine import expect_memory
 from prt_core.scene.details import joined
 from prt_core.scene.points import BakePoints
 
@@ -61,6 +70,13 @@ def camera_rays(camera, width, height, samples):
     (height * samples * width * samples, 3) float64
         Unit vectors in world axes, in reading order of the samples.
     """
+    expect_camera(camera)
+    width, height = (expect_whole("image", side, 1) for side in (width, height))
+    samples = expect_whole("samples", samples, 1)
+    # Twelve numbers of float64 for each ray while they are made.
+    expect_memory(
+        f"image: {width} x {height} pixels", 100.0 * width * height * samples**2, "take fewer"
+    )
     step = 2 * camera["tangent"] / max(width, height)
     x = (np.arange(width * samples) + 0.5) / samples - width / 2
     y = height / 2 - (np.arange(height * samples) + 0.5) / samples
@@ -90,8 +106,11 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     Scene
         With an `image`.
     """
+    expect_offers("scene", scene, ("to_frame", "hit_points"), "a Scene")
+    expect_caster(caster)
+    expect_camera(camera)
     expect_size(width, height)
-    expect(1 <= samples <= 8, f"pixel samples: expected 1 to 8 along each side, got {samples}")
+    expect_whole("pixel samples", samples, 1, 8)
     ways = camera_rays(camera, width, height, samples).astype(np.float32)
     origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3])
     row, column = np.divmod(np.arange(len(ways)), width * samples)
@@ -177,7 +196,17 @@ def intersect(caster, origins, directions):
 
 def expect_size(width, height):
     """Raise `PRTError` unless an image may be so large."""
+    for side in (width, height):
+        expect_whole("image: pixels along a side", side, 1, 8192)
+
+
+def expect_camera(camera):
+    """Raise `PRTError` unless this is a camera (see `camera_rays`)."""
+    good = isinstance(camera, dict) and {"matrix", "tangent"} <= set(camera)
+    expect(good, f"camera: expected a dict with a matrix and a tangent, got {shown(camera)}")
+    matrix = expect_array("camera: matrix", camera["matrix"], (4, 4), np.float64)
     expect(
-        1 <= width <= 8192 and 1 <= height <= 8192,
-        f"image: expected 1 to 8,192 pixels along each side, got {width} x {height}",
+        matrix[:3, :3].any(axis=0).all(),
+        "camera: expected a matrix whose axes have a length; a scale of 0 has none",
     )
+    expect_number("camera: tangent", camera["tangent"], above=0)

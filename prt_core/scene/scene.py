@@ -11,7 +11,17 @@ from functools import cached_property
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_array
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_all,
+    expect_array,
+    expect_flag,
+    expect_kind,
+    expect_numbers,
+    expect_vectors,
+    expect_whole,
+)
 from prt_core.rays import FramedCaster, make_caster, precision_frames
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.paint import Paint, Surfaces
@@ -73,9 +83,14 @@ class Mesh:
     paint: Paint | None = None
 
     def __post_init__(self):
-        self.owner = self.owner or self.name
+        expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
+        self.owner = expect_kind(f"{self.name}: owner", self.owner or self.name, str, "text")
+        for flag in ("receives", "two_sided", "own_mesh"):
+            setattr(self, flag, expect_flag(f"{self.name}: {flag}", getattr(self, flag)))
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
-        self.corner_vertex = np.asarray(self.corner_vertex, np.int64)
+        self.corner_vertex = expect_array(
+            f"{self.name}: corner_vertex", self.corner_vertex, (None,), np.int64
+        )
         n_corners = len(self.corner_vertex)
         self.corner_normal = expect_array(
             f"{self.name}: corner_normal", self.corner_normal, (n_corners, 3), np.float64
@@ -83,14 +98,27 @@ class Mesh:
         self.corner_albedo = expect_array(
             f"{self.name}: corner_albedo", self.corner_albedo, (n_corners, 3), np.float64
         )
-        self.triangle_corners = np.asarray(self.triangle_corners, np.int64).reshape(-1, 3)
+        triangles = expect_numbers(f"{self.name}: triangle_corners", self.triangle_corners)
+        triangles = triangles if triangles.size else triangles.reshape(0, 3)
+        self.triangle_corners = expect_array(
+            f"{self.name}: triangle_corners", triangles, (None, 3), np.int64
+        )
         if self.corner_material is None:
             self.corner_material = np.zeros(n_corners, np.int64)
+        self.corner_material = expect_array(
+            f"{self.name}: corner_material", self.corner_material, (n_corners,), np.int64
+        )
+        if self.corner_uv is not None:
+            self.corner_uv = expect_array(
+                f"{self.name}: corner_uv", self.corner_uv, (n_corners, 2), np.float64
+            )
         if self.face_sizes is None:
             # Unknown faces: triangles where the corners allow it, else one face of them all.
             triangles = n_corners % 3 == 0
             self.face_sizes = np.full(n_corners // 3, 3) if triangles else [n_corners]
-        self.face_sizes = np.asarray(self.face_sizes, np.int32)
+        self.face_sizes = expect_array(
+            f"{self.name}: face_sizes", self.face_sizes, (None,), np.int32, 0
+        )
         expect(
             int(self.face_sizes.sum()) == n_corners,
             f"{self.name}: face_sizes expected to sum to the {n_corners} corners, "
@@ -205,7 +233,9 @@ class Scene:
         PRTError
             When there is no triangle with an area, or two meshes share a name.
         """
-        meshes = list(meshes)
+        meshes = expect_all("meshes", meshes, Mesh, "meshes")
+        if max_hidden is not None:
+            expect_whole("max_hidden", max_hidden, 0)
         for name, count in Counter(mesh.name for mesh in meshes).items():
             expect(count == 1, f"meshes: the name '{name}' is used twice; rename one")
         messages = []
@@ -335,11 +365,11 @@ class Scene:
 
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""
-        return self.centre + self.size * np.asarray(positions, np.float64)
+        return self.centre + self.size * expect_vectors("positions", positions)
 
     def to_frame(self, positions):
         """World positions (n, 3) to frame positions, float64."""
-        return (np.asarray(positions, np.float64) - self.centre) / self.size
+        return (expect_vectors("positions", positions) - self.centre) / self.size
 
     def fingerprint(self):
         """Hexadecimal digest of everything a bake depends on; equal scenes give equal digests."""

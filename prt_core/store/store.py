@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect
+from prt_core.errors import PRTError, expect, expect_one_of, expect_path
 
 
 @contextmanager
@@ -66,7 +66,8 @@ class BakeStore:
     """
 
     def __init__(self, path, mode="r"):
-        self.path = Path(path)
+        self.path = expect_path("bake", path)
+        expect_one_of("mode", mode, ("r", "a", "w"))
         if mode == "w":
             self._remove()
         there = self.path.exists() or self.path.is_symlink()

@@ -2,9 +2,21 @@
 
 import numpy as np
 
-from prt_core.errors import PRTError
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_array,
+    expect_number,
+    expect_whole,
+    shown,
+)
 
-_MOST = 2000
+# Bounces after which the light must have settled: as many as are needed, or a number asked for.
+_MOST, _MOST_ASKED = 2000, 20_000
+# What is interpolated between 1 and 1 may be a little more.
+MOST_ALBEDO = 1 + 1e-5
+# Of float32, so that sums of many bounces stay numbers.
+MOST_RECEIVED = 1e30
 
 
 def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_albedo=None):
@@ -20,7 +32,8 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
     tolerance : float
         The series ends when the remainder, as a share of the sum, is below it.
     bounces : int, optional
-        Exactly so many bounces after the direct light; default: as many as `tolerance` needs.
+        Exactly so many bounces after the direct light, unless nothing is added any more; default:
+        as many as `tolerance` needs.
     mean_albedo : (n_points, n_channels) float32, optional
         Of the area that each point stands for, with which it bounces; default: `albedo`.
 
@@ -34,27 +47,70 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
     PRTError
         The series does not converge: surfaces reflect all they receive and nothing escapes.
     """
-    total = albedo * received
-    if gather is None or bounces == 0:
-        return total, 0
-    if mean_albedo is None:
-        mean_albedo = albedo
-    sent, before = (total if mean_albedo is albedo else mean_albedo * received), None
-    for bounce in range(1, (bounces or _MOST) + 1):
-        arrives = gather @ sent
-        term = albedo * arrives
-        sent = term if mean_albedo is albedo else mean_albedo * arrives
-        total = total + term
-        size = float(np.abs(term).sum(dtype=np.float64))
-        if bounces is None:
-            ratio = 0.0 if not before else size / before
-            remainder = size * ratio / max(1 - ratio, 1e-9)
-            if remainder <= tolerance * float(np.abs(total).sum(dtype=np.float64)) and bounce > 1:
-                return total, bounce
-            before = size
+    albedo = expect_array("albedo", albedo, (None, None), least=0, most=MOST_ALBEDO)
+    received = expect_array(
+        "received", received, (len(albedo), None), least=-MOST_RECEIVED, most=MOST_RECEIVED
+    )
+    expect(
+        albedo.shape[1] in (1, received.shape[1]),
+        f"albedo: expected {received.shape[1]} channels as received, got {albedo.shape[1]}",
+    )
+    tolerance = expect_number("tolerance", tolerance, above=0, below=1)
     if bounces is not None:
+        expect_whole("bounces", bounces, 0)
+    expect_gather(gather, len(albedo))
+    if gather is None:
+        return albedo * received, 0
+    sends = albedo
+    if mean_albedo is not None:
+        sends = expect_array("mean_albedo", mean_albedo, albedo.shape, least=0, most=MOST_ALBEDO)
+    arrived, n_bounces = bounce_series(
+        lambda term: gather @ (sends * term), received, sends, tolerance, bounces
+    )
+    return albedo * arrived, n_bounces
+
+
+def expect_gather(gather, n_points):
+    """Raise `PRTError` unless this is K of so many points, or None."""
+    if gather is not None:
+        good = hasattr(gather, "__matmul__") and not isinstance(gather, np.ndarray)
+        wanted = n_points, n_points
+        good = good and getattr(gather, "shape", wanted) == wanted
+        expect(good, f"gather: expected a sparse matrix of shape {wanted}, got {shown(gather)}")
+
+
+def bounce_series(step, first, albedo, tolerance, bounces):
+    """The sum of `first`, `step(first)`, `step(step(first))` ... and how many steps it took.
+
+    Parameters
+    ----------
+    step : callable
+        One bounce of the light.
+    first : (n_points, k) float32
+    albedo : (n_points, n_channels) float32
+        For the message where there is no end.
+    tolerance, bounces
+        See `all_bounces`.
+    """
+    total, term, before = first, first, None
+    most = _MOST if bounces is None else min(bounces, _MOST_ASKED)
+    for bounce in range(1, most + 1):
+        term = step(term)
+        sum_before, total = total, total + term
+        if bounces is not None:
+            # What no longer adds to any point will not add to another: it comes from these.
+            if bounce < bounces and (total == sum_before).all():
+                return total, bounce
+            continue
+        size = float(np.abs(term).sum(dtype=np.float64))
+        ratio = 0.0 if not before else size / before
+        remainder = size * ratio / max(1 - ratio, 1e-9)
+        if remainder <= tolerance * float(np.abs(total).sum(dtype=np.float64)) and bounce > 1:
+            return total, bounce
+        before = size
+    if bounces is not None and bounces <= most:
         return total, bounces
     raise PRTError(
-        f"bounces: the light has not settled after {_MOST} bounces; an albedo of "
-        f"{mean_albedo.max():.3f} in a closed space reflects for ever: lower it, or set --bounces"
+        f"bounces: the light has not settled after {most:,} bounces; an albedo of "
+        f"{albedo.max():.3f} in a closed space reflects for ever: lower it, or set --bounces"
     )

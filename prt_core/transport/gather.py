@@ -17,8 +17,17 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_caster,
+    expect_kind,
+    expect_seed,
+    expect_whole,
+)
 from prt_core.light import CubeMap
 from prt_core.rays import Hits
+from prt_core.scene import Scene
 from prt_core.seeds import Stage, generator
 from prt_core.sobol import sobol_points
 from prt_core.threads import on_all_cores
@@ -61,7 +70,11 @@ def gather_hits(scene, caster, points, seed, round_index):
 
     See `gather_parts`.
     """
-    return gather_parts(scene, caster, [(points, round_index)], seed)[0]
+    expect_kind("scene", scene, Scene)
+    expect_caster(caster)
+    expect_kind("points", points, slice)
+    expect_whole("round_index", round_index, 0)
+    return gather_parts(scene, caster, [(points, round_index)], expect_seed(seed))[0]
 
 
 def gather_directions(scene, points, seed, round_index):
@@ -273,7 +286,12 @@ def gather_operator(hits, n_points, blocked=None):
         rows are scaled until they meet as much (a ratio estimate, Cochran 1977). Those with so
         small a share that its rays are few are left as they are, unbiased.
     """
+    n_points = expect_whole("n_points", n_points, 1, np.iinfo(np.int32).max)
+    hits = expect_array("hits", hits, (None, None), np.int32, most=n_points - 1)
+    expect(hits.size, "hits: expected at least one ray")
     n, n_rays = hits.shape
+    if blocked is not None:
+        blocked = expect_array("blocked", blocked, (n,), np.float32, 0, 1)
     hits = np.sort(ray_ends(hits), axis=1)
     first = np.ones(hits.shape, bool)
     first[:, 1:] = hits[:, 1:] != hits[:, :-1]

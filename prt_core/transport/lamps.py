@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from prt_core.light.local import lamp_samples
+from prt_core.errors import expect_all, expect_caster, expect_kind, expect_seed, expect_whole
+from prt_core.light.bright import BrightPixels
+from prt_core.light.local import Lamp, lamp_samples
 from prt_core.progress import Pace, Progress, run
+from prt_core.scene import Scene
 from prt_core.seeds import Stage, generator
 
 # Shadow rays end this share of their length before the lamp, and so many steps of float32 of the
@@ -29,6 +32,8 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0):
     -------
     (n_points, 3) float32
     """
+    expect_kind("scene", scene, Scene)
+    lamps = expect_all("lamps", lamps, Lamp | BrightPixels, "lamps")
     received = np.zeros((len(scene.points), 3), np.float32)
     for index, lamp in enumerate(lamps):
         received += run(lamp_steps(scene, caster, lamp, n_samples, (seed, index)))
@@ -44,6 +49,12 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
     pace : Pace, optional
         In rays.
     """
+    expect_kind("scene", scene, Scene)
+    expect_caster(caster)
+    expect_kind("lamp", lamp, (Lamp, BrightPixels))
+    n_samples = expect_whole("n_samples", n_samples, 1, 1 << 20)
+    for number in seed if isinstance(seed, tuple) else (seed,):
+        expect_seed(number)
     points = scene.points
     n_points = len(points)
     origins = scene.ray_origins
@@ -81,7 +92,9 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                         received[point[0] : point[-1] + 1, channel] += sums
                 rays.worked()
                 yield Progress("lamps", int(point[-1]) + 1, n_points)
-    return (received / (np.pi * count)).astype(np.float32)
+    # A lamp in the surface itself may give more than float32 holds: infinity, which bounces refuse.
+    with np.errstate(over="ignore"):
+        return (received / (np.pi * count)).astype(np.float32)
 
 
 def _before_the_lamp(starts, directions, distances):

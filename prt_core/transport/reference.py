@@ -7,6 +7,15 @@ the albedo and normals of the mesh are.
 
 import numpy as np
 
+from prt_core.errors import (
+    expect_caster,
+    expect_indices,
+    expect_kind,
+    expect_seed,
+    expect_whole,
+)
+from prt_core.light.cubemap import CubeMap
+from prt_core.scene import Scene
 from prt_core.seeds import Stage, generator
 from prt_core.transport.gather import _frames
 
@@ -29,7 +38,13 @@ def reference_rows(scene, cube_map, caster, points, n_paths=256, max_bounces=8, 
     errors : (n, n_directions, 3) float64
         Standard error of the indirect part; the direct part is exact.
     """
-    rng = generator(seed, Stage.REFERENCE)
+    expect_kind("scene", scene, Scene)
+    expect_kind("cube_map", cube_map, CubeMap)
+    expect_caster(caster)
+    points = expect_indices("points", points, len(scene.points))
+    n_paths = expect_whole("n_paths", n_paths, 2, 1 << 20)
+    max_bounces = expect_whole("max_bounces", max_bounces, 0, 10_000)
+    rng = generator(expect_seed(seed), Stage.REFERENCE)
     rows, errors = [], []
     for point in points:
         normals = scene.points.normals[[point]]

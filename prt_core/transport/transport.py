@@ -6,10 +6,25 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_flag,
+    expect_indices,
+    expect_kind,
+    expect_number,
+    expect_whole,
+    shown,
+)
 from prt_core.light.cubemap import CubeMap
-from prt_core.transport.bounce import all_bounces
-from prt_core.transport.visibility import received_light, unpack
+from prt_core.transport.bounce import (
+    MOST_ALBEDO,
+    MOST_RECEIVED,
+    all_bounces,
+    bounce_series,
+    expect_gather,
+)
+from prt_core.transport.visibility import UNIT, expect_bits, received_light, unpack
 
 _BLOCK = 1024
 
@@ -48,6 +63,21 @@ class Transport:
     bounces: int | None = None
     mean_albedo: np.ndarray | None = None
     _coarse: dict = field(default_factory=dict, repr=False)
+
+    def __post_init__(self):
+        expect_kind("cube_map", self.cube_map, CubeMap)
+        expect_bits("bits", self.bits, self.n_directions)
+        n_points = len(self.bits)
+        self.normals = expect_array("normals", self.normals, (n_points, 3), None, -UNIT, UNIT)
+        self.albedo = expect_array("albedo", self.albedo, (n_points, 3), None, 0, MOST_ALBEDO)
+        if self.mean_albedo is not None:
+            self.mean_albedo = expect_array(
+                "mean_albedo", self.mean_albedo, (n_points, 3), None, 0, MOST_ALBEDO
+            )
+        expect_gather(self.gather, n_points)
+        expect_number("tolerance", self.tolerance, above=0, below=1)
+        if self.bounces is not None:
+            expect_whole("bounces", self.bounces, 0)
 
     @property
     def n_points(self):
@@ -113,7 +143,14 @@ class Transport:
 
     def bounce(self, received, bounces="baked"):
         """Outgoing radiance for any received light (irradiance / pi)."""
-        bounces = self.bounces if bounces == "baked" else bounces
+        shape = self.n_points, None
+        received = expect_array(
+            "received", received, shape, least=-MOST_RECEIVED, most=MOST_RECEIVED
+        )
+        is_baked = isinstance(bounces, str) and bounces == "baked"
+        if not is_baked and bounces is not None:
+            expect_whole("bounces", bounces, 0)
+        bounces = self.bounces if is_baked else bounces
         if self._same_channel(1) == self._same_channel(2) == 0 and _is_grey(received):
             # Grey surfaces under grey light: one channel says it all.
             one = np.ascontiguousarray(received[:, :1])
@@ -128,6 +165,7 @@ class Transport:
 
     def direct(self, points):
         """Rows of D: irradiance / pi for unit radiance, (n, n_directions) float32."""
+        points = expect_indices("points", points, self.n_points)
         cosine = self.normals[points] @ self.cube_map.vectors.T.astype(np.float32) / np.pi
         return unpack(self.bits[points], self.n_directions) * cosine
 
@@ -144,8 +182,10 @@ class Transport:
         -------
         (n, n_directions, 3) float32
         """
-        points = np.atleast_1d(points)
-        if not indirect or self.gather is None:
+        points = expect_indices("points", points, self.n_points)
+        points = np.arange(self.n_points)[points]
+        expect(len(points), "points: expected at least one")
+        if not expect_flag("indirect", indirect) or self.gather is None:
             return self.albedo[points, None] * self.direct(points)[..., None]
         transposed = self.gather.T.tocsr()
         result = np.empty((len(points), self.n_directions, 3), np.float32)
@@ -157,24 +197,14 @@ class Transport:
             start = np.zeros((self.n_points, len(points)), np.float32)
             start[points, np.arange(len(points))] = 1
             # w = e + A K^T w: how much each point's received light adds to the wanted rows.
-            weights = self._adjoint(transposed, self.bounced_albedo[:, [channel]], start)
+            albedo = self.bounced_albedo[:, [channel]]
+            weights, _ = bounce_series(
+                lambda term, albedo=albedo: albedo * (transposed @ term),
+                start, albedo, self.tolerance, self.bounces,
+            )  # fmt: skip
             weights *= self.albedo[points, channel]
             result[:, :, channel] = self._times_direct(weights)
         return result
-
-    def _adjoint(self, transposed, albedo, start):
-        total, term, before = start.copy(), start, None
-        for bounce in range(1, (self.bounces if self.bounces is not None else 2000) + 1):
-            term = albedo * (transposed @ term)
-            total += term
-            size = float(np.abs(term).sum(dtype=np.float64))
-            if self.bounces is None and before is not None:
-                ratio = size / before if before else 0.0
-                rest = size * ratio / max(1 - ratio, 1e-9)
-                if bounce > 1 and rest <= self.tolerance * np.abs(total).sum(dtype=np.float64):
-                    break
-            before = size
-        return total
 
     def _times_direct(self, weights):
         """weights^T D, (n, n_directions) float32, in blocks of points."""
@@ -199,7 +229,8 @@ class Transport:
         -------
         (n_points, m, 3) float32
         """
-        directions = np.atleast_1d(directions)
+        directions = expect_indices("directions", directions, self.n_directions)
+        expect_flag("indirect", indirect)
         byte, bit = directions // 8, directions % 8
         seen = (self.bits[:, byte] >> bit.astype(np.uint8)) & 1
         cosine = self.normals @ self.cube_map.vectors[directions].T.astype(np.float32) / np.pi
@@ -274,12 +305,14 @@ class Transport:
         -------
         (n, n_directions, 3) float32
         """
-        if indirect in ("none", "full"):
+        if isinstance(indirect, str) and indirect in ("none", "full"):
             return self.rows(points, indirect == "full")
+        good = isinstance(indirect, int | np.integer) and not isinstance(indirect, bool)
         expect(
-            isinstance(indirect, int | np.integer) and indirect >= 1,
-            f"indirect: expected 'none', 'full' or a whole number >= 1, got {indirect!r}",
+            good and indirect >= 1,
+            f"indirect: expected 'none', 'full' or a whole number >= 1, got {shown(indirect)}",
         )
+        points = expect_indices("points", points, self.n_points)
         direct = self.rows(points, False)
         if self.gather is None:
             return direct

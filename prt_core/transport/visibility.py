@@ -2,11 +2,23 @@
 
 import numpy as np
 
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_caster,
+    expect_indices,
+    expect_kind,
+    shown,
+)
+from prt_core.light.cubemap import CubeMap
 from prt_core.machine import one_blas_thread
+from prt_core.scene import Scene
 from prt_core.threads import on_all_cores
 
 # Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
 _UNPACK = 256
+# Components of unit vectors, with what rounding adds.
+UNIT = 1.0001
 
 
 def visibility_bits(scene, cube_map, caster, points, tally=None):
@@ -30,6 +42,10 @@ def visibility_bits(scene, cube_map, caster, points, tally=None):
     (n, ceil(n_directions / 8)) uint8
         Little bit order: direction d is bit d % 8 of byte d // 8.
     """
+    expect_kind("scene", scene, Scene)
+    expect_kind("cube_map", cube_map, CubeMap)
+    expect_caster(caster)
+    points = expect_indices("points", points, len(scene.points))
     origins = scene.ray_origins[points]
     shading, geometric = scene.points.normals[points], scene.points.geometric_normals[points]
     above_horizon = _Horizon(shading, geometric, cube_map)
@@ -105,6 +121,17 @@ def horizon_bits(scene, cube_map, points):
     return bits[kind]
 
 
+def expect_bits(name, bits, n_directions):
+    """(n, ceil(n_directions / 8)) uint8, a bit for each direction."""
+    n_bytes = -(-n_directions // 8)
+    good = isinstance(bits, np.ndarray) and bits.dtype == np.uint8 and bits.ndim == 2
+    expect(
+        good and bits.shape[1] == n_bytes,
+        f"{name}: expected (n, {n_bytes}) uint8, got {shown(bits)}",
+    )
+    return bits
+
+
 def unpack(bits, n_directions, dtype=np.float32):
     """Bits (n, ceil(n_directions / 8)) uint8 as (n, n_directions) of `dtype`, 0 or 1."""
     spread = np.unpackbits(bits, axis=1, count=n_directions, bitorder="little")
@@ -128,7 +155,10 @@ def received_light(bits, normals, cube_map, light):
     -------
     (n_points, n_channels) float32
     """
-    light = np.asarray(light, np.float64)
+    expect_kind("cube_map", cube_map, CubeMap)
+    bits = expect_bits("bits", bits, cube_map.n_directions)
+    normals = expect_array("normals", normals, (len(bits), 3), None, -UNIT, UNIT)
+    light = expect_array("light", light, (cube_map.n_directions, None), np.float64)
     n_channels = light.shape[1]
     # Three vectors for each channel: the cosine is taken after the sum over directions.
     factors = cube_map.vectors[:, :, None] * light[:, None] / np.pi

@@ -24,16 +24,16 @@ N_POINTS, N_DIRECTIONS = 9000, 5
 LIGHTS = {"one": np.ones((N_DIRECTIONS, 3), np.float32), "two": np.eye(5, 3, dtype=np.float32)}
 
 
-class FakeTask:
+class FakeTask(Task):
     """As `Task`; colours are sums of random rows."""
 
     def __init__(self, points=None):
         self.points = np.arange(N_POINTS) if points is None else points
-        self.n_points, self.seed = len(self.points), 0
+        self.seed = 0
         matrix = 1 + np.random.default_rng(0).random((N_POINTS, N_DIRECTIONS))
         self.matrix = matrix[self.points]
         self.transport = SimpleNamespace(relight=lambda light: self.matrix @ light)
-        self.rows = SimpleNamespace(prepare_steps=lambda: iter(()), n_points=self.n_points)
+        self.rows = SimpleNamespace(prepare_steps=lambda: iter(()), n_points=len(self.points))
 
     def some(self, points):
         return FakeTask(self.points[points])

@@ -112,7 +112,7 @@ def test_bad_pixels_are_refused():
 def test_a_trace_of_negative_radiance_is_cut_and_more_is_refused(monkeypatch):
     pixels = np.full((4, 8, 3), 0.01, np.float32)
     pixels[1, 1], pixels[2, 2] = 100, -0.01
-    monkeypatch.setattr("prt_core.light.environment.read_image", lambda _: pixels)
+    monkeypatch.setattr("prt_core.light.environment.read_picture", lambda _: (pixels, []))
     assert EnvironmentMap.read("night.exr").pixels.min() == 0
     pixels[2, 2] = -1
     with pytest.raises(PRTError, match="smallest value is -1"):

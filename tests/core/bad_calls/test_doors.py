@@ -1,0 +1,210 @@
+"""Wrong calls of the doors: bakes, stores, relighting, pictures."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import prt_core
+from prt_core import api, evaluate, light
+from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.preflight import preflight
+from prt_core.progress import Progress, run
+from prt_core.relighter import Relighter, on_texels
+from prt_core.store import BakeStore
+
+from .calls import (
+    RESOLUTION,
+    Call,
+    any_of,
+    blend,
+    camera,
+    caster,
+    exr,
+    faults_of,
+    image,
+    method,
+    plain,
+)
+
+
+def bake_call(there):
+    def bake(**arguments):
+        path = there.folder / "again.prt"
+        run(bake_steps(path=path, restart=True, **arguments))
+        # What may be baked can be read.
+        return load(path).transport.relight(there.light)
+
+    lamps = [light.Lamp("point", (1.0, 2.0, 3.0))]
+    return Call(
+        bake,
+        {
+            "scene": there.scene,
+            "settings": BakeSettings(RESOLUTION, caster="brute", bounces=0),
+            "lamps": lamps,
+            "world": there.light,
+            "camera": camera(),
+            "source": {"plane": "digest"},
+            "pace": 0.5,
+            "lights": {"sky": there.light},
+        },
+        ("lamps no elements",),
+    )
+
+
+def path_call(there):
+    def bake(path):
+        run(bake_steps(there.scene, path, BakeSettings(2, 0, caster="brute")))
+        shutil.rmtree(path)
+
+    # The name of a folder to be made may be any.
+    return Call(bake, {"path": there.folder / "c.prt"}, ("path text",))
+
+
+CALLS = {
+    "BakeStore": lambda t: Call(BakeStore, {"path": t.folder / "a.prt", "mode": "r"}),
+    "load": lambda t: Call(load, {"path": t.folder / "a.prt"}),
+    "auto_camera": lambda t: Call(evaluate.auto_camera, {"scene": t.scene}),
+    "colour_error": plain(
+        evaluate.colour_error, colours=np.ones((3, 3)), truth=np.ones((3, 3)), weights=np.ones(3)
+    ),
+    "contact_sheet": plain(
+        evaluate.contact_sheet,
+        ("labels one more",),
+        images=[np.zeros((4, 5, 3), np.uint8)] * 2,
+        labels=["a", "b"],
+        columns=2,
+    ),
+    "render_view": lambda t: Call(
+        evaluate.render_view,
+        {
+            "bake": t.bake,
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
+            "caster": caster(t),
+            "width": 3,
+            "height": 2,
+        },
+    ),  # fmt: skip
+    "to_srgb": plain(evaluate.to_srgb, ("linear",), linear=np.ones((2, 3, 3)), exposure=1.0),
+    "write_png": lambda t: Call(
+        evaluate.write_png,
+        {"path": t.folder / "w.png", "image": np.zeros((2, 3, 3), np.uint8)},
+    ),
+    "write_npz": lambda t: Call(
+        write_npz,
+        {"path": t.folder / "w.npz", "colours": {"a": np.ones((2, 3))}},
+        ("colours dict",),
+    ),
+    "frame_path": plain(frame_path, any_of("pattern"), pattern=Path("a_#.png"), frame=3),
+    "PictureWriter": lambda t: Call(
+        lambda path, radiance, camera, **rest: PictureWriter(**rest).write(path, radiance, camera),
+        {
+            "bake": t.bake,
+            "size": (3, 2),
+            "caster": "brute",
+            "path": t.folder / "w.png",
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
+            "camera": camera(),
+        },
+        ("camera None",),
+    ),  # fmt: skip
+    "BakeSettings": plain(
+        BakeSettings,
+        ("caster other text", "caster empty text", "bounces None"),
+        resolution=3,
+        bounces=2,
+        tolerance=0.1,
+        caster="brute",
+        seed=0,
+        method="auto",
+    ),
+    "bake_steps": bake_call,
+    "bake_steps path": path_call,
+    "preflight": lambda t: Call(
+        preflight,
+        {
+            "scene": t.scene,
+            "settings": BakeSettings(2),
+            "back_end": "embree",
+            "rays_per_second": 1e6,
+        },
+        ("back_end other text", "back_end empty text"),
+    ),  # fmt: skip
+    "Bake.colours": method(
+        lambda t: t.bake,
+        "colours",
+        radiance=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
+    ),
+    "Bake.make_caster": method(lambda t: t.bake, "make_caster", name="brute"),
+    "relight": lambda t: Call(
+        api.relight,
+        {
+            "bake": t.bake,
+            "light": image(),
+            "rotation": 30.0,
+            "strength": 2.0,
+            "sharp_sun": False,
+            "lamps": False,
+            "lamp_samples": 3,
+            "caster": "brute",
+            "bounces": 1,
+            "transport": "exact",
+        },
+        ("light None", "caster other text", "caster empty text", "bounces None"),
+    ),  # fmt: skip
+    "relight by path": lambda t: Call(
+        lambda bake, light: api.relight(bake, light, transport="exact"),
+        {"bake": t.folder / "a.prt", "light": exr(t)},
+    ),
+    "relight on texels": lambda t: Call(
+        lambda light: api.relight_points(t.bake, light, transport="exact"),
+        {"light": t.light},
+    ),
+    "relight by lamps": lambda t: Call(
+        lambda lamps: api.relight(t.bake, lamps=lamps, lamp_samples=2, caster="brute"),
+        {"lamps": [light.Lamp("point", (1, 2, 3), (0, 0, 4))]},
+    ),
+    "Relighter": lambda t: Call(
+        Relighter,
+        {"bake": t.bake, "caster": "brute", "transport": "exact"},
+        ("caster other text", "caster empty text"),
+    ),
+    "on_texels": lambda t: Call(on_texels, {"bake": t.bake, "light": image(), "rotation": 3.0}),
+    "environment_light": lambda t: Call(
+        prt_core.environment_light,
+        {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
+        ("light None",),
+    ),
+    "read_environment": lambda t: Call(api.read_environment, {"light": exr(t)}, ("light",)),
+    "open_blend": lambda t: Call(api.expect_blend, {"path": blend(t)}),
+    "bake": lambda t: Call(
+        prt_core.bake,
+        {
+            "blend": blend(t),
+            "output": t.folder / "b.prt",
+            "objects": ["a"],
+            "two_sided": ["a"],
+            "restart": False,
+            "camera_pixels": (3, 2),
+            "pixel_samples": 1,
+            "parametrisation": "auto",
+            "resolution": 2,
+            "seed": 0,
+        },
+        whole=False,
+    ),  # fmt: skip
+    "compress_bake": lambda t: Call(
+        lambda **rest: prt_core.compress_bake(**rest, lights={"sky": image()}),
+        {"bake": t.folder / "a.prt", "method": "harmonics", "tolerance": 0.5, "seed": 0},
+        ("tolerance None",),
+    ),
+    "run": lambda t: Call(run, {"steps": (Progress("a", i, 2) for i in range(2))}, ("steps",)),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_every_argument_wrong_in_turn(there, name):
+    faults = faults_of(CALLS[name](there), there.folder)
+    assert not faults, "\n".join(faults)

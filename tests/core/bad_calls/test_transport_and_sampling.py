@@ -1,0 +1,160 @@
+"""Wrong calls of `prt_core.transport` and `prt_core.sampling`."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from prt_core import light, sampling, transport
+from prt_core.sampling.groups import certified_together
+
+from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scene
+
+
+def sampled(there):
+    """Every entry traced."""
+    points = slice(0, len(there.scene.points))
+    bits = transport.visibility_bits(there.scene, light.CubeMap(RESOLUTION), caster(there), points)
+    return sampling.Sampled(bits, np.full_like(bits, 255), 0)
+
+
+def of_transport(there):
+    baked = there.bake.transport
+    names = "cube_map", "bits", "gather", "normals", "albedo", "tolerance", "mean_albedo"
+    good = {name: getattr(baked, name) for name in names}
+
+    def call(**arguments):
+        return transport.Transport(**arguments).relight(there.light)
+
+    may = "gather None", "bounces None", "mean_albedo None", "normals"
+    return Call(call, {**good, "bounces": 2}, may)
+
+
+CALLS = {
+    "Transport": lambda t: of_transport(t),
+    "Transport.relight": method(
+        lambda t: t.bake.transport,
+        "relight",
+        ("lamps", "light None", "bounces None"),
+        light=lambda t: t.light,
+        lamps=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
+        bounces=1,
+    ),
+    "Transport.received": method(lambda t: t.bake.transport, "received", light=lambda t: t.light),
+    "Transport.bounce": method(
+        lambda t: t.bake.transport,
+        "bounce",
+        ("bounces None",),
+        received=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
+        bounces=2,
+    ),
+    "Transport.rows": method(
+        lambda t: t.bake.transport, "rows", points=np.array([0, 2]), indirect=True
+    ),
+    "Transport.direct": method(lambda t: t.bake.transport, "direct", points=np.array([0, 2])),
+    "Transport.columns": method(
+        lambda t: t.bake.transport, "columns", directions=np.array([0, 2]), indirect=True
+    ),
+    "Transport.block": method(
+        lambda t: t.bake.transport, "block", points=np.array([0, 2]), indirect=2
+    ),
+    "all_bounces": lambda t: Call(
+        transport.all_bounces,
+        {
+            "gather": t.bake.transport.gather,
+            "albedo": t.bake.transport.albedo,
+            "received": np.ones_like(t.bake.transport.albedo),
+            "tolerance": 1e-3,
+            "bounces": 2,
+            "mean_albedo": t.bake.transport.mean_albedo,
+        },
+        ("gather None", "bounces None", "mean_albedo None"),
+    ),  # fmt: skip
+    "gather_hits": with_scene(
+        transport.gather_hits,
+        points=lambda t: slice(0, 3),
+        seed=lambda t: 0,
+        round_index=lambda t: 0,
+    ),
+    "gather_operator": plain(
+        transport.gather_operator,
+        hits=np.tile(np.array([[0, 1], [-1, 1]], np.int32), 16),
+        n_points=2,
+        blocked=np.array([0.5, 0.5], np.float32),
+    ),
+    "lamp_light": with_scene(
+        transport.lamp_light,
+        ("lamps no elements",),
+        lamps=lambda t: [light.Lamp("point", (1, 2, 3), (0, 0, 4))],
+        n_samples=lambda t: 3,
+        seed=lambda t: 0,
+    ),
+    "received_light": lambda t: Call(
+        transport.received_light,
+        {
+            "bits": t.bake.transport.bits,
+            "normals": t.bake.transport.normals,
+            "cube_map": light.CubeMap(RESOLUTION),
+            "light": t.light,
+        },
+    ),  # fmt: skip
+    "reference_rows": with_scene(
+        transport.reference_rows,
+        points=lambda t: [0],
+        n_paths=lambda t: 4,
+        max_bounces=lambda t: 1,
+        seed=lambda t: 0,
+    ),
+    "visibility_bits": with_scene(
+        transport.visibility_bits, ("points number",), points=lambda t: slice(0, 3)
+    ),
+    "AgreementSettings": plain(
+        sampling.AgreementSettings,
+        ("most_wrong None",),
+        **{f.name: f.default for f in fields(sampling.AgreementSettings)} | {"most_wrong": 0.3},
+    ),
+    "CertificateSettings": plain(
+        sampling.CertificateSettings,
+        **{f.name: f.default for f in fields(sampling.CertificateSettings)},
+    ),
+    "HuangSettings": plain(
+        sampling.HuangSettings, **{f.name: f.default for f in fields(sampling.HuangSettings)}
+    ),
+    "sample_agreement": with_scene(
+        sampling.sample_agreement, settings=lambda t: sampling.AgreementSettings()
+    ),
+    "sample_huang": with_scene(
+        sampling.sample_huang, settings=lambda t: sampling.HuangSettings(features=3)
+    ),
+    "refine_agreement": with_scene(
+        sampling.refine_agreement,
+        settings=lambda t: sampling.AgreementSettings(),
+        sampled=sampled,
+        points=lambda t: np.zeros(len(t.scene.points), bool),
+        turn=lambda t: 0,
+    ),
+    "trace_rest": with_scene(
+        sampling.trace_rest,
+        sampled=sampled,
+        points=lambda t: np.zeros(len(t.scene.points), bool),
+    ),
+    "certificate_steps": with_scene(
+        sampling.certificate_steps,
+        ("lights no elements", "groups None", "wanted None", "wanted no elements"),
+        sampled=sampled,
+        lights=lambda t: {"sky": t.light},
+        settings=lambda t: sampling.CertificateSettings(64, 4),
+        turn=lambda t: 0,
+        groups=lambda t: certified_together(t.scene),
+        wanted=lambda t: [0],
+    ),
+    "open_points": lambda t: Call(sampling.open_points, {"scene": t.scene}),
+    "probe_lights": lambda t: Call(sampling.probe_lights, {"cube_map": light.CubeMap(2)}),
+    "sampler_named": plain(sampling.sampler_named, name="agreement"),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_every_argument_wrong_in_turn(there, name):
+    faults = faults_of(CALLS[name](there), there.folder)
+    assert not faults, "\n".join(faults)

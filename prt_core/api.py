@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake_image import image_steps
+from prt_core.bake_load import load
 from prt_core.bake_visibility import chosen_method
 from prt_core.compressed import CompressSettings, compress_steps
 from prt_core.errors import PRTError, expect
@@ -226,7 +227,7 @@ def compress_bake_steps(
             tolerance is megabytes is milliseconds is None,
             "method 'none' removes the compressed form; it takes no tolerance, size or time",
         )
-        remove_compressed(BakeStore(bake, "a") if Path(bake).exists() else BakeStore(bake))
+        remove_compressed(BakeStore(bake, "r+"))
         return None
     settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed)
     bake = bake if isinstance(bake, Bake) else (yield from beside("load", load, bake))

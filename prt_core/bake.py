@@ -1,4 +1,4 @@
-"""The bake: visibility and gather rays of a scene, block by block into a store, and back."""
+"""The bake: visibility and gather rays of a scene, block by block into a store."""
 
 import os
 import platform
@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 
 import prt_core
-from prt_core.bake_bounces import MOST_ROUNDS, bounce_steps, read_gather
+from prt_core.bake_bounces import bounce_steps
+from prt_core.bake_lights import keep_lights, light_facts
 from prt_core.bake_visibility import expect_method, visibility_steps
-from prt_core.errors import PRTError, expect
-from prt_core.light import CubeMap, Lamp
+from prt_core.errors import expect
+from prt_core.light import CubeMap
 from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
 from prt_core.rays import RelayCaster, make_caster
 from prt_core.scene import Scene
-from prt_core.store import BakeStore, read_scene, write_scene
+from prt_core.store import begin_bake, check_scene, finish_bake, write_scene
 from prt_core.transport import Transport
 from prt_core.transport.gather import ROUND
 
@@ -59,6 +60,10 @@ class BakeSettings:
         expect(
             np.isfinite(self.tolerance) and 0 < self.tolerance < 1,
             f"tolerance: expected a number between 0 and 1, got {self.tolerance}",
+        )
+        expect(
+            isinstance(self.seed, int) and 0 <= self.seed < 1 << 63,
+            f"seed: expected a whole number from 0 to 2^63 - 1, got {self.seed!r}",
         )
 
 
@@ -169,6 +174,7 @@ def bake_steps(
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
     restart : bool or "changed"
         Begin anew whatever is there; or only where that is of another scene or other settings.
+        What is there stays until the new bake is finished, which is made in `NAME.prt.new`.
     pace : float, optional
         Seconds a step may take, for a user interface; then the work is done beside the caller, in
         a thread, but for rays that only the caller may cast. Default: whole blocks. The result is
@@ -217,28 +223,29 @@ def bake_steps(
 def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
-    store = BakeStore(path, "w" if restart is True else "a")
+    check_scene(scene)
+    parts = light_facts(cube_map, *parts)
     identity = {
         "scene": scene.fingerprint(),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
     }
     yield Progress("scene", 0, 0)
-    facts = store.facts
-    if restart == "changed" and facts.get("identity", identity) != identity:
-        store = BakeStore(path, "w")
-        facts = store.facts
-    if "identity" in facts:
-        _same_bake(path, facts["identity"], identity)
-    if facts.get("complete"):
-        _write_lights(store, *parts)
-        return facts["report"]
+    store = begin_bake(path, identity, restart)
+    if store.is_complete:
+        if store.is_sound():
+            keep_lights(store, *parts)
+            return finish_bake(store, path).facts["report"]
+        # What is damaged is made again, as if the bake had been stopped before.
+        store.update(complete=False)
+    # A caster that cannot be made leaves no folder.
     caster = new_caster()
-    _write_lights(store, *parts)
-    if "identity" not in facts:
-        write_scene(store, scene)
-        store.update(settings=asdict(settings), identity=identity)
-        yield Progress("scene", 0, 0)
-    seconds = dict(facts.get("seconds", {}))
+    went_on = "identity" in store.facts
+    if not went_on:
+        store.update(identity=identity, settings=asdict(settings))
+    keep_lights(store, *parts)
+    store.update(**write_scene(store, scene))
+    yield Progress("scene", 0, 0)
+    seconds = dict(store.facts.get("seconds", {}))
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
     )
@@ -250,28 +257,13 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     report = _report(
         scene, cube_map, caster, seen, gathered, rounds, error, skipped, seconds, store
     )
-    store.update(report=report, complete=True)
-    report["bytes"] = store.nbytes()
-    store.update(report=report)
+    if went_on:
+        report["messages"].append("the bake was stopped and went on: times are those since then")
+        # Some of the rays were cast before the clock was started.
+        report["rays_per_second"] = None
+    store.seal(report=report, seconds=seconds)
+    finish_bake(store, path)
     return report
-
-
-def _write_lights(store, lamps, world, camera, source):
-    """Lamps, world and camera may change without any ray being cast again."""
-    if world is not None:
-        store.write("world", np.asarray(world, np.float32))
-    store.update(lamps=[asdict(lamp) for lamp in lamps], camera=camera, source=source or {})
-
-
-def _same_bake(path, found, wanted):
-    # Before there were others, every entry was traced.
-    found = {"method": "exhaustive", **found}
-    different = sorted(key for key in wanted if found.get(key) != wanted[key])
-    if different:
-        raise PRTError(
-            f"{path}: holds a bake with another {', '.join(different)}; choose another output "
-            "or add --restart to replace it"
-        )
 
 
 def _spared(scene, cube_map, seen):
@@ -320,7 +312,7 @@ def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, sec
         **{key: value for key, value in seen.items() if key != "rays"},
         "skipped": {**_spared(scene, cube_map, seen), **skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
-        "bytes": 0,
+        "bytes": store.nbytes(),
         "peak_bytes": peak_bytes(),
         "cores": os.cpu_count(),
         "versions": {
@@ -330,69 +322,3 @@ def _report(scene, cube_map, caster, seen, gathered, rounds, error, skipped, sec
         },
         "messages": messages,
     }
-
-
-def load(path):
-    """Read a finished bake.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Bake
-
-    Raises
-    ------
-    PRTError
-        Not there, not finished, damaged, foreign, or of a newer version.
-    """
-    store = BakeStore(path)
-    facts = store.facts
-    expect(
-        facts.get("complete") is True,
-        f"{path}: the bake is not finished; run the same 'prt bake' again and it goes on",
-    )
-    scene = read_scene(store)
-    try:
-        settings = facts["settings"]
-        cube_map = CubeMap(settings["resolution"])
-        lamps = [Lamp(**lamp) for lamp in facts["lamps"]]
-        rounds, report = facts.get("rounds", 0), facts["report"]
-        camera = facts["camera"]
-        bounces, tolerance = settings["bounces"], float(settings["tolerance"])
-    except (KeyError, TypeError) as error:
-        raise PRTError(f"{path}: its description is damaged ({error!r})") from error
-    n_points, n_bytes = len(scene.points), -(-cube_map.n_directions // 8)
-    bits = store.read("visibility", (n_points, n_bytes), "uint8")
-    gather = None
-    if rounds:
-        hits = store.array("gather")
-        expect(
-            hits.shape == (n_points, MOST_ROUNDS * ROUND) and 0 < rounds <= MOST_ROUNDS,
-            f"{path}: 'gather' does not fit its points; the bake is damaged",
-        )
-        try:
-            blocked = store.read("blocked", (n_points,), "float32")
-            gather = read_gather(hits, range(rounds), blocked)
-        except PRTError as error:
-            raise PRTError(f"{path}: {error}") from error
-        except Exception as error:
-            raise PRTError(
-                f"{path}: 'gather' cannot be read; the bake is damaged, bake again with --restart"
-            ) from error
-    world = None
-    if "world" in store:
-        world = store.read("world", (cube_map.n_directions, 3), "float32")
-    transport = Transport(
-        cube_map,
-        bits,
-        gather,
-        scene.points.normals,
-        scene.points.albedo,
-        min(tolerance / 5, 1e-3),
-        bounces,
-    )
-    source = facts.get("source") or {}
-    return Bake(scene, transport, lamps, world, camera, settings, report, source, Path(path))

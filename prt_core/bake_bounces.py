@@ -34,24 +34,26 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     """
     n_points = len(scene.points)
     parts = blocks(n_points)
-    shape, chunks = (n_points, MOST_ROUNDS * ROUND), (bake_visibility.BLOCK, ROUND)
-    # No ray ends at -3, so that no chunk is left out for being equal to the fill.
-    hits = store.create("gather", shape, "int32", chunks, -3)
-    table = (MOST_ROUNDS, len(parts), 1 + len(scene.objects))
-    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]), -1)
     start = time.perf_counter()
     probes = yield from _probe_light(store, scene, cube_map, parts)
-    add_seconds(store, seconds, "error", time.perf_counter() - start)
+    add_seconds(seconds, "error", time.perf_counter() - start)
     # What nothing can be in front of gathers nothing.
     spared = open_points(scene)
     skipped = {"gather_open_points": int(spared.sum())}
     bound = _most_bounced(scene.points.albedo, probes, spared)
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
+        for name in ("gather", "gather_rays", "blocked"):
+            store.remove(name)
+        store.update(rounds=0)
         return 0, bound, 0, skipped
     # Of an even sky a point receives what is not blocked.
     blocked = np.clip(1 - probes[:, 0], 0, 1)
-    store.write("blocked", blocked)
+    store.keep("blocked", blocked)
+    shape, chunks = (n_points, MOST_ROUNDS * ROUND), (bake_visibility.BLOCK, ROUND)
+    hits = store.create("gather", shape, "int32", chunks)
+    table = (MOST_ROUNDS, len(parts), 1 + len(scene.objects))
+    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]))
     rounds, error = 0, np.inf
     clear = _Clear(store.array("visibility"), cube_map)
 
@@ -59,6 +61,10 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         (index, turn), one = job
         counts[turn, index] = np.concatenate([[one.n_rays], one.n_back])
         hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+
+    def is_done(index, turn):
+        rays = slice(turn * ROUND, (turn + 1) * ROUND)
+        return hits.holds(parts[index], rays) and counts.holds(turn, index)
 
     # Blocks worked on together: a caster that is called once for all likes its calls large.
     group = caster.threads if caster.threads > 1 else _TOGETHER
@@ -68,27 +74,25 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         yield Progress("gather", 0, n_points)
         for first in range(0, len(parts), group):
             some = range(first, min(first + group, len(parts)))
-            todo = [(i, turn) for i in some for turn in turns if not _is_done(store, i, turn)]
+            todo = [(i, turn) for i in some for turn in turns if not is_done(i, turn)]
             if todo:
                 start = time.perf_counter()
                 jobs = [(parts[index], turn) for index, turn in todo]
                 found = gather_parts(scene, caster, jobs, settings.seed, spared, clear)
                 on_all_cores(write, zip(todo, found, strict=True))
-                add_seconds(store, seconds, "gather", time.perf_counter() - start)
+                add_seconds(seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", parts[some[-1]].stop, n_points)
         start = time.perf_counter()
         error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
-        add_seconds(store, seconds, "error", time.perf_counter() - start)
-    store.update(rounds=rounds)
+        add_seconds(seconds, "error", time.perf_counter() - start)
+    # What is left of rounds that were not needed goes, so that both arrays are whole.
+    store.create("gather", (n_points, rounds * ROUND), "int32", chunks)
+    store.create("gather_rays", (rounds, *table[1:]), "int64", (1, 1, table[2]))
+    store.update(rounds=rounds, seconds=seconds)
     cast = int(counts[:rounds, :, 0].sum())
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     return cast, float(error), rounds, skipped
-
-
-def _is_done(store, index, turn):
-    hits = store.has_chunk("gather", index, turn)
-    return hits and store.has_chunk("gather_rays", turn, index, 0)
 
 
 class _Clear:

@@ -46,16 +46,17 @@ def light_facts(cube_map, lamps=(), world=None, camera=None, source=None):
 def keep_lights(store, facts, world):
     """Put them in place of those that a store has; where they are the same it is not touched."""
     name, old = None, store.facts.get("world")
+    with damage_said(store.path):
+        spare = _new_name(old)
     if world is not None:
-        name = old if _is_same(store, old, world) else _new_name(old)
-    if name not in (None, old):
-        made = store.write(name, world)
+        # A finished bake keeps the old light until the new one is named.
+        stays = _is_same(store, old, world) or not store.is_complete
+        name = old if old and stays else spare
+        store.keep(name, world)
         store.files.sync(name)
     if store.is_complete:
         arrays = {key: value for key, value in store.facts["arrays"].items() if key != old}
-        if name is not None:
-            arrays[name] = store.facts["arrays"][name] if name == old else made.digest()
-        facts = {**facts, "arrays": arrays}
+        facts["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
     store.update(world=name, **facts)
     # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
     for other in store.names():

@@ -63,7 +63,7 @@ class BakeStore:
         finish_swap(self.path)
         there = self.files.exists()
         expect(there or mode == "a", f"{path}: there is no such bake")
-        self._made, self._facts = there, None
+        self._made, self._facts, self._used = there, None, set()
         if there:
             if mode != "r":
                 self.files.sweep()
@@ -168,6 +168,7 @@ class BakeStore:
             same = False
         if not same:
             self.files.write(f"{name}/{FILE}", text)
+        self._used.add(name)
         made = BakeArray(self.files, name, layout, self._binding)
         made.cut()
         return made
@@ -175,6 +176,7 @@ class BakeStore:
     def remove(self, name):
         """Remove an array, or a folder of arrays, where it is there."""
         self.files.remove(name)
+        self._used.discard(name)
 
     def array(self, name):
         """The array itself, read where it is indexed.
@@ -187,6 +189,7 @@ class BakeStore:
         text = self.files.read(f"{name}/{FILE}", MOST_TEXT)
         expect(text is not None, f"{self.path}: '{name}' is missing; {MEND}")
         layout = Layout.read(text, f"{self.path}: array '{name}'")
+        self._used.add(name)
         return BakeArray(self.files, name, layout, self._binding)
 
     def read(self, name, shape=None, dtype=None):
@@ -235,10 +238,13 @@ class BakeStore:
             )
 
     def seal(self, **facts):
-        """Finish the bake: note a digest of every array, and facts, once all is on the disk."""
+        """Finish the bake: note a digest of each array, and facts, once all is on the disk.
+
+        Arrays are those that were written or read by this object; others are nobody's.
+        """
         self.files.sweep()
         self.files.sync()
-        arrays = {name: self.array(name).digest() for name in self.names()}
+        arrays = {name: self.array(name).digest() for name in sorted(self._used)}
         self.update(arrays=arrays, complete=True, **facts)
 
     def is_sound(self):

@@ -174,7 +174,7 @@ def bake_steps(
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
     restart : bool or "changed"
         Begin anew whatever is there; or only where that is of another scene or other settings.
-        What is there stays until the new bake is finished, which is made in `NAME.prt.new`.
+        What is there stays until the new bake is finished, which is made in `NAME.prt.restart`.
     pace : float, optional
         Seconds a step may take, for a user interface; then the work is done beside the caller, in
         a thread, but for rays that only the caller may cast. Default: whole blocks. The result is

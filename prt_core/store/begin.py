@@ -1,5 +1,6 @@
 """The store that a bake is written into: begun, gone on with, or beside the one it will replace."""
 
+import os
 from pathlib import Path
 
 from prt_core.errors import PRTError, expect
@@ -11,6 +12,7 @@ from prt_core.store.places import (
     remove_bake_folder,
     remove_leftovers,
     swap,
+    was_swapping,
 )
 from prt_core.store.store import BakeStore
 
@@ -40,7 +42,14 @@ def begin_bake(path, identity, restart=False):
         The folder holds a bake of another identity, or none of this library.
     """
     path = Path(path)
+    swapping = was_swapping(path)
     finish_swap(path)
+    if restart is True and swapping:
+        # All that the restart had not done yet is to remove the old bake.
+        found = _read(path)
+        if found is not None and found.facts.get("identity") == identity:
+            remove_leftovers(path)
+            return found
     if restart is True or _waits_beside(path, identity):
         return _begin_beside(path, identity)
     store = BakeStore(path, "a")
@@ -68,7 +77,7 @@ def finish_bake(store, path):
 
 
 def _begin_beside(path, identity):
-    if path.exists():
+    if os.path.lexists(path):
         expect_removable(path)
     found = _read(beside(path))
     if found is not None and found.facts.get("identity") not in (None, identity):
@@ -81,7 +90,7 @@ def _begin_beside(path, identity):
 
 def _waits_beside(path, identity):
     """Whether a restart that was stopped had nothing to replace, and is of this identity."""
-    if path.exists() or not beside(path).exists():
+    if os.path.lexists(path) or not os.path.lexists(beside(path)):
         return False
     found = _read(beside(path))
     return found is not None and found.facts.get("identity") == identity

@@ -1,9 +1,9 @@
 """Where a bake is made while another stands in its place, and how bakes change places and go.
 
-A bake that replaces one is made in NAME.prt.new. When it is finished, the old one is renamed to
-NAME.prt.old, the new one to NAME.prt, and the old one is removed. Where a kill came between the two
-renames, whoever opens NAME.prt next does the second. What a kill left in NAME.prt.old is removed by
-the next bake there.
+A bake that replaces one is made in NAME.prt.restart. When it is finished, the old one is renamed
+to NAME.prt.replaced, the new one to NAME.prt, and the old one is removed. Where a kill came between
+the two renames, whoever opens NAME.prt next does the second. What a kill left in NAME.prt.replaced
+is removed by the next bake there.
 """
 
 import os
@@ -22,12 +22,16 @@ _FOLDER = re.compile(r"[a-z]\w*")
 
 def beside(path):
     """Where a new bake is made while an old one stands at `path`."""
-    return path.with_name(path.name + ".new")
+    return _named(path, ".restart")
+
+
+def was_swapping(path):
+    """Whether a kill came while a finished bake was put in its place."""
+    return os.path.lexists(_old(path)) or (not os.path.lexists(path) and _is_complete(beside(path)))
 
 
 def finish_swap(path):
     """Put a finished new bake in its place, where a kill left nothing there."""
-    expect(path.name not in ("", ".."), f"{path}: expected the name of a folder, NAME.prt")
     new = beside(path)
     if os.path.lexists(path) or not _is_complete(new):
         return
@@ -110,19 +114,29 @@ def expect_removable(path):
         not is_foreign(files),
         f"{path}: is not a bake of this library; it is not removed, choose another output",
     )
+    expect_only_arrays(path)
+
+
+def expect_only_arrays(path):
+    """Raise `PRTError` where a folder holds files that no bake does."""
     try:
         strange = next(_strange(path, 0), None)
     except OSError as error:
         raise file_error(path, "read", error) from error
     expect(
         strange is None,
-        f"{path}: is not a bake, or holds more than one does ({strange}); it is not removed, move "
-        "that away or choose another output",
+        f"{path}: is not a bake, or holds more than one does ({strange!r}); move that away or "
+        "choose another output",
     )
 
 
 def _old(path):
-    return path.with_name(path.name + ".old")
+    return _named(path, ".replaced")
+
+
+def _named(path, suffix):
+    expect(path.name not in ("", ".."), f"{path}: expected the name of a folder, NAME.prt")
+    return path.with_name(path.name + suffix)
 
 
 def _is_complete(path):

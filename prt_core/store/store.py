@@ -27,7 +27,7 @@ from prt_core.store.facts import (
 )
 from prt_core.store.files import Files
 from prt_core.store.layout import MOST_TEXT, Layout
-from prt_core.store.places import finish_swap
+from prt_core.store.places import expect_only_arrays, finish_swap
 
 # The fact that names the compressed form, and how its folders begin.
 COMPRESSED = "compressed"
@@ -70,17 +70,14 @@ class BakeStore:
             self.files.check()
             self._facts = read_facts(self.files)
         if self._facts is None:
-            left = self.files.names() if there else []
             expect(
-                mode == "a" or not there,
+                mode == "a",
                 f"{path}: holds no bake, or one that was stopped in its first moments; 'prt bake' "
-                "begins it anew",
+                "begins it",
             )
-            expect(
-                not left,
-                f"{path}: is not a bake of this library or is damaged ({FILE} is missing, beside "
-                f"{', '.join(left)[:60]}); bake again with --restart, or choose another output",
-            )
+            if there:
+                # Arrays without facts do no harm: each chunk says itself what it belongs to.
+                expect_only_arrays(self.path)
             self._facts = {"format": FORMAT, "version": VERSION, "complete": False}
 
     @property

@@ -32,10 +32,15 @@ def scene():
 def finished(scene, tmp_path_factory):
     """A bake that no test changes."""
     path = tmp_path_factory.mktemp("bakes") / "a.prt"
+    bake_in_small_blocks(scene, path, SETTINGS)
+    return path
+
+
+def bake_in_small_blocks(scene, path, settings):
+    """For fixtures that are made before those of a test."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
-        run(bake_steps(scene, path, SETTINGS, LAMPS, WORLD))
-    return path
+        run(bake_steps(scene, path, settings, LAMPS, WORLD))
 
 
 @pytest.fixture

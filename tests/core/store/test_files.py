@@ -40,7 +40,11 @@ def test_a_larger_file_than_expected_is_not_read(files):
 
 @pytest.mark.parametrize("key", ["../a", "a/../../b", "/etc/passwd", "", "a//b", "a/", ".a", "a\n"])
 def test_no_name_leads_outside(files, key):
-    for call in (lambda: files.read(key, 1), lambda: files.write(key, b""), lambda: files.remove(key)):
+    for call in (
+        lambda: files.read(key, 1),
+        lambda: files.write(key, b""),
+        lambda: files.remove(key),
+    ):
         with pytest.raises(PRTError, match="none of a bake's") as caught:
             call()
         assert "\n" not in str(caught.value)

@@ -71,7 +71,14 @@ def _no_identity(path):
 
 @pytest.mark.parametrize("restart", [False, True, "changed"])
 @pytest.mark.parametrize(
-    "moment", [shutil.rmtree, _remove_all_but(), _first_moments, _no_identity]
+    "moment",
+    [
+        shutil.rmtree,
+        _remove_all_but(),
+        _remove_all_but("visibility", "point_albedo"),
+        _first_moments,
+        _no_identity,
+    ],
 )
 def test_a_bake_that_was_killed_in_its_first_moments_is_begun(
     baked, finished, bake_again, moment, restart
@@ -194,6 +201,13 @@ def test_what_is_damaged_is_made_again_and_nothing_else(
     assert counted.rays > 0 or share == NONE
 
 
+def test_arrays_without_facts_are_gone_on_with(scene, baked, finished, counted):
+    (baked / "zarr.json").unlink()
+    run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    assert counted.rays == 0
+    expect_same(baked, finished)
+
+
 def test_a_sound_bake_goes_on_without_a_ray(scene, baked, finished, counted):
     unfinished(baked)
     run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
@@ -214,9 +228,7 @@ def test_sampled_bits_that_are_damaged_are_sampled_again(scene, tmp_path, counte
 
 
 @pytest.mark.parametrize("damage", [_flip, _cut, _unlink])
-def test_a_damaged_part_of_the_journal_is_cast_again(
-    scene, tmp_path, counted, monkeypatch, damage
-):
+def test_a_damaged_part_of_the_journal_is_cast_again(scene, tmp_path, counted, monkeypatch, damage):
     monkeypatch.setattr("prt_core.store.journal.CHUNK", 4096)
     whole, broken = tmp_path / "a.prt", tmp_path / "b.prt"
     run(bake_steps(scene, whole, SAMPLED))

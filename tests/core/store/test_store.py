@@ -59,7 +59,11 @@ def test_a_finished_bake_is_not_touched_again(baked, bake_again):
 def test_new_lamps_and_world_are_taken_without_a_ray(scene, baked, finished):
     facts = BakeStore(baked).facts
     for world in (WORLD[::-1].copy(), None, WORLD):
-        run(bake_steps(scene, baked, SETTINGS, LAMPS * 2, world, {"matrix": np.eye(4), "tangent": 1}))
+        run(
+            bake_steps(
+                scene, baked, SETTINGS, LAMPS * 2, world, {"matrix": np.eye(4), "tangent": 1}
+            )
+        )
         bake = load(baked)
         assert len(bake.lamps) == 2 and bake.camera["tangent"] == 1
         np.testing.assert_array_equal(bake.world, world)
@@ -194,7 +198,7 @@ def _old(path):
         (_old, "older version of this library; bake again with --restart"),
         (lambda p: shutil.rmtree(p / "point_normals"), "'point_normals' is missing"),
         (lambda p: (p / "zarr.json").write_text("{"), "cannot be read"),
-        (lambda p: (p / "zarr.json").unlink(), "zarr.json is missing|in its first moments"),
+        (lambda p: (p / "zarr.json").unlink(), "in its first moments"),
         (lambda p: shutil.rmtree(p), "there is no such bake"),
         (lambda p: forge_facts(p, complete=False), "not finished"),
     ],

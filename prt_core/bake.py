@@ -17,7 +17,7 @@ from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
 from prt_core.rays import RelayCaster, make_caster
 from prt_core.scene import Scene
-from prt_core.store import begin_bake, check_scene, finish_bake, write_scene
+from prt_core.store import begin_bake, check_scene, damage_said, finish_bake, write_scene
 from prt_core.transport import Transport
 from prt_core.transport.gather import ROUND
 
@@ -234,7 +234,8 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     if store.is_complete:
         if store.is_sound():
             keep_lights(store, *parts)
-            return finish_bake(store, path).facts["report"]
+            with damage_said(path):
+                return finish_bake(store, path).facts["report"]
         # What is damaged is made again, as if the bake had been stopped before.
         store.update(complete=False)
     # A caster that cannot be made leaves no folder.

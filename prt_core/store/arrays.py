@@ -100,22 +100,32 @@ class BakeArray:
         return digest(self.name.encode(), self._layout.text(), *(known[key] for key in keys))
 
     def cut(self):
-        """Remove chunks that lie outside the shape."""
-        wanted = {_key(index) for index in self._layout.indices()}
-        for key in self._found() - wanted:
-            self._files.remove(f"{self.name}/{key}")
+        """Remove chunks that lie outside the shape, and what is in the way of those inside."""
+        keys = [""]
+        for depth in range(len(self.shape) + 1):
+            last = depth == len(self.shape)
+            for key in self._below(keys, folders=last):
+                self._files.remove(self.name + key)
+            keys = self._below(keys, folders=not last)
+        wanted = {"/" + _key(index) for index in self._layout.indices()}
+        for key in set(keys) - wanted:
+            self._files.remove(self.name + key)
 
     def _found(self):
         """Keys of the chunks that are there."""
-        keys = {"c"}
-        for _ in self.shape:
-            keys = {
-                f"{key}/{name}"
-                for key in keys
-                for name in self._files.names(f"{self.name}/{key}")
-                if name.isdigit()
-            }
-        return keys
+        keys = [""]
+        for _ in range(len(self.shape) + 1):
+            keys = self._below(keys)
+        return {key[1:] for key in keys}
+
+    def _below(self, keys, folders=None):
+        """Keys of chunks, or of folders of them, in folders."""
+        return [
+            f"{key}/{name}"
+            for key in keys
+            for name in self._files.names(self.name + key, folders)
+            if (name.isdigit() if key else name == "c")
+        ]
 
     @contextmanager
     def _said(self):

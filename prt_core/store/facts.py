@@ -114,7 +114,9 @@ def damage_said(path, what="its description", again=_AGAIN):
         yield
     except PRTError as error:
         text = " ".join(str(error).split())
-        raise PRTError(text if str(path) in text else f"{path}: {text}") from error
+        if str(path) not in text:
+            text = f"{path}: {text}" + ("" if again in text else f"; {what} is damaged, {again}")
+        raise PRTError(text) from error
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         reason = " ".join(repr(error).split())[:120]
         raise PRTError(f"{path}: {what} is damaged ({reason}); {again}") from error

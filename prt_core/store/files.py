@@ -138,13 +138,25 @@ class Files:
         with self._said(path, "removed"):
             remove_tree(path)
 
-    def names(self, folder=""):
-        """Names in a folder but for part files, sorted; none where there is no such folder."""
+    def names(self, folder="", folders=None):
+        """Names in a folder but for part files, sorted; none where there is no such folder.
+
+        Parameters
+        ----------
+        folder : str
+        folders : bool, optional
+            Only names of folders, or only those of anything else.
+        """
         path = self._path(folder) if folder else self.root
         with self._said(path, "read"):
             try:
                 with os.scandir(path) as entries:
-                    return sorted(entry.name for entry in entries if not is_part(entry.name))
+                    return sorted(
+                        entry.name
+                        for entry in entries
+                        if not is_part(entry.name)
+                        and folders in (None, entry.is_dir(follow_symlinks=False))
+                    )
             except (FileNotFoundError, NotADirectoryError):
                 return []
 

@@ -3,6 +3,8 @@
 import json
 import shutil
 import sys
+import tempfile
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -46,6 +48,17 @@ def bake_in_small_blocks(scene, path, settings):
 @pytest.fixture
 def baked(finished, tmp_path):
     return shutil.copytree(finished, tmp_path / "a.prt")
+
+
+@pytest.fixture
+def quick_folder(tmp_path):
+    """A folder in memory, where there is one: for tests of thousands of files."""
+    memory = Path("/dev/shm")
+    if not memory.is_dir():
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        yield Path(folder)
 
 
 @pytest.fixture

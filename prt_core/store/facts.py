@@ -16,8 +16,8 @@ from prt_core.errors import PRTError, expect
 
 FORMAT, VERSION = "prt bake", 3
 FILE = "zarr.json"
-# Of what JSON makes in memory, an empty list costs most: thirty times its two letters.
-_MOST_BYTES = 32 << 20
+# Thousands of objects take a few megabytes; an empty list takes thirty times its letters in memory.
+_MOST_BYTES = 16 << 20
 _MOST_DEPTH = 24
 _AGAIN = "bake again with --restart"
 
@@ -90,7 +90,7 @@ def write_facts(files, facts, now=None):
         They hold NaN, infinity, or more than is ever read again.
     """
     try:
-        text = json.dumps(facts, default=_plain, allow_nan=False)
+        text = json.dumps(facts, default=_plain)
     except (TypeError, ValueError) as error:
         raise PRTError(f"{files.root}: cannot keep what is said of the bake ({error})") from error
     facts = parse(text.encode(), f"{files.root}: cannot keep what is said of the bake (it")

@@ -63,12 +63,8 @@ class BakeStore:
         finish_swap(self.path)
         there = self.files.exists()
         expect(there or mode == "a", f"{path}: there is no such bake")
-        self._made, self._facts, self._used = there, None, set()
-        if there:
-            if mode != "r":
-                self.files.sweep()
-            self.files.check()
-            self._facts = read_facts(self.files)
+        self._made, self._used = there, set()
+        self._facts = read_facts(self.files) if there else None
         if self._facts is None:
             expect(
                 mode == "a",
@@ -79,6 +75,10 @@ class BakeStore:
                 # Arrays without facts do no harm: each chunk says itself what it belongs to.
                 expect_only_arrays(self.path)
             self._facts = {"format": FORMAT, "version": VERSION, "complete": False}
+        if there:
+            if mode != "r":
+                self.files.sweep()
+            self.files.check()
 
     @property
     def facts(self):
@@ -239,7 +239,6 @@ class BakeStore:
 
         Arrays are those that were written or read by this object; others are nobody's.
         """
-        self.files.sweep()
         self.files.sync()
         arrays = {name: self.array(name).digest() for name in sorted(self._used)}
         self.update(arrays=arrays, complete=True, **facts)

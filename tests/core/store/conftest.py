@@ -107,6 +107,18 @@ def forge_array(path, name, change):
     store.update(arrays={**store.facts["arrays"], name: made.digest()})
 
 
+def write_zeros(name):
+    """Damage: an array of this library's making, but not of this bake's."""
+
+    def damage(path):
+        store = BakeStore(path, "r+")
+        array = store.array(name)
+        made = store.create(name, array.shape, array.dtype, array._layout.chunks)
+        made[...] = array.read() * 0
+
+    return damage
+
+
 class Cut(Exception):
     """The power fails."""
 

@@ -255,7 +255,7 @@ def malformed(rng, path, canary):
 
 def huge_text(rng, path, canary):
     file = pick(rng, [path / "zarr.json", pick(rng, texts(path))])
-    size = pick(rng, [1 << 20, 31 << 20, 40 << 20])
+    size = pick(rng, [1 << 20, 15 << 20, 40 << 20])
     unit = pick(rng, ["[],", "{},", '"",', "0,"])
     file.write_text('{"attributes": [' + unit * (size // len(unit)) + "0]}")
 

@@ -151,8 +151,10 @@ class Kills:
             path = self._prepared(kind, folder / f"whole {kind}")
             begun = time.perf_counter()
             process, answer = start(path, kind, writes=writes)
-            self.events[kind] = answer.get()
             process.join()
+            if process.exitcode != 0:
+                raise RuntimeError(f"{kind}: ends with {process.exitcode} without a kill")
+            self.events[kind] = answer.get()
             self.seconds[kind] = time.perf_counter() - begun
 
     def _prepared(self, kind, folder):
@@ -248,10 +250,10 @@ def _content(path):
     return found
 
 
-def events_of(count, kills, rng):
+def events_of(count, kills):
     """Events to kill at: the first ones and the last, and others evenly between."""
     first = list(range(min(5, count)))
-    between = np.linspace(5, count - 3, max(0, kills - 8)).astype(int).tolist()
+    between = np.linspace(5, count - 4, max(0, kills - 8)).astype(int).tolist()
     return sorted({*first, *between, *range(max(0, count - 3), count)})[:kills]
 
 
@@ -267,9 +269,12 @@ def kill_all(folder, kinds, kills, moments, seed=0, report=None):
     killer, table = Kills(folder, kinds), {}
     for kind in kinds:
         table[kind] = Counter()
-        cases = [{"at": int(at)} for at in events_of(killer.events[kind], kills, rng)]
-        cases += [{"after": killer.seconds[kind] * rng.random()} for _ in range(moments)]
+        cases = [{"at": int(at)} for at in events_of(killer.events[kind], kills)]
+        # A few more, for some of these moments come too late.
+        cases += [{"after": killer.seconds[kind] * rng.random()} for _ in range(2 * moments)]
         for case in cases:
+            if table[kind]["equal"] == kills + moments:
+                break
             found = killer.kill(kind, **case, share=float(rng.random()))
             table[kind][found] += 1
             if report:

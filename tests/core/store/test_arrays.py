@@ -93,6 +93,14 @@ def test_a_smaller_shape_keeps_its_chunks_and_drops_the_others(store):
     assert smaller.digest() != digest and not (store.path / "some/c/0/1").exists()
 
 
+def test_an_array_of_another_shape_has_another_digest(store):
+    """Also where it lies in the same chunks."""
+    filled(store)
+    digest = store.array("some").digest()
+    assert store.create("some", (10, 7), "int32", (3, 7)).digest() != digest
+    assert store.create("some", (11, 7), "int32", (3, 7)).digest() == digest
+
+
 def chunk(store, index, name="some"):
     return store.path / name / "c" / str(index) / "0"
 

@@ -82,6 +82,25 @@ def test_what_is_no_plain_file_is_refused_and_does_not_block(files, tmp_path, ki
     assert outside.read_bytes() == b"mine"
 
 
+def test_a_link_that_takes_the_place_of_a_file_meanwhile_is_not_followed(
+    files, tmp_path, monkeypatch
+):
+    outside = tmp_path / "outside"
+    outside.write_bytes(b"mine")
+    files.write("a", b"ours")
+    look = os.lstat
+
+    def swapping(path):
+        found = look(path)
+        os.unlink(path)
+        os.symlink(outside, path)
+        return found
+
+    monkeypatch.setattr(os, "lstat", swapping)
+    with pytest.raises(PRTError, match="cannot be read"):
+        files.read("a", 100)
+
+
 def test_a_file_that_was_linked_from_outside_is_replaced_and_not_written_into(files, tmp_path):
     outside = tmp_path / "outside"
     outside.write_bytes(b"mine")

@@ -238,6 +238,18 @@ def test_a_folder_with_what_no_bake_holds_is_never_removed(tmp_path, finished, b
     expect_same(bake, finished)
 
 
+def test_nothing_is_swept_out_of_a_folder_that_is_no_bake(tmp_path, bake_again):
+    """Another program may be writing there."""
+    left = tmp_path / "theirs" / "inside" / f"zarr.{'0a' * 16}.partial"
+    left.parent.mkdir(parents=True)
+    left.write_text("theirs")
+    (tmp_path / "theirs" / "work.txt").write_text("theirs")
+    for restart in (False, True, "changed"):
+        with pytest.raises(PRTError, match="is not a bake"):
+            bake_again(tmp_path / "theirs", restart=restart)
+    assert left.read_text() == "theirs"
+
+
 def test_the_store_of_another_library_is_never_removed(tmp_path, bake_again):
     import zarr
 

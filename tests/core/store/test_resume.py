@@ -18,6 +18,7 @@ from tests.core.store.conftest import (
     edit_text,
     expect_same,
     forge_facts,
+    write_zeros,
 )
 
 COUNTED = replace(SETTINGS, caster="counted")
@@ -173,6 +174,8 @@ DAMAGE = [
     (_unlink("blocked/c/0"), NONE),
     (_flip("point_albedo/c/0/0"), NONE),
     (_swap("point_normals/c/0/0", "point_geometric_normals/c/0/0"), NONE),
+    (_swap("point_normals", "point_areas"), NONE),
+    (write_zeros("point_albedo"), NONE),
     (_unlink("scene_lattice/zarr.json"), NONE),
     (_flip("object_corner_point/c/0"), NONE),
     (_shorter("point_positions"), NONE),

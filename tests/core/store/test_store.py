@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
+from prt_core.cli import main
 from prt_core.store import BakeStore, read_scene, write_scene
 from tests.core.store.conftest import (
     LAMPS,
@@ -18,6 +19,7 @@ from tests.core.store.conftest import (
     expect_same,
     forge_array,
     forge_facts,
+    write_zeros,
 )
 from tests.meshes import plane
 
@@ -182,6 +184,8 @@ def _old(path):
         (_swap("point_normals", "point_geometric_normals"), "'point_normals' cannot be read"),
         (_swap("gather/c/0/0", "gather/c/0/1"), "'gather' cannot be read"),
         (_copy("gather/c/0/0", "gather/c/0/7"), "outside its shape"),
+        (write_zeros("point_albedo"), "'point_albedo' is not what the bake was finished with"),
+        (write_zeros("gather"), "'gather' is not what the bake was finished with"),
         (_link, "is a symbolic link"),
         (lambda p: os.mkfifo(p / "visibility/c/99"), "is a pipe"),
         (_array_text("point_albedo", lambda m: m["codecs"].append({"name": "gzip"})), "in a way"),
@@ -290,6 +294,35 @@ def test_forged_objects_give_one_clear_line(baked, key, value):
     with pytest.raises(PRTError) as caught:
         load(baked)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "damage, code, message",
+    [
+        (lambda p: None, 0, "points"),
+        (lambda p: forge_facts(p, complete=False), 0, "not finished; the same 'prt bake' goes on"),
+        (_truncate, 2, "'visibility' cannot be read"),
+        (lambda p: (p / "world1/c/0/0").unlink(), 2, "'world1' lacks 1 of its parts"),
+        (lambda p: (p / "zarr.json").write_text("{"), 2, "cannot be read"),
+        (lambda p: (p / "zarr.json").unlink(), 2, "stopped in its first moments"),
+        (_old, 2, "older version"),
+        (lambda p: forge_facts(p, report={}), 2, "its report is damaged"),
+        (lambda p: forge_facts(p, compressed={"folder": 3}), 2, "compressed form is damaged"),
+    ],
+)
+@pytest.mark.parametrize("json_wanted", [False, True])
+def test_info_says_what_is_wrong_in_one_line(baked, capsys, damage, code, message, json_wanted):
+    damage(baked)
+    found = main(["info", str(baked), *(["--json"] if json_wanted else [])])
+    out, err = capsys.readouterr()
+    if json_wanted and "report" in message:
+        assert found == 0
+        return
+    assert found == code
+    if code:
+        assert out == "" and len(err.splitlines()) == 1 and message in err
+    elif not json_wanted:
+        assert message in out
 
 
 def test_what_is_unknown_in_the_folder_is_left_alone(baked, finished, bake_again):

@@ -4,7 +4,8 @@ import sys
 
 import pytest
 
-from tests.core.store.fuzz import MUTATIONS, fuzz, table_lines
+from tests.core.store.fuzz import fuzz, table_lines
+from tests.core.store.mutations import MUTATIONS
 
 if not sys.platform.startswith("linux"):
     pytest.skip("pipes and limits of memory are those of Linux", allow_module_level=True)

@@ -1,7 +1,5 @@
 """The bakes in a scene's folder, as the panel lists them."""
 
-import shutil
-
 import bpy
 
 from prt_core import BakeStore, PRTError
@@ -35,7 +33,7 @@ def refresh(scene):
         found = report.get("visibility_error")
         item.visibility_error = -1.0 if found is None else found
         item.back_end = report.get("back_end", "")
-        item.rate = report.get("rays_per_second", 0.0)
+        item.rate = report.get("rays_per_second") or 0.0
         item.compressed = _compressed_line(store)
         for name, digest in (facts.get("source") or {}).items():
             source = item.source.add()
@@ -71,9 +69,3 @@ def rate(name):
     """Rays a second of a back-end as the newest bake in the list has it, or None."""
     rates = [b.rate for b in bpy.context.window_manager.prt.bakes if b.back_end == name and b.rate]
     return rates[-1] if rates else None
-
-
-def remove(path):
-    """Delete a bake's folder from the disk."""
-    store = BakeStore(path)
-    shutil.rmtree(store.path)

@@ -12,6 +12,7 @@ from prt_core import PRTError
 from prt_core.api import bake_blend_steps, compress_bake_steps
 from prt_core.errors import expect
 from prt_core.progress import run
+from prt_core.store import remove_bake
 
 from . import bakes, live, plan, preview, views, work
 from .buttons import BakeButton, Button
@@ -231,7 +232,7 @@ class PRT_OT_remove(Button, bpy.types.Operator):
 
     def execute(self, context):
         try:
-            bakes.remove(bpy.path.abspath(self.filepath))
+            remove_bake(bpy.path.abspath(self.filepath))
         except work.FAILURES as error:
             return self.fail(error)
         bakes.refresh(context.scene)

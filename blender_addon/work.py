@@ -164,15 +164,18 @@ class LongWork:
     def end(self):
         """The one place where the work ends, however it ends."""
         steps, self._steps = self._steps, None
-        if steps is not None:
-            steps.close()
-        if self._timer is not None:
-            self._manager.event_timer_remove(self._timer)
-            self._timer = None
-        if self in _RUNNING:
-            _RUNNING.remove(self)
-        state = status()
-        state.running = state.cancel = False
-        if bpy.context.workspace is not None:
-            bpy.context.workspace.status_text_set(None)
-        redraw()
+        try:
+            if steps is not None:
+                steps.close()
+        finally:
+            # Whatever the work says to that, the buttons are free again.
+            if self._timer is not None:
+                self._manager.event_timer_remove(self._timer)
+                self._timer = None
+            if self in _RUNNING:
+                _RUNNING.remove(self)
+            state = status()
+            state.running = state.cancel = False
+            if bpy.context.workspace is not None:
+                bpy.context.workspace.status_text_set(None)
+            redraw()

@@ -19,7 +19,8 @@ Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeS
 __version__ = "0.1.0"
 
 from prt_core.api import bake, compress_bake, environment_light, relight
-from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake import Bake, BakeSettings, bake_steps
+from prt_core.bake_load import load
 from prt_core.errors import PRTError
 from prt_core.light import CubeMap, EnvironmentMap, Lamp
 from prt_core.progress import Progress, run

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake_image import expect_image, image_steps
+from prt_core.bake_load import load
 from prt_core.bake_visibility import chosen_method
 from prt_core.compressed import CompressSettings, compress_steps
 from prt_core.errors import (
@@ -267,9 +268,7 @@ def compress_bake_steps(
             "lights",
         )
         path = bake.path if isinstance(bake, Bake) else expect_path("bake", bake)
-        with system_errors(path):
-            BakeStore(path)
-            remove_compressed(BakeStore(path, "a"))
+        remove_compressed(BakeStore(path, "r+"))
         return None
     settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed)
     if lights is not None and not isinstance(lights, dict):

@@ -1,4 +1,4 @@
-"""The bake: visibility and gather rays of a scene, block by block into a store, and back."""
+"""The bake: visibility and gather rays of a scene, block by block into a store."""
 
 import os
 import platform
@@ -9,31 +9,38 @@ from pathlib import Path
 import numpy as np
 
 import prt_core
-from prt_core.bake_bounces import MOST_ROUNDS, bounce_steps, read_gather
+from prt_core.bake_bounces import Bounced, bounce_steps
 from prt_core.bake_input import expect_bake_input, unless_begun
+from prt_core.bake_lights import keep_lights, light_facts
 from prt_core.bake_visibility import expect_method, visibility_steps
 from prt_core.errors import (
-    PRTError,
     expect,
     expect_array,
     expect_kind,
     expect_number,
-    expect_path,
     expect_seed,
     expect_whole,
     system_errors,
 )
-from prt_core.light import CubeMap, Lamp
+from prt_core.light import CubeMap
 from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
 from prt_core.rays import RelayCaster
-from prt_core.scene import Scene
-from prt_core.store import BakeStore, read_scene, write_scene
+from prt_core.scene import Scene, with_details
+from prt_core.store import (
+    begin_bake,
+    check_scene,
+    damage_said,
+    finish_bake,
+    read_details,
+    write_scene,
+)
 from prt_core.transport import Transport, detail_steps
 from prt_core.transport.gather import ROUND
 
 # Share of the bounce rays that may meet places without a bake point before it is said.
 _MANY_HIDDEN = 0.005
+_RAY_STAGES = "details", "visibility", "certificate", "gather"
 
 
 @dataclass(frozen=True)
@@ -186,6 +193,7 @@ def bake_steps(
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
     restart : bool or "changed"
         Begin anew whatever is there; or only where that is of another scene or other settings.
+        What is there stays until the new bake is finished, which is made in `NAME.prt.restart`.
     pace : float, optional
         Seconds a step may take, for a user interface; then the work is done beside the caller, in
         a thread, but for rays that only the caller may cast. Default: whole blocks. The result is
@@ -239,63 +247,62 @@ def bake_steps(
 def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
-    store = BakeStore(path, "w" if restart is True else "a")
+    check_scene(scene)
+    parts = light_facts(*parts)
     identity = {
         "scene": scene.fingerprint(),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
     }
     yield Progress("scene", 0, 0)
-    facts = store.facts
-    if restart == "changed" and facts.get("identity", identity) != identity:
-        store = BakeStore(path, "w")
-        facts = store.facts
-    if "identity" in facts:
-        _same_bake(path, facts["identity"], identity)
-    if facts.get("complete"):
-        _write_lights(store, *parts)
-        return facts["report"]
+    store = begin_bake(path, identity, restart)
+    if store.is_complete:
+        if store.is_sound():
+            keep_lights(store, *parts)
+            with damage_said(path):
+                return finish_bake(store, path).facts["report"]
+        # What is damaged is made again, as if the bake had been stopped before.
+        store.update(complete=False)
+    # A caster that cannot be made leaves no folder.
     caster = new_caster()
-    _write_lights(store, *parts)
-    seconds = dict(facts.get("seconds", {}))
-    if "identity" in facts:
-        scene = read_scene(store)
-    else:
-        start = time.perf_counter()
-        if settings.bounces != 0:
-            scene = yield from detail_steps(scene, caster, settings.seed)
-        write_scene(store, scene)
-        seconds["details"] = time.perf_counter() - start
-        store.update(settings=asdict(settings), identity=identity, seconds=seconds)
-        yield Progress("scene", 0, 0)
+    went_on = "identity" in store.facts
+    if not went_on:
+        store.update(identity=identity, settings=asdict(settings))
+    keep_lights(store, *parts)
+    seconds = dict(store.facts.get("seconds", {}))
+    scene = yield from _detailed(store, scene, caster, settings, seconds)
+    yield Progress("scene", 0, 0)
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
     )
-    bounced = 0, None, 0, 0.0, {}
+    bounced = Bounced()
     if settings.bounces != 0:
         bounced = yield from bounce_steps(store, scene, cube_map, caster, settings, seconds)
     report = _report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
-    store.update(report=report, complete=True)
-    report["bytes"] = store.nbytes()
-    store.update(report=report)
+    if went_on:
+        report["messages"].append("the bake was stopped and went on: times are those since then")
+        # Some of the rays were cast before the clock was started.
+        report["rays_per_second"] = None
+    store.seal(report=report, seconds=seconds)
+    finish_bake(store, path)
     return report
 
 
-def _write_lights(store, lamps, world, camera, source):
-    """Lamps, world and camera may change without any ray being cast again."""
-    if world is not None:
-        store.write("world", np.asarray(world, np.float32))
-    store.update(lamps=[asdict(lamp) for lamp in lamps], camera=camera, source=source or {})
+def _detailed(store, scene, caster, settings, seconds):
+    """The scene with hidden points in gaps and rooms within a face, stored.
 
-
-def _same_bake(path, found, wanted):
-    # Before there were others, every entry was traced.
-    found = {"method": "exhaustive", **found}
-    different = sorted(key for key in wanted if found.get(key) != wanted[key])
-    if different:
-        raise PRTError(
-            f"{path}: holds a bake with another {', '.join(different)}; choose another output "
-            "or add --restart to replace it"
-        )
+    They are found by rays: what goes on takes those that it began with, where they are whole.
+    """
+    if settings.bounces != 0:
+        places = read_details(store, scene)
+        if places is None:
+            start = time.perf_counter()
+            scene, rays = yield from detail_steps(scene, caster, settings.seed)
+            seconds["details"] = time.perf_counter() - start
+            store.update(rays_details=rays)
+        else:
+            scene = with_details(scene, *places)
+    store.update(seconds=seconds, **write_scene(store, scene))
+    return scene
 
 
 def _spared(scene, cube_map, seen):
@@ -312,20 +319,24 @@ def _spared(scene, cube_map, seen):
 
 
 def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
-    gathered, error, rounds, hidden, skipped = bounced
+    rounds, error = bounced.rounds, bounced.error
     messages = list(scene.messages)
-    if rounds:
-        back = store.array("gather_rays")[:rounds, :, 2:].sum(axis=(0, 1))
-        for item, count in zip(scene.objects, back, strict=True):
-            share = count / (len(scene.points) * rounds * ROUND)
-            if share > 0.02:
-                messages.append(
-                    f"{item.name}: {share:.1%} of the bounce rays met its back, which "
-                    f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
-                )
-    traced = sum(seconds.get(stage, 0) for stage in ("visibility", "certificate", "gather"))
-    rays = seen["rays"]
-    messages += _missed(seen, error, rounds, hidden, settings.tolerance)
+    for item, count in zip(scene.objects, bounced.backs, strict=False):
+        share = count / (len(scene.points) * rounds * ROUND)
+        if share > 0.02:
+            messages.append(
+                f"{item.name}: {share:.1%} of the bounce rays met its back, which "
+                f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
+            )
+    traced = sum(seconds.get(stage, 0) for stage in _RAY_STAGES)
+    by_kind = {
+        "rays_visibility": seen["rays"],
+        "rays_details": store.facts.get("rays_details", 0),
+        "rays_gather": bounced.rays,
+        "rays_short": bounced.short_rays,
+    }
+    rays = sum(by_kind.values())
+    messages += _missed(seen, bounced, settings.tolerance)
     met = seen["tolerance_met"] and (error is None or error <= settings.tolerance)
     return {
         "points": len(scene.points),
@@ -334,19 +345,18 @@ def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
         "triangles": len(scene.triangles),
         "directions": cube_map.n_directions,
         "back_end": caster.name,
-        "rays": rays + gathered,
-        "rays_visibility": rays,
-        "rays_gather": gathered,
-        "rays_per_second": (rays + gathered) / max(traced, 1e-9),
+        "rays": rays,
+        **by_kind,
+        "rays_per_second": rays / max(traced, 1e-9),
         "rays_a_point": rounds * ROUND,
         "error": error,
         "tolerance": settings.tolerance,
         "tolerance_met": met,
-        "hidden_hits": hidden,
+        "hidden_hits": bounced.hidden,
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
-        "skipped": {**_spared(scene, cube_map, seen), **skipped},
+        "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
-        "bytes": 0,
+        "bytes": store.nbytes(),
         "peak_bytes": peak_bytes(),
         "cores": os.cpu_count(),
         "versions": {
@@ -358,95 +368,22 @@ def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
     }
 
 
-def _missed(seen, error, rounds, hidden, tolerance):
+def _missed(seen, bounced, tolerance):
     """What is not as it was asked for, in a line each."""
     if not seen["tolerance_met"]:
         yield (
             f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
             f"than the tolerance of {tolerance:.2%}; bake with --method exhaustive"
         )
-    if error is not None and error > tolerance:
+    if bounced.error is not None and bounced.error > tolerance:
         yield (
-            f"the bounces may be {error:.2%} off in relit colours, more than the tolerance of "
-            f"{tolerance:.2%}, with the most rays that are cast ({rounds * ROUND} a point); "
-            "light reaches this scene through little of what its points see"
+            f"the bounces may be {bounced.error:.2%} off in relit colours, more than the "
+            f"tolerance of {tolerance:.2%}, with the most rays that are cast "
+            f"({bounced.rounds * ROUND} a point); light reaches this scene through little of what "
+            "its points see"
         )
-    if hidden > _MANY_HIDDEN:
+    if bounced.hidden > _MANY_HIDDEN:
         yield (
-            f"{hidden:.1%} of the bounce rays met places that none of their bake points sees, "
-            "and were taken as dark; make the faces there smaller"
+            f"{bounced.hidden:.1%} of the bounce rays met places that none of their bake points "
+            "sees, and were taken as dark; make the faces there smaller"
         )
-
-
-def load(path):
-    """Read a finished bake.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Bake
-
-    Raises
-    ------
-    PRTError
-        Not there, not finished, damaged, foreign, or of a newer version.
-    """
-    path = expect_path("bake", path)
-    with system_errors(path):
-        return _load(path)
-
-
-def _load(path):
-    store = BakeStore(path)
-    facts = store.facts
-    expect(
-        facts.get("complete") is True,
-        f"{path}: the bake is not finished; run the same 'prt bake' again and it goes on",
-    )
-    scene = read_scene(store)
-    try:
-        settings = facts["settings"]
-        cube_map = CubeMap(settings["resolution"])
-        lamps = [Lamp(**lamp) for lamp in facts["lamps"]]
-        rounds, report = facts.get("rounds", 0), facts["report"]
-        camera = facts["camera"]
-        bounces, tolerance = settings["bounces"], float(settings["tolerance"])
-    except (KeyError, TypeError) as error:
-        raise PRTError(f"{path}: its description is damaged ({error!r})") from error
-    points = scene.points
-    n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
-    bits = store.read("visibility", (n_points, n_bytes), "uint8")
-    gather = None
-    if rounds:
-        hits = store.array("gather")
-        expect(
-            hits.shape == (n_points, MOST_ROUNDS * ROUND) and 0 < rounds <= MOST_ROUNDS,
-            f"{path}: 'gather' does not fit its points; the bake is damaged",
-        )
-        try:
-            blocked = store.read("blocked", (n_points,), "float32")
-            gather = read_gather(hits, range(rounds), blocked)
-        except PRTError as error:
-            raise PRTError(f"{path}: {error}") from error
-        except Exception as error:
-            raise PRTError(
-                f"{path}: 'gather' cannot be read; the bake is damaged, bake again with --restart"
-            ) from error
-    world = None
-    if "world" in store:
-        world = store.read("world", (cube_map.n_directions, 3), "float32")
-    transport = Transport(
-        cube_map,
-        bits,
-        gather,
-        points.normals,
-        points.albedo,
-        min(tolerance / 5, 1e-3),
-        bounces,
-        None if (points.mean_albedo == points.albedo).all() else points.mean_albedo,
-    )
-    source = facts.get("source") or {}
-    return Bake(scene, transport, lamps, world, camera, settings, report, source, Path(path))

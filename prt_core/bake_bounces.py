@@ -1,6 +1,7 @@
 """The bounce stage of a bake: rounds of gather rays until two halves of them agree."""
 
 import time
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,6 +21,36 @@ MOST_ROUNDS = 64
 # Rays of all points together at most: what K holds of them has to fit into memory.
 _MOST_RAYS = 1 << 31
 _TOGETHER = 4
+# Figures of a block and round, before those of objects.
+_COUNTS = 3
+
+
+@dataclass(frozen=True)
+class Bounced:
+    """What the rays of the bounces came to.
+
+    Attributes
+    ----------
+    rays, short_rays : int
+        From the points; and from what they met, to see who may share it.
+    rounds : int
+        0 where bounces are too weak to matter.
+    error : float or None
+    hidden : float
+        Share of the rays that met a place which sees none of its bake points.
+    backs : (n_objects,) int64
+        Hits on backs that return no light.
+    skipped : dict
+        What was not done because the scene does not need it.
+    """
+
+    rays: int = 0
+    short_rays: int = 0
+    rounds: int = 0
+    error: float | None = None
+    hidden: float = 0.0
+    backs: np.ndarray = ()
+    skipped: dict = field(default_factory=dict)
 
 
 def bounce_steps(store, scene, cube_map, caster, settings, seconds):
@@ -27,26 +58,13 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
 
     Returns
     -------
-    rays : int
-    error : float
-    rounds : int
-        0 where bounces are too weak to matter.
-    hidden : float
-        Share of the rays that met a place which sees none of its bake points.
-    skipped : dict
-        What was not done because the scene does not need it.
+    Bounced
     """
     n_points = len(scene.points)
     parts = blocks(n_points)
-    shape, chunks = (n_points, MOST_ROUNDS * ROUND), (bake_visibility.BLOCK, ROUND)
-    # No ray ends at -3, so that no chunk is left out for being equal to the fill.
-    hits = store.create("gather", shape, "int32", chunks, -3)
-    # Of each block and round the rays, those that met hidden places, and backs by object.
-    table = (MOST_ROUNDS, len(parts), 2 + len(scene.objects))
-    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]), -1)
     start = time.perf_counter()
     probes = yield from _probe_light(store, scene, cube_map, parts)
-    add_seconds(store, seconds, "error", time.perf_counter() - start)
+    add_seconds(seconds, "error", time.perf_counter() - start)
     # What nothing can be in front of gathers nothing.
     spared = open_points(scene)
     skipped = {"gather_open_points": int(spared.sum())}
@@ -54,17 +72,30 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
-        return 0, bound, 0, 0.0, skipped
+        for name in ("gather", "gather_rays", "blocked"):
+            store.remove(name)
+        store.update(rounds=0)
+        return Bounced(error=bound, skipped=skipped)
     # Of an even sky a point receives what is not blocked.
     blocked = np.clip(1 - probes[:, 0], 0, 1)
-    store.write("blocked", blocked)
+    store.keep("blocked", blocked)
+    shape, chunks = (n_points, MOST_ROUNDS * ROUND), (bake_visibility.BLOCK, ROUND)
+    hits = store.create("gather", shape, "int32", chunks)
+    # Of each block and round the rays, those cast from their hits, hits on hidden places, and on
+    # backs by object.
+    table = (MOST_ROUNDS, len(parts), _COUNTS + len(scene.objects))
+    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]))
     rounds, error, most = 0, np.inf, most_rounds(n_points)
     clear, sharing = _Clear(store.array("visibility"), cube_map), Sharing(scene)
 
     def write(job):
         (index, turn), one = job
-        counts[turn, index] = np.concatenate([[one.n_rays, one.n_hidden], one.n_back])
+        counts[turn, index] = [one.n_rays, one.n_short, one.n_hidden, *one.n_back]
         hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+
+    def is_done(index, turn):
+        rays = slice(turn * ROUND, (turn + 1) * ROUND)
+        return hits.holds(parts[index], rays) and counts.holds(turn, index)
 
     # Blocks worked on together: a caster that is called once for all likes its calls large.
     group = caster.threads if caster.threads > 1 else _TOGETHER
@@ -74,22 +105,26 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         yield Progress("gather", 0, n_points)
         for first in range(0, len(parts), group):
             some = range(first, min(first + group, len(parts)))
-            todo = [(i, turn) for i in some for turn in turns if not _is_done(store, i, turn)]
+            todo = [(i, turn) for i in some for turn in turns if not is_done(i, turn)]
             if todo:
                 start = time.perf_counter()
                 jobs = [(parts[index], turn) for index, turn in todo]
                 found = gather_parts(scene, caster, jobs, settings.seed, spared, clear, sharing)
                 on_all_cores(write, zip(todo, found, strict=True))
-                add_seconds(store, seconds, "gather", time.perf_counter() - start)
+                add_seconds(seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", parts[some[-1]].stop, n_points)
         start = time.perf_counter()
         error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
-        add_seconds(store, seconds, "error", time.perf_counter() - start)
-    store.update(rounds=rounds)
-    cast, hidden = (int(counts[:rounds, :, column].sum()) for column in (0, 1))
+        add_seconds(seconds, "error", time.perf_counter() - start)
+    # What is left of rounds that were not needed goes, so that both arrays are whole.
+    store.create("gather", (n_points, rounds * ROUND), "int32", chunks)
+    store.create("gather_rays", (rounds, *table[1:]), "int64", (1, 1, table[2]))
+    store.update(rounds=rounds, seconds=seconds)
+    cast, short, hidden, *backs = counts[:rounds].sum(axis=(0, 1)).tolist()
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
-    return cast, float(error), rounds, hidden / max(cast, 1), skipped
+    share = hidden / max(cast, 1)
+    return Bounced(cast, short, rounds, float(error), share, np.array(backs), skipped)
 
 
 def most_rounds(n_points):
@@ -106,11 +141,6 @@ def _next_rounds(rounds, error, tolerance, most):
         return 2
     wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** (1 / 0.7) / 2))
     return min(max(wanted, rounds + 2), most)
-
-
-def _is_done(store, index, turn):
-    hits = store.has_chunk("gather", index, turn)
-    return hits and store.has_chunk("gather_rays", turn, index, 0)
 
 
 class _Clear:

@@ -24,6 +24,8 @@ from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits
 
 BLOCK = 2048
+# What sampling makes: the bits, and which of them were traced.
+_SAMPLES = "visibility", "traced"
 # Blocks written at once.
 _TOGETHER = 8
 # Below so many rays every entry is traced: it takes a second at most, and there is no error.
@@ -60,9 +62,9 @@ def blocks(n_points):
     return [slice(f, min(f + BLOCK, n_points)) for f in range(0, n_points, BLOCK)]
 
 
-def add_seconds(store, seconds, stage, spent):
+def add_seconds(seconds, stage, spent):
+    """Add to the time of a stage; facts are written at its end, not after every block."""
     seconds[stage] = seconds.get(stage, 0.0) + spent
-    store.update(seconds=seconds)
 
 
 def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, pace):
@@ -77,6 +79,7 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
     method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
     if method == "exhaustive":
         rays = yield from _exhaustive(store, scene, cube_map, caster, seconds, pace)
+        store.update(seconds=seconds)
         entries = len(scene.points) * cube_map.n_directions
         return {
             "method": method,
@@ -89,6 +92,10 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
             "sampling": {},
         }
     facts = store.facts.get("sampled")
+    shape = len(scene.points), -(-cube_map.n_directions // 8)
+    if facts is not None and not _holds_samples(store, shape):
+        # A block of sampled bits hangs on others: it cannot be made again alone.
+        facts = None
     while facts is None:
         journal = RayJournal(caster, store)
         try:
@@ -98,22 +105,29 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
         except JournalMismatch:
             # Written by another version, or on a machine that rounds otherwise: begin anew.
             continue
-        store.update(sampled=facts)
-        journal.remove()
+        store.update(sampled=facts, seconds=seconds)
+    RayJournal.clear(store)
     return facts
+
+
+def _sample_arrays(store, shape):
+    return [store.create(name, shape, "uint8", (BLOCK, shape[1])) for name in _SAMPLES]
+
+
+def _holds_samples(store, shape):
+    return all(array.holds(slice(0, shape[0])) for array in _sample_arrays(store, shape))
 
 
 def _exhaustive(store, scene, cube_map, caster, seconds, pace):
     n_points = len(scene.points)
     n_bytes = -(-cube_map.n_directions // 8)
     parts = blocks(n_points)
-    # No real row has every bit set, so no chunk is left out for being equal to the fill.
-    bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes), 255)
-    counts = store.create("visibility_rays", (len(parts),), "int64", (1,), -1)
+    bits = store.create("visibility", (n_points, n_bytes), "uint8", (BLOCK, n_bytes))
+    counts = store.create("visibility_rays", (len(parts),), "int64", (1,))
     yield Progress("visibility", 0, n_points)
     pace = Pace(pace)
     for index, block in enumerate(parts):
-        if not (store.has_chunk("visibility", index, 0) and store.has_chunk(counts.name, index)):
+        if not (bits.holds(block) and counts.holds(index)):
             start, tally = time.perf_counter(), []
             traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
             for part in pace.parts(block.start, block.stop):
@@ -123,7 +137,7 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
                 yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)
             bits[block] = traced
-            add_seconds(store, seconds, "visibility", time.perf_counter() - start)
+            add_seconds(seconds, "visibility", time.perf_counter() - start)
         yield Progress("visibility", block.stop, n_points)
     return int(counts[...].sum())
 
@@ -169,8 +183,8 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
             sampled = yield from trace_rest(scene, cube_map, caster, sampled, again, pace=rays)
         spent["visibility"] += time.perf_counter() - start
     start = time.perf_counter()
-    for name, array in (("visibility", sampled.bits), ("traced", sampled.traced)):
-        made = store.create(name, array.shape, "uint8", (BLOCK, array.shape[1]), 255)
+    arrays = sampled.bits, sampled.traced
+    for made, array in zip(_sample_arrays(store, sampled.bits.shape), arrays, strict=True):
         parts = blocks(len(array))
         for first in range(0, len(parts), _TOGETHER):
             some = parts[first : first + _TOGETHER]
@@ -178,7 +192,7 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
             yield Progress("store", some[-1].stop, len(array))
     spent["store"] = time.perf_counter() - start
     for stage, value in spent.items():
-        add_seconds(store, seconds, stage, value)
+        add_seconds(seconds, stage, value)
     return _facts(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
 
 

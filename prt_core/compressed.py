@@ -41,8 +41,10 @@ from prt_core.light import EnvironmentMap, TurningLight
 from prt_core.machine import peak_bytes
 from prt_core.progress import Progress, beside
 from prt_core.store import (
+    AGAIN,
     BakeStore,
     compressed_facts,
+    damage_said,
     read_compressed,
     write_compressed,
 )
@@ -182,7 +184,7 @@ def _compress(bake, settings, lights):
         },
     }
     state = yield from beside("store", made.model.state)
-    for _ in write_compressed(BakeStore(bake.path, "a"), state, made.facts):
+    for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.facts):
         yield Progress("store", 0, 0)
     return made.facts
 
@@ -354,19 +356,16 @@ def _load(bake):
     if facts is None:
         return None, "there is no compressed form; make one with 'prt compress'"
     if facts.get("method") not in method_names():
-        return None, f"its method '{facts.get('method')}' is not known here; compress again"
+        return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
     if facts.get("fingerprint") != bake.transport.fingerprint():
-        return None, "the compressed form is of another state of the bake; compress again"
+        return None, f"the compressed form is of another state of the bake; {AGAIN}"
     state = read_compressed(store, facts)
-    try:
-        model = method_named(facts["method"]).kind.from_state(state)
-    except PRTError as error:
-        raise PRTError(f"{bake.path}: {error}") from error
     expect(
-        (model.n_points_, model.n_directions_) == bake.transport.shape,
-        f"{bake.path}: its compressed form has another number of points or directions; "
-        "compress again",
+        (state.get("n_points"), state.get("n_directions")) == bake.transport.shape,
+        f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
     )
+    with damage_said(bake.path, "its compressed form", AGAIN):
+        model = method_named(facts["method"]).kind.from_state(state)
     return Compressed(facts["method"], model, facts), ""
 
 

@@ -13,13 +13,11 @@ def report_lines(path, report):
     report : dict
         See `bake_steps`; those of older versions have fewer keys.
     """
-    seconds = report["seconds"]
+    seconds, rate = report["seconds"], report["rays_per_second"]
+    speed = "" if rate is None else f", {rate / 1e6:.1f} M a second"
     stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
     yield f"{path}: {report['points']:,} points, {report['directions']:,} directions"
-    yield (
-        f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}, "
-        f"{report['rays_per_second'] / 1e6:.1f} M a second"
-    )
+    yield f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}{speed}"
     yield f"  time    {sum(seconds.values()):.1f} s ({stages})"
     yield (
         f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"

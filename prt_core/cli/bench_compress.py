@@ -3,7 +3,8 @@
 import tempfile
 from pathlib import Path
 
-from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake_load import load
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working

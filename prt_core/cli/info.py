@@ -2,9 +2,11 @@
 
 import json
 
-from prt_core.bake import load
+from prt_core.bake_load import load
+from prt_core.compressed import load_compressed
+from prt_core.errors import PRTError
 from prt_core.report import compressed_lines, object_lines, report_lines
-from prt_core.store import BakeStore, compressed_facts
+from prt_core.store import BakeStore, compressed_facts, damage_said
 
 
 def add_info(commands):
@@ -17,32 +19,43 @@ def add_info(commands):
 
 def _info(options):
     store = BakeStore(options.bake)
-    facts, compressed = store.facts, compressed_facts(store)
-    report = facts.get("report") or {}
-    if options.json:
-        keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
-        found = {key: facts.get(key) for key in keys}
-        hidden = ("folder", "values", "arrays")
-        found["compressed"] = compressed and {
-            key: value for key, value in compressed.items() if key not in hidden
-        }
-        print(json.dumps({**found, **report, "bytes": store.nbytes()}))
-        return 0
-    if not facts.get("complete"):
-        print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
-        return 0
-    print(*report_lines(options.bake, report), sep="\n")
-    settings = ", ".join(f"{key} {value}" for key, value in facts["settings"].items())
-    print(f"  made    by prt {report['versions']['prt_core']} with {settings}")
-    print(*object_lines(facts["objects"]), sep="\n")
-    for lamp in facts["lamps"]:
-        print(f"  lamp    {lamp['name']}: {lamp['kind']}")
-    if compressed:
-        _print_compressed(options.bake, compressed)
+    # All of it is read, so that damage is said here and not only where it is used.
+    bake = load(options.bake) if store.is_complete else None
+    with damage_said(options.bake, "its report"):
+        if options.json:
+            print(json.dumps(_found(store)))
+        elif bake is None:
+            print(f"{options.bake}: not finished; the same 'prt bake' goes on with it")
+        else:
+            print(*list(_lines(options.bake, bake, store)), sep="\n")
     return 0
 
 
-def _print_compressed(path, facts):
-    fresh = load(path).transport.fingerprint() == facts["fingerprint"]
-    print("compressed:" if fresh else "compressed (stale: the bake has changed, compress again):")
-    print(*compressed_lines(facts), sep="\n")
+def _found(store):
+    facts, compressed = store.facts, compressed_facts(store)
+    keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
+    hidden = ("folder", "values", "arrays")
+    return {
+        **{key: facts.get(key) for key in keys},
+        "compressed": compressed
+        and {key: value for key, value in compressed.items() if key not in hidden},
+        **(facts.get("report") or {}),
+        "bytes": store.nbytes(),
+    }
+
+
+def _lines(path, bake, store):
+    yield from report_lines(path, bake.report)
+    settings = ", ".join(f"{key} {value}" for key, value in bake.settings.items())
+    yield f"  made    by prt {bake.report['versions']['prt_core']} with {settings}"
+    yield from object_lines(store.facts["objects"])
+    for lamp in bake.lamps:
+        yield f"  lamp    {lamp.name}: {lamp.kind}"
+    facts = compressed_facts(store)
+    if facts:
+        try:
+            found, why = load_compressed(bake)
+        except PRTError as error:
+            found, why = None, str(error)
+        yield "compressed:" if found else f"compressed (not used: {why}):"
+        yield from compressed_lines(facts)

@@ -1,10 +1,11 @@
 """Hidden points inside triangles, where those around a hit do not tell what it looks like."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from prt_core.scene.points import BakePoints
+from prt_core.scene.point_images import surface_points
+from prt_core.scene.points import joined
 
 
 @dataclass(frozen=True)
@@ -16,10 +17,16 @@ class Details:
     point : (n,) int32
         Bake points; none is visible.
     triangle : (n,) int32
+    barycentric : (n, 2) float32
+        Weights of the second and third corner.
+    back : (n,) bool
+        Whether they lie on the back side.
     """
 
     point: np.ndarray
     triangle: np.ndarray
+    barycentric: np.ndarray
+    back: np.ndarray
 
     def __len__(self):
         return len(self.point)
@@ -27,37 +34,24 @@ class Details:
 
 def no_details():
     """Those of a scene that has none."""
-    return Details(np.zeros(0, np.int32), np.zeros(0, np.int32))
+    none = np.zeros(0, np.int32)
+    return Details(none, none, np.zeros((0, 2), np.float32), np.zeros(0, bool))
 
 
-def with_details(scene, points, triangle):
-    """The scene with more hidden points.
+def with_details(scene, triangle, barycentric, back):
+    """The scene with more hidden points; the same object where there are none.
 
     Parameters
     ----------
     scene : Scene
-    points : BakePoints
-    triangle : (n,) int
-        That each of them lies in.
+        Without details.
+    triangle, barycentric, back : (n,), (n, 2), (n,)
+        Where they lie, on sides that receive light (see `Details`).
     """
-    first = len(scene.points)
-    new = np.arange(first, first + len(points), dtype=np.int32)
-    known = scene.details
-    return replace(
-        scene,
-        points=joined(scene.points, points),
-        details=Details(
-            np.concatenate([known.point, new]),
-            np.concatenate([known.triangle, triangle]).astype(np.int32),
-        ),
-    )
-
-
-def joined(points, more):
-    """`BakePoints` one after the other."""
-    return BakePoints(
-        **{
-            f.name: np.concatenate([getattr(points, f.name), getattr(more, f.name)])
-            for f in fields(BakePoints)
-        }
-    )
+    if not len(triangle):
+        return scene
+    points, _ = surface_points(scene, triangle, barycentric, back)
+    points = replace(points, visible=np.zeros(len(points), bool))
+    new = np.arange(len(scene.points), len(scene.points) + len(points), dtype=np.int32)
+    where = triangle.astype(np.int32), barycentric.astype(np.float32), back.astype(bool)
+    return replace(scene, points=joined(scene.points, points), details=Details(new, *where))

@@ -18,8 +18,7 @@ from prt_core.errors import (
     shown,
 )
 from prt_core.machine import expect_memory
-from prt_core.scene.details import joined
-from prt_core.scene.points import BakePoints
+from prt_core.scene.points import BakePoints, joined
 
 _BATCH = 1 << 20
 

@@ -57,6 +57,14 @@ class BakePoints:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
+def joined(points, more):
+    """`BakePoints` one after the other."""
+    more = more.arrays()
+    return BakePoints(
+        **{name: np.concatenate([array, more[name]]) for name, array in points.arrays().items()}
+    )
+
+
 def make_points(stacked, levels, frames, surfaces):
     """Bake points of stacked meshes, and the lattice of points of each triangle.
 

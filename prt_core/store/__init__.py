@@ -1,22 +1,33 @@
 """A bake on disk: a Zarr v3 group that survives a kill and refuses what is not its own."""
 
+from prt_core.store.begin import begin_bake, finish_bake
 from prt_core.store.compressed import (
+    AGAIN,
     compressed_facts,
     read_compressed,
     remove_compressed,
     write_compressed,
 )
+from prt_core.store.facts import damage_said
 from prt_core.store.journal import JournalMismatch, RayJournal
-from prt_core.store.scenes import read_scene, write_scene
+from prt_core.store.places import remove_bake
+from prt_core.store.scenes import check_scene, read_details, read_scene, write_scene
 from prt_core.store.store import BakeStore
 
 __all__ = [
+    "AGAIN",
     "BakeStore",
     "JournalMismatch",
     "RayJournal",
+    "begin_bake",
+    "check_scene",
     "compressed_facts",
+    "damage_said",
+    "finish_bake",
     "read_compressed",
+    "read_details",
     "read_scene",
+    "remove_bake",
     "remove_compressed",
     "write_compressed",
     "write_scene",

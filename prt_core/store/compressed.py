@@ -2,13 +2,17 @@
 
 Its arrays are written into a new folder; then one atomic write of the bake's facts names it, and
 only then the folder before goes. A kill leaves the old form or the new one, and at most a folder
-that nobody names and the next one removes.
+that nobody names and the next one removes. The facts hold a digest of each of its arrays.
 """
 
 import numpy as np
 
 from prt_core.errors import PRTError, expect
+from prt_core.store.facts import damage_said
 from prt_core.store.store import COMPRESSED
+
+# What to do about a compressed form that is damaged.
+AGAIN = "compress again"
 
 
 def write_compressed(store, state, facts):
@@ -23,18 +27,20 @@ def write_compressed(store, state, facts):
     facts : dict
         Method, settings, what it is of, size, error and time.
     """
-    before = compressed_facts(store)
-    number = int(before["folder"].removeprefix(COMPRESSED)) + 1 if before else 1
-    folder = f"{COMPRESSED}{number}"
-    _remove_others(store, before and before["folder"])
-    values, arrays = {}, []
+    try:
+        kept = (compressed_facts(store) or {}).get("folder")
+    except PRTError:
+        kept = None
+    _remove_others(store, kept)
+    folder = f"{COMPRESSED}{int(kept.removeprefix(COMPRESSED)) + 1 if kept else 1}"
+    values, arrays = {}, {}
     for name, value in state.items():
         if isinstance(value, np.ndarray):
             yield name
-            store.write(f"{folder}/{name}", value)
-            arrays.append(name)
+            arrays[name] = store.write(f"{folder}/{name}", value).digest()
         else:
             values[name] = value
+    store.files.sync(folder)
     store.update(**{COMPRESSED: {**facts, "folder": folder, "values": values, "arrays": arrays}})
     _remove_others(store, folder)
 
@@ -50,15 +56,13 @@ def compressed_facts(store):
     facts = store.facts.get(COMPRESSED)
     if facts is None:
         return None
-    try:
+    with damage_said(store.path, "what is said of its compressed form", AGAIN):
         folder = facts["folder"]
         good = folder == f"{COMPRESSED}{int(folder.removeprefix(COMPRESSED))}"
-        good &= isinstance(facts["values"], dict)
+        good &= isinstance(facts["values"], dict) and isinstance(facts["arrays"], dict)
         # Names lead nowhere but into the folder.
-        good &= all(isinstance(n, str) and n.isidentifier() for n in facts["arrays"])
-    except (KeyError, TypeError, ValueError, AttributeError):
-        good = False
-    expect(good, f"{store.path}: what is said of its compressed form is damaged; compress again")
+        good &= all(name.isidentifier() for name in facts["arrays"])
+    expect(good, f"{store.path}: what is said of its compressed form is damaged; {AGAIN}")
     return facts
 
 
@@ -70,7 +74,7 @@ def read_compressed(store, facts):
             state[name] = store.read(f"{facts['folder']}/{name}")
         except PRTError as error:
             raise PRTError(
-                f"{store.path}: '{name}' of its compressed form cannot be read; compress again"
+                f"{store.path}: '{name}' of its compressed form cannot be read; {AGAIN}"
             ) from error
     return state
 
@@ -78,12 +82,13 @@ def read_compressed(store, facts):
 def remove_compressed(store):
     """Remove the compressed form; whether there was one."""
     there = store.facts.get(COMPRESSED) is not None
-    store.update(**{COMPRESSED: None})
+    if there:
+        store.update(**{COMPRESSED: None})
     _remove_others(store, None)
     return there
 
 
 def _remove_others(store, kept):
-    for folder in store.path.glob(f"{COMPRESSED}*"):
-        if folder.name != kept:
-            store.remove_folder(folder.name)
+    for name in store.files.names():
+        if name.startswith(COMPRESSED) and name != kept:
+            store.remove(name)

@@ -9,9 +9,11 @@ import numpy as np
 
 from prt_core.rays import shared
 
+NAME = "ray_journal"
 # Rays of a chunk: what a kill loses at most, with what was not yet answered.
 CHUNK = 1 << 19
-_HEAD = 9
+# Bytes of the digest of a chunk's rays.
+_HEAD = 8
 _MOST_CHUNKS = 1 << 16
 
 
@@ -32,16 +34,16 @@ class RayJournal:
 
     threads = 1
 
-    def __init__(self, caster, store, name="ray_journal"):
+    def __init__(self, caster, store, name=NAME):
         self._caster, self._store, self._array_name = shared(caster), store, name
         self.name, self.batch = caster.name, self._caster.batch
         self._open()
 
     def _open(self):
-        # A byte that is never 255, so that no chunk is left out for being equal to the fill.
         width = _HEAD + CHUNK // 8
-        shape, chunks = (_MOST_CHUNKS, width), (1, width)
-        self._array = self._store.create(self._array_name, shape, "uint8", chunks, 255)
+        self._array = self._store.create(
+            self._array_name, (_MOST_CHUNKS, width), "uint8", (1, width)
+        )
         self._index = -1
         self._next()
 
@@ -49,9 +51,9 @@ class RayJournal:
         self._index += 1
         self._fill, self._digest = 0, np.uint64(0)
         self._known = None
-        if self._store.has_chunk(self._array_name, self._index, 0):
+        if self._array.holds(self._index):
             kept = self._array[self._index]
-            self._expected = kept[1:_HEAD].view(np.uint64)[0]
+            self._expected = kept[:_HEAD].view(np.uint64)[0]
             self._known = np.unpackbits(kept[_HEAD:], bitorder="little").view(bool)
         self._answers = np.empty(CHUNK, bool) if self._known is None else self._known
 
@@ -79,8 +81,7 @@ class RayJournal:
             self._open()
             raise JournalMismatch
         if self._known is None:
-            head = np.zeros(_HEAD, np.uint8)
-            head[1:] = np.frombuffer(self._digest.tobytes(), np.uint8)
+            head = np.frombuffer(self._digest.tobytes(), np.uint8)
             row = np.concatenate([head, np.packbits(self._answers, bitorder="little")])
             self._array[self._index] = row
         self._next()
@@ -91,7 +92,12 @@ class RayJournal:
 
     def remove(self):
         """Take the journal out of the store."""
-        self._store.remove(self._array_name)
+        self.clear(self._store, self._array_name)
+
+    @staticmethod
+    def clear(store, name=NAME):
+        """Take the journal of a finished sampling out of a store, where it is there."""
+        store.remove(name)
 
     def close(self):
         """Leaves the caster inside open."""

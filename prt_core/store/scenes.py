@@ -1,9 +1,10 @@
-"""A `Scene` in a store: everything but what follows from it."""
+"""A `Scene` in a store: everything but what follows from it, checked on the way in and out."""
 
 import numpy as np
 
 from prt_core.errors import PRTError, expect
 from prt_core.scene import BakePoints, Details, PointImage, Scene, SceneObject
+from prt_core.store.facts import damage_said
 
 _POINTS = {
     "positions": ("float64", 3),
@@ -17,42 +18,69 @@ _POINTS = {
     "visible": ("bool", 0),
 }
 _TRIANGLES = {"triangle_object": "int32", "triangle_level": "int32", "lattice_start": "int64"}
+_DETAILS = {
+    "point": ("int32", ()),
+    "triangle": ("int32", ()),
+    "barycentric": ("float32", (2,)),
+    "back": ("bool", ()),
+}
 _IMAGE = ("height", "width", "samples")
 _CORNERS = ("corner_point", "corner_vertex")
+_OBJECT = {
+    "name": str,
+    "n_corners": int,
+    "n_faces": int,
+    "n_vertices": int,
+    "receives": bool,
+    "two_sided": bool,
+    "own_mesh": bool,
+    "owner": str,
+}
+# How far weighted means of float32 may leave their range, and unit vectors a length of 1.
+_ROUNDING = 1e-5
+_LENGTH = 1e-3
 
 
 def write_scene(store, scene):
-    """Store a scene; `read_scene` gives it back bit by bit."""
+    """Store a scene; `read_scene` gives it back bit by bit.
+
+    Arrays that are there already and the same are left, others are written again.
+
+    Returns
+    -------
+    dict
+        Facts that belong to it, for `BakeStore.update`.
+    """
     for name, array in scene.points.arrays().items():
-        store.write(f"point_{name}", array)
+        store.keep(f"point_{name}", array)
     for name in ("vertices", "triangles", "lattice", "lattice_back", *_TRIANGLES):
-        store.write(f"scene_{name}", getattr(scene, name))
+        store.keep(f"scene_{name}", getattr(scene, name))
     for name in (*_CORNERS, "face_sizes"):
         parts = [getattr(item, name) for item in scene.objects]
-        store.write(f"object_{name}", np.concatenate(parts).astype(np.int32))
-    store.write("detail_point", scene.details.point)
-    store.write("detail_triangle", scene.details.triangle)
+        store.keep(f"object_{name}", np.concatenate(parts).astype(np.int32))
+    for name in _DETAILS:
+        store.keep(f"detail_{name}", getattr(scene.details, name))
     if scene.image is not None:
-        store.write("image_pixel", scene.image.pixel)
-        store.write("image_point", scene.image.point)
-    store.update(
-        image=None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
-        centre=scene.centre,
-        size=scene.size,
-        objects=[
+        store.keep("image_pixel", scene.image.pixel)
+        store.keep("image_point", scene.image.point)
+    return {
+        "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
+        "centre": scene.centre,
+        "size": scene.size,
+        "objects": [
             {
                 "name": item.name,
                 "n_corners": len(item.corner_point),
                 "n_faces": len(item.face_sizes),
                 "n_vertices": item.n_vertices,
-                "receives": item.receives,
-                "two_sided": item.two_sided,
-                "own_mesh": item.own_mesh,
+                "receives": bool(item.receives),
+                "two_sided": bool(item.two_sided),
+                "own_mesh": bool(item.own_mesh),
                 "owner": item.owner,
             }
             for item in scene.objects
         ],
-    )
+    }
 
 
 def read_scene(store):
@@ -80,45 +108,83 @@ def read_scene(store):
     }
     corners = {name: store.read(f"object_{name}", (None,), "int32") for name in _CORNERS}
     faces = store.read("object_face_sizes", (None,), "int32")
-    detail_point = store.read("detail_point", (None,), "int32")
-    detail_triangle = store.read("detail_triangle", (len(detail_point),), "int32")
+    details = _read_details(store)
     facts = store.facts
-    try:
+    with damage_said(store.path):
         objects, corner, face = [], 0, 0
         for item in facts["objects"]:
+            strange = [
+                key
+                for key, kind in _OBJECT.items()
+                if type(item[key]) is not kind or (kind is int and item[key] < 0)
+            ]
+            expect(not strange, f"an object of it has a wrong {', '.join(strange)}")
             part = slice(corner, corner + item["n_corners"])
             sizes = faces[face : face + item["n_faces"]]
             objects.append(
                 SceneObject(
-                    str(item["name"]),
+                    item["name"],
                     corners["corner_point"][part],
                     corners["corner_vertex"][part],
                     sizes,
-                    int(item["n_vertices"]),
-                    bool(item["receives"]),
-                    bool(item["two_sided"]),
-                    bool(item["own_mesh"]),
-                    str(item.get("owner", item["name"])),
+                    *(item[key] for key in list(_OBJECT)[3:]),
                 )
             )
             corner, face = part.stop, face + item["n_faces"]
         scene = Scene(
-            centre=np.asarray(facts["centre"], np.float64).reshape(3),
-            size=float(facts["size"]),
+            centre=np.array(facts["centre"], np.float64).reshape(3),
+            size=facts["size"],
             vertices=vertices,
             triangles=triangles,
             points=points,
             objects=objects,
             lattice=lattice,
             lattice_back=lattice_back,
-            image=_read_image(store, facts.get("image")),
-            details=Details(detail_point, detail_triangle),
+            image=_read_image(store, facts["image"]),
+            details=details,
             **by_triangle,
         )
-    except (KeyError, TypeError, ValueError) as error:
-        raise PRTError(f"{store.path}: its description is damaged ({error!r})") from error
-    _check(store, scene, corner, face)
+        check_scene(scene)
+        expect(
+            (corner, face) == (len(corners["corner_point"]), len(faces)),
+            "its objects have more or fewer corners than there are",
+        )
     return scene
+
+
+def read_details(store, scene):
+    """Where the details of a scene lie, of a bake that is not finished.
+
+    Returns
+    -------
+    triangle, barycentric, back
+        As `with_details` takes them; None where they are not there, or not whole.
+    """
+    try:
+        found = _read_details(store)
+    except PRTError:
+        return None
+    return (found.triangle, found.barycentric, found.back) if _lie_on(found, scene) else None
+
+
+def _read_details(store):
+    n_details = store.array("detail_point").shape[0]
+    return Details(
+        **{
+            name: store.read(f"detail_{name}", (n_details, *more), dtype)
+            for name, (dtype, more) in _DETAILS.items()
+        }
+    )
+
+
+def _lie_on(details, scene):
+    """Whether they are places on its triangles."""
+    return (
+        _inside(details.triangle, 0, len(scene.triangles))
+        and _finite(details.barycentric, -_ROUNDING, 1 + _ROUNDING)
+        and _finite(1 - details.barycentric.sum(axis=1), -_ROUNDING)
+        and bool((details.back.view(np.uint8) <= 1).all())
+    )
 
 
 def _read_image(store, sizes):
@@ -129,42 +195,80 @@ def _read_image(store, sizes):
     return PointImage(*(int(size) for size in sizes), pixel, point)
 
 
-def _check(store, scene, n_corners, n_faces):
-    """Indices inside their arrays, so that a damaged store cannot lead anywhere else."""
+def check_scene(scene):
+    """Raise `PRTError` unless a scene's numbers are finite, in range, and lead to one another.
 
-    def inside(array, low, high):
-        return array.size == 0 or (array.min() >= low and array.max() < high)
+    What is baked is checked by it first, so that nothing is baked that cannot be read, and what is
+    read, so that a damaged or forged store leads nowhere else and no colour becomes infinite.
+    """
+    points = scene.points
+    finite = {name: array for name, array in points.arrays().items() if array.dtype.kind == "f"}
+    finite |= {"vertices": scene.vertices, "centre": scene.centre}
+    for name, good in (
+        *((name, _finite(array)) for name, array in finite.items()),
+        ("areas", _finite(points.areas, -_ROUNDING)),
+        ("visible", bool((points.visible.view(np.uint8) <= 1).all())),
+        ("albedo", _finite(points.albedo, 0, 1 + _ROUNDING)),
+        ("mean_albedo", _finite(points.mean_albedo, 0, 1 + _ROUNDING)),
+        ("normals", _unit(points.normals)),
+        ("geometric_normals", _unit(points.geometric_normals)),
+        ("size", isinstance(scene.size, int | float) and 0 < scene.size < np.inf),
+        ("objects", len({item.name for item in scene.objects}) == len(scene.objects)),
+    ):
+        expect(good, f"scene: its '{name}' are not finite, not distinct or out of range")
+    expect(
+        _leads_inside(scene),
+        "scene: its indices do not fit each other; it is damaged or tampered with",
+    )
 
+
+def _finite(array, low=-np.inf, high=np.inf):
+    if not array.size:
+        return True
+    least, most = float(array.min()), float(array.max())
+    return -np.inf < least and most < np.inf and low <= least and most <= high
+
+
+def _unit(vectors):
+    """Whether vectors are of length 1, or, where surfaces cancel out, of none."""
+    with np.errstate(all="ignore"):
+        squares = np.einsum("ij,ij->i", vectors, vectors)
+    return bool(((abs(squares - 1) < 2 * _LENGTH) | (squares < _LENGTH**2)).all())
+
+
+def _inside(array, low, high):
+    return array.size == 0 or (array.min() >= low and array.max() < high)
+
+
+def _leads_inside(scene):
     level = scene.triangle_level.astype(np.int64)
     cells = (level + 1) * (level + 2) // 2
-    image = scene.image
-    fits = (
+    image, n_points = scene.image, len(scene.points)
+    return (
         (
             image is None
             or (
-                min(image.height, image.width, image.samples) > 0
-                and inside(image.pixel, 0, image.height * image.width)
-                and inside(image.point, 0, len(scene.points))
+                all(1 <= size <= 1 << 14 for size in (image.height, image.width, image.samples))
+                and _inside(image.pixel, 0, image.height * image.width)
+                and _inside(image.point, 0, n_points)
             )
         )
-        and inside(scene.triangles, 0, len(scene.vertices))
-        and inside(scene.triangle_object, 0, len(scene.objects))
-        and inside(scene.lattice, 0, len(scene.points))
-        and inside(scene.lattice_back, -1, len(scene.points))
-        and inside(level, 1, 1 << 12)
-        and inside(scene.lattice_start, 0, len(scene.lattice))
-        and inside(scene.lattice_start + cells, 0, len(scene.lattice) + 1)
-        and inside(scene.points.object_index, 0, len(scene.objects))
-        and inside(scene.details.point, 0, len(scene.points))
-        and inside(scene.details.triangle, 0, len(scene.triangles))
+        and _inside(scene.triangles, 0, len(scene.vertices))
+        and _inside(scene.triangle_object, 0, len(scene.objects))
+        and _inside(scene.lattice, 0, n_points)
+        and _inside(scene.lattice_back, -1, n_points)
+        and _inside(level, 1, 1 << 12)
+        and _inside(scene.lattice_start, 0, len(scene.lattice))
+        and _inside(scene.lattice_start + cells, 0, len(scene.lattice) + 1)
+        and _inside(scene.points.object_index, 0, len(scene.objects))
+        and _inside(scene.details.point, 0, n_points)
+        and _lie_on(scene.details, scene)
         and sum(item.n_vertices for item in scene.objects) == len(scene.vertices)
         and all(
-            inside(item.corner_point, -1, len(scene.points))
-            and inside(item.corner_vertex, 0, item.n_vertices)
+            _inside(item.corner_point, -1, n_points)
+            and _inside(item.corner_vertex, 0, item.n_vertices)
             and int(item.face_sizes.sum()) == len(item.corner_point)
+            and _inside(item.face_sizes, 0, np.inf)
             for item in scene.objects
         )
-        and n_corners == store.array("object_corner_point").shape[0]
-        and n_faces == store.array("object_face_sizes").shape[0]
     )
-    expect(fits, f"{store.path}: its indices do not fit each other; it is damaged or tampered with")

@@ -1,52 +1,36 @@
-"""`BakeStore`: arrays and facts of a bake in a Zarr v3 group, chunked by block of points.
+"""`BakeStore`: facts and arrays of a bake in a Zarr v3 group, which says when it is not whole.
 
-A chunk is written to a temporary file and then renamed, so a kill leaves whole chunks only; each
-carries a checksum. Nothing is pickled, and nothing outside the folder is read or written.
+    NAME.prt/zarr.json          the facts, sealed (facts.py)
+             ARRAY/zarr.json    how it lies in chunks (layout.py)
+             ARRAY/c/0/0 ...    the chunks, each with its digest (chunks.py)
+
+Every file is written beside its place and renamed (files.py). A finished bake's facts name a digest
+of each of its arrays. Nothing is pickled, and nothing outside the folder is read or written.
 """
 
 import json
-import os
-import shutil
-import warnings
-from contextlib import contextmanager
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_one_of, expect_path
+from prt_core.store.arrays import BakeArray
+from prt_core.store.chunks import MEND
+from prt_core.store.facts import (
+    FILE,
+    FORMAT,
+    VERSION,
+    damage_said,
+    digest,
+    read_facts,
+    write_facts,
+)
+from prt_core.store.files import Files
+from prt_core.store.layout import MOST_TEXT, Layout
+from prt_core.store.places import expect_only_arrays, finish_swap
 
-
-@contextmanager
-def _as_zarr_wants_it():
-    """Blender 4.2 and 4.3 bring numpy 1.24; all that zarr 3.0 misses there is one name.
-
-    And newer numcodecs warn of the crc32c that zarr 3.0 asks for, which is not the user's affair.
-    """
-    missing = not hasattr(np, "dtypes")
-    if missing:
-        np.dtypes = SimpleNamespace(ObjectDType=lambda: np.dtype(object))
-    try:
-        # Kept rather than filtered: numcodecs puts its own filter before any other.
-        with warnings.catch_warnings(record=True):
-            yield
-    finally:
-        if missing:
-            del np.dtypes
-
-
-with _as_zarr_wants_it():
-    import zarr
-    from zarr.codecs import Crc32cCodec, ZstdCodec
-
-FORMAT, VERSION = "prt bake", 2
 # The fact that names the compressed form, and how its folders begin.
 COMPRESSED = "compressed"
-_CODECS = {"bytes", "zstd", "crc32c"}
-_TYPES = {
-    "bool", "int8", "uint8", "int16", "uint16", "int32", "int64", "float16", "float32", "float64",
-}  # fmt: skip
-_MOST_BYTES = 1 << 38
+_MODES = ("r", "r+", "a")
 
 
 class BakeStore:
@@ -56,211 +40,223 @@ class BakeStore:
     ----------
     path : str or Path
         `NAME.prt`.
-    mode : {"r", "a", "w"}
-        Read what is there; go on with it or begin; begin anew.
+    mode : {"r", "r+", "a"}
+        Read what is there; write to it as well; the same, and begin where there is nothing yet.
+        The folder is made when the first fact or array is written.
+
+    Attributes
+    ----------
+    files : Files
+        Of the folder.
 
     Raises
     ------
     PRTError
-        The folder is no bake, of a newer version, or not one that this library wrote.
+        The folder is no bake, of another version, damaged, or not one that this library wrote.
     """
 
     def __init__(self, path, mode="r"):
+        expect_one_of("mode", mode, _MODES)
         self.path = expect_path("bake", path)
-        expect_one_of("mode", mode, ("r", "a", "w"))
-        if mode == "w":
-            self._remove()
-        there = self.path.exists() or self.path.is_symlink()
+        self.files = Files(self.path)
+        finish_swap(self.path)
+        there = self.files.exists()
+        expect(there or mode == "a", f"{path}: there is no such bake")
+        self._made, self._used = there, set()
+        self._facts = read_facts(self.files) if there else None
+        if self._facts is None:
+            expect(
+                mode == "a",
+                f"{path}: holds no bake, or one that was stopped in its first moments; 'prt bake' "
+                "begins it",
+            )
+            if there:
+                # Arrays without facts do no harm: each chunk says itself what it belongs to.
+                expect_only_arrays(self.path)
+            self._facts = {"format": FORMAT, "version": VERSION, "complete": False}
         if there:
-            _check_folder(self.path)
-        elif mode == "r":
-            raise PRTError(f"{self.path}: there is no such bake")
-        if not there:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            group = zarr.create_group(str(self.path), zarr_format=3)
-            group.attrs.update({"format": FORMAT, "version": VERSION, "complete": False})
-        self._group = zarr.open_group(str(self.path), mode="r" if mode == "r" else "r+")
-
-    def _remove(self):
-        if self.path.exists() or self.path.is_symlink():
-            # Only a folder that is a bake may be removed; whole or not does not matter.
-            _check_folder(self.path, whole=False)
-            shutil.rmtree(self.path)
+            if mode != "r":
+                self.files.sweep()
+            self.files.check()
 
     @property
     def facts(self):
         """The group's attributes: settings, report, objects, versions."""
-        return dict(self._group.attrs)
+        return dict(self._facts)
 
     def update(self, **facts):
-        """Replace attributes, in one atomic write."""
-        file = self.path / "zarr.json"
-        meta = _json(file, self.path)
-        meta["attributes"] = {**meta.get("attributes", {}), **facts}
-        part = file.with_name("zarr.json.part")
-        part.write_text(json.dumps(meta, default=_plain))
-        part.replace(file)
-        self._group = zarr.open_group(str(self.path), mode="r+")
+        """Replace facts, in one atomic write that is on the disk when this returns.
 
-    def __contains__(self, name):
-        return name in self._group
-
-    def write(self, name, array):
-        """Write a whole array, replacing one of the same name."""
-        array = np.ascontiguousarray(array)
-        made = self.create(name, array.shape, array.dtype, None)
-        if array.size:
-            made[...] = array
-
-    def create(self, name, shape, dtype, chunks, fill=0):
-        """An array to be written block by block; opened as it is where it exists alike."""
-        if name in self._group:
-            existing = self._group[name]
-            if existing.shape == tuple(shape) and existing.dtype == dtype:
-                return existing
-            del self._group[name]
-        return self._group.create_array(
-            name,
-            shape=shape,
-            dtype=dtype,
-            chunks=chunks or tuple(max(1, n) for n in shape),
-            fill_value=fill,
-            compressors=[ZstdCodec(level=3), Crc32cCodec()],
-        )
-
-    def remove(self, name):
-        """Remove an array, where it is there."""
-        if name in self._group:
-            del self._group[name]
-
-    def remove_folder(self, name):
-        """Remove a folder of arrays, whole or not."""
-        shutil.rmtree(self.path / name)
-
-    def has_chunk(self, name, *index):
-        """Whether a chunk was written (chunks appear whole or not at all)."""
-        return (self.path / name / "c" / "/".join(map(str, index))).is_file()
-
-    def array(self, name):
-        """The array itself, read where it is indexed."""
-        try:
-            return self._group[name]
-        except KeyError:
-            raise PRTError(f"{self.path}: '{name}' is missing; the bake is damaged") from None
-
-    def read(self, name, shape=None, dtype=None):
-        """A whole array into memory.
+        Where they are what is there, nothing is written.
 
         Raises
         ------
         PRTError
-            Missing, of another shape or type, or damaged (checksum, truncated).
+            Another program replaced them meanwhile, or removed the folder.
+        """
+        if not self._made:
+            self.files.make()
+            self._made = True
+        now = read_facts(self.files)
+        expect(
+            (now or {}).get("seal") == self._facts.get("seal"),
+            f"{self.path}: another program changed or removed this bake meanwhile; nothing more "
+            "is written, run the same command again",
+        )
+        self._facts = write_facts(self.files, {**self._facts, **facts}, now)
+
+    @property
+    def is_complete(self):
+        """Whether the bake says that it is finished."""
+        return self._facts.get("complete") is True
+
+    def __contains__(self, name):
+        return FILE in self.files.names(name)
+
+    def names(self):
+        """Names of the arrays of the bake; those of its compressed form are not among them."""
+        return [name for name in self.files.names() if name.isidentifier() and name in self]
+
+    def write(self, name, array):
+        """Write a whole array, replacing one of the same name."""
+        array = np.asarray(array)
+        made = self.create(name, array.shape, array.dtype)
+        if array.size:
+            made[...] = array
+        return made
+
+    def keep(self, name, array):
+        """`write`, but for an array that is there already, whole and the same."""
+        array = np.asarray(array)
+        try:
+            found = self.read(name, array.shape, array.dtype)
+        except PRTError:
+            found = None
+        # Bit by bit, so that NaN is itself.
+        if found is None or found.tobytes() != array.tobytes():
+            self.write(name, array)
+
+    def create(self, name, shape, dtype, chunks=None):
+        """An array to be written block by block.
+
+        What is there of it stays, as far as it is of the same type and chunks: each chunk has a
+        digest that says so (see `BakeArray.holds`). Chunks outside of the shape are removed.
+
+        Parameters
+        ----------
+        name : str
+        shape : tuple of int
+        dtype : dtype
+        chunks : tuple of int, optional
+            See `Layout.of`.
+
+        Returns
+        -------
+        BakeArray
+        """
+        if not self._made:
+            self.update()
+        layout = Layout.of(shape, dtype, chunks)
+        text = layout.text()
+        try:
+            same = self.files.read(f"{name}/{FILE}", MOST_TEXT) == text
+        except PRTError:
+            same = False
+        if not same:
+            self.files.write(f"{name}/{FILE}", text)
+        self._used.add(name)
+        made = BakeArray(self.files, name, layout, self._binding)
+        made.cut()
+        return made
+
+    def remove(self, name):
+        """Remove an array, or a folder of arrays, where it is there."""
+        self.files.remove(name)
+        self._used.discard(name)
+
+    def array(self, name):
+        """The array itself, read where it is indexed.
+
+        Raises
+        ------
+        PRTError
+            It is missing, or described as this library never does.
+        """
+        text = self.files.read(f"{name}/{FILE}", MOST_TEXT)
+        expect(text is not None, f"{self.path}: '{name}' is missing; {MEND}")
+        layout = Layout.read(text, f"{self.path}: array '{name}'")
+        self._used.add(name)
+        return BakeArray(self.files, name, layout, self._binding)
+
+    def read(self, name, shape=None, dtype=None):
+        """A whole array into memory.
+
+        Parameters
+        ----------
+        name : str
+        shape : tuple of int or None, optional
+            None: any length.
+        dtype : str, optional
+
+        Raises
+        ------
+        PRTError
+            Missing, of another shape or type, damaged, or not what the bake was finished with.
         """
         array = self.array(name)
+        self.expect_shape(array, shape, dtype)
+        values = array.read()
+        self.expect_sealed(array)
+        return values
+
+    def expect_shape(self, array, shape=None, dtype=None):
+        """Raise `PRTError` unless an array is of a shape (None: any length) and a type."""
         fits = shape is None or (
-            array.ndim == len(shape)
+            len(array.shape) == len(shape)
             and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
         )
         expect(
             fits and (dtype is None or array.dtype == dtype),
-            f"{self.path}: '{name}' is {array.shape} {array.dtype}, expected {shape} "
-            f"{np.dtype(dtype) if dtype else ''}; the bake is damaged or not of this library",
+            f"{self.path}: '{array.name}' is {array.shape} {array.dtype}, expected {shape} "
+            f"{np.dtype(dtype) if dtype else ''}; {MEND}",
         )
+
+    def expect_sealed(self, array):
+        """Raise `PRTError` unless an array is the one that the bake was finished with."""
+        if not self.is_complete:
+            return
+        with damage_said(self.path, "its list of arrays"):
+            folder, _, name = array.name.rpartition("/")
+            noted = (self._facts[COMPRESSED] if folder else self._facts)["arrays"]
+            expect(
+                name in noted and array.digest() == noted[name],
+                f"{self.path}: '{array.name}' is not what the bake was finished with; {MEND}",
+            )
+
+    def seal(self, **facts):
+        """Finish the bake: note a digest of each array, and facts, once all is on the disk.
+
+        Arrays are those that were written or read by this object; others are nobody's.
+        """
+        self.files.sync()
+        arrays = {name: self.array(name).digest() for name in sorted(self._used)}
+        self.update(arrays=arrays, complete=True, **facts)
+
+    def is_sound(self):
+        """Whether all arrays are what the bake was finished with."""
         try:
-            return array[...]
-        except Exception as error:
-            raise PRTError(
-                f"{self.path}: '{name}' cannot be read ({_short(error)}); the bake is damaged, "
-                "bake again with --restart"
-            ) from error
+            with damage_said(self.path):
+                for name in self._facts["arrays"]:
+                    self.expect_sealed(self.array(name))
+        except PRTError:
+            return False
+        return True
 
     def nbytes(self):
         """Bytes on disk."""
-        return sum(
-            (Path(folder) / name).stat().st_size
-            for folder, _, names in os.walk(self.path)
-            for name in names
-        )
+        return self.files.nbytes()
 
-
-def _plain(value):
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Path):
-        return str(value)
-    raise TypeError(f"{type(value)} cannot be stored")
-
-
-def _short(error):
-    return (str(error).splitlines() or [type(error).__name__])[0][:120]
-
-
-def _check_folder(path, whole=True):
-    """Refuse what this library did not write, before any of it is decoded."""
-    expect(not path.is_symlink(), f"{path}: is a symbolic link; give the folder itself")
-    expect(path.is_dir(), f"{path}: is a file, expected a folder NAME.prt made by 'prt bake'")
-    meta = _json(path / "zarr.json", path)
-    facts = meta.get("attributes")
-    expect(
-        meta.get("zarr_format") == 3
-        and meta.get("node_type") == "group"
-        and isinstance(facts, dict)
-        and facts.get("format") == FORMAT,
-        f"{path}: is not a bake of this library; expected a folder made by 'prt bake'",
-    )
-    version = facts.get("version")
-    expect(
-        isinstance(version, int) and version <= VERSION,
-        f"{path}: has store version {version}, this library reads {VERSION}; update it",
-    )
-    expect(
-        version == VERSION or not whole,
-        f"{path}: was baked by an older version of this library; bake again with --restart",
-    )
-    named = facts.get(COMPRESSED)
-    kept = named.get("folder") if isinstance(named, dict) else None
-    for folder, folders, names in os.walk(path):
-        if Path(folder) == path:
-            # What a kill left of a compressed form is nobody's: it is not read, only not a link.
-            left = {f for f in folders if f.startswith(COMPRESSED) and f != kept}
-        for name in folders + names:
-            entry = Path(folder) / name
-            expect(
-                not entry.is_symlink(),
-                f"{path}: holds a symbolic link ({name}); it was tampered with",
-            )
-        inside = Path(folder).relative_to(path).parts
-        if whole and "zarr.json" in names and inside and inside[0] not in left:
-            _check_array(_json(Path(folder) / "zarr.json", path), path, Path(folder).name)
-
-
-def _check_array(meta, path, name):
-    if meta.get("node_type") == "group":
-        return
-    codecs = [codec.get("name") if isinstance(codec, dict) else codec for codec in meta["codecs"]]
-    shape = meta.get("shape", [])
-    grid = meta.get("chunk_grid", {})
-    key = meta.get("chunk_key_encoding", {})
-    size = float(np.prod([float(n) for n in shape])) if shape else 1.0
-    expect(
-        meta.get("node_type") == "array"
-        and set(codecs) <= _CODECS
-        and meta.get("data_type") in _TYPES
-        and not meta.get("storage_transformers")
-        and grid.get("name") == "regular"
-        and key.get("name") == "default"
-        and 0 <= size * 8 < _MOST_BYTES,
-        f"{path}: array '{name}' is described in a way this library never writes; "
-        "it was damaged or tampered with",
-    )
-
-
-def _json(file, path):
-    try:
-        meta = json.loads(file.read_text())
-        expect(isinstance(meta, dict), f"{path}: {file.name} is damaged")
-        return meta
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError):
-        raise PRTError(
-            f"{path}: is not a bake of this library or is damaged ({file.name} cannot be read)"
-        ) from None
+    @property
+    def _binding(self):
+        """What chunks belong to: the scene and settings."""
+        return digest(json.dumps(self._facts.get("identity"), sort_keys=True).encode())

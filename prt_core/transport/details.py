@@ -12,12 +12,10 @@ distance brings light, so that rooms without a sky count as well.
 Both get points of their own, as far apart as the rays that met them were long.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from prt_core.progress import Progress
-from prt_core.scene import surface_points, with_details
+from prt_core.scene import with_details
 from prt_core.seeds import Stage, generator
 from prt_core.threads import on_all_cores
 from prt_core.transport.gather import cosine_directions
@@ -49,8 +47,10 @@ def detail_steps(scene, caster, seed):
 
     Returns
     -------
-    Scene
+    scene : Scene
         The same object where none are needed.
+    n_rays : int
+        That were cast.
     """
     probe = _Probe(scene, caster, seed)
     ends, ambient, found = yield from probe.cast_all(np.arange(len(scene.points)), _FEW, 0)
@@ -58,11 +58,8 @@ def detail_steps(scene, caster, seed):
     found = _told_apart(found, light)
     _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 1)
     found = _spread(scene, _Found.joined([found, _told_apart(more, light)]), light)
-    if not len(found):
-        return scene
-    points, _ = surface_points(scene, found.triangle, found.barycentric, found.back)
-    points = replace(points, visible=np.zeros(len(found), bool))
-    return with_details(scene, points, found.triangle)
+    detailed = with_details(scene, found.triangle, found.barycentric, found.back)
+    return detailed, probe.n_rays
 
 
 class _Found:
@@ -110,6 +107,7 @@ class _Probe:
         high = -low
         np.minimum.at(low, index, scene.points.positions)
         np.maximum.at(high, index, scene.points.positions)
+        self.n_rays = 0
         self._open = _OPEN * (high - low).max(axis=1)[index]
 
     def cast_all(self, points, count, turn):
@@ -136,8 +134,9 @@ class _Probe:
         for first in range(0, len(blocks), together):
             some = blocks[first : first + together]
             parts += on_all_cores(lambda block: self._cast(block, count, turn), some)
-            yield Progress("details", sum(len(ends) for ends, _, _ in parts), len(points))
-        ends, ambient, found = zip(*parts, strict=True)
+            yield Progress("details", sum(len(ends) for ends, *_ in parts), len(points))
+        ends, ambient, found, n_rays = zip(*parts, strict=True)
+        self.n_rays += sum(n_rays)
         return np.concatenate(ends), np.concatenate(ambient), _Found.joined(found)
 
     def _cast(self, points, count, turn):
@@ -153,7 +152,7 @@ class _Probe:
         hits = caster.intersect(scene.ray_origins[points[origin]], ways)
         met = np.flatnonzero(hits.triangle >= 0)
         places = Places(scene, hits.triangle[met], hits.barycentric[met], ways[met])
-        chosen = self._sharing.choose(caster, places, pick[met])
+        chosen, short = self._sharing.choose(caster, places, pick[met])
         ends = np.full(len(points) * count, MISS, np.int32)
         ends[above[met]] = chosen
         # Light that reaches the point from this ray: all where it leaves, less where it is short.
@@ -173,7 +172,8 @@ class _Probe:
             distance[wanted],
             hidden[wanted],
         )
-        return ends.reshape(len(points), count), ambient, found
+        n_rays = len(ways) + int(short.sum(dtype=np.int64))
+        return ends.reshape(len(points), count), ambient, found, n_rays
 
 
 def _light(scene, ends, ambient):

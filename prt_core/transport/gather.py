@@ -57,12 +57,15 @@ class Gathered:
         Hits on places that see none of their bake points.
     n_rays : int
         That were cast.
+    n_short : int
+        Rays that were cast from their hits, to see who may share them.
     """
 
     hits: np.ndarray
     n_back: np.ndarray
     n_hidden: int
     n_rays: int
+    n_short: int
 
 
 def gather_hits(scene, caster, points, seed, round_index):
@@ -184,7 +187,7 @@ class _Rays:
         self.directions = directions[wanted]
         self.origins = np.repeat(starts, np.count_nonzero(wanted, axis=1), axis=0)
 
-    def gathered(self, found, ends, unlit, hidden):
+    def gathered(self, found, ends, unlit, hidden, short):
         """`Gathered` from their `Hits` and where these were handed."""
         hits = self._hits
         hits[self._wanted] = ends
@@ -194,7 +197,11 @@ class _Rays:
             self._scene.triangle_object[found.triangle[unlit]], minlength=len(self._scene.objects)
         )
         return Gathered(
-            hits, n_back.astype(np.int64), int(np.count_nonzero(hidden)), len(self.directions)
+            hits,
+            n_back.astype(np.int64),
+            int(np.count_nonzero(hidden)),
+            len(self.directions),
+            int(short.sum(dtype=np.int64)),
         )
 
 

@@ -92,32 +92,44 @@ class Sharing:
             Whether a back was met that returns no light.
         hidden : (m,) bool
             Whether a place was met that sees no bake point of its own.
+        short : (m,) uint8
+            Rays that were cast from each place to see who may share it.
         """
         hit = np.flatnonzero(found.triangle >= 0)
         places = Places(self._scene, found.triangle[hit], found.barycentric[hit], directions[hit])
-        chosen = self.choose(caster, places, pick[hit])
+        chosen, asked = self.choose(caster, places, pick[hit])
         ends = np.full(len(directions), MISS, np.int32)
         ends[hit] = np.where(chosen >= 0, chosen, DARK)
         unlit, hidden = np.zeros((2, len(directions)), bool)
         unlit[hit] = places.around[:, 0] < 0
         hidden[hit] = (chosen < 0) & (places.around[:, 0] >= 0)
-        return ends, unlit, hidden
+        short = np.zeros(len(directions), np.uint8)
+        short[hit] = asked
+        return ends, unlit, hidden, short
 
     def choose(self, caster, places, pick):
-        """(m,) int32: the bake point of each place, -1 where none is seen."""
-        chosen = np.full(len(places.triangle), -1, np.int32)
+        """Hand places to bake points.
+
+        Returns
+        -------
+        chosen : (m,) int32
+            The bake point of each place, -1 where none is seen.
+        short : (m,) uint8
+            Rays that were cast from each.
+        """
+        handed = _Handed(len(places.triangle))
         left = np.flatnonzero(places.around[:, 0] >= 0)
-        left = self._try_nearest_detail(caster, places, left, chosen)
-        left = self._try_corners(caster, places, left, chosen, pick.astype(np.float64))
-        self._try_details(caster, places, left, chosen)
-        return chosen
+        left = self._try_nearest_detail(caster, places, left, handed)
+        left = self._try_corners(caster, places, left, handed, pick.astype(np.float64))
+        self._try_details(caster, places, left, handed)
+        return handed.chosen, handed.short
 
     def corner_distances(self, places):
         """(m, 3) float64: how far the corners of its cell are from each place."""
         corners = self._scene.points.positions[places.around]
         return np.linalg.norm(corners - places.position[:, None], axis=2)
 
-    def _hand(self, caster, places, some, points, chosen):
+    def _hand(self, caster, places, some, points, handed):
         """Hand places to bake points where they see them: whether they do."""
         scene = self._scene
         starts = places.start[some]
@@ -127,15 +139,16 @@ class Sharing:
         seen = lengths <= 8 * scene.triangle_lifts[places.triangle[some]]
         asked = np.flatnonzero(~seen)
         if len(asked):
+            handed.short[some[asked]] += 1
             directions = (ways[asked] / lengths[asked, None]).astype(np.float32)
             starts, limit = starts[asked], (lengths[asked] * _SHORT).astype(np.float32)
             if scene.ray_origins.dtype == np.float32:
                 starts = starts.astype(np.float32)
             seen[asked] = ~caster.occluded(starts, directions, limit)
-        chosen[some[seen]] = points[seen]
+        handed.chosen[some[seen]] = points[seen]
         return seen
 
-    def _try_nearest_detail(self, caster, places, left, chosen):
+    def _try_nearest_detail(self, caster, places, left, handed):
         """Those that have a detail right beside them; returns the others."""
         some = left[self._near_details[places.triangle[left]]]
         if not len(some):
@@ -146,10 +159,10 @@ class Sharing:
         )
         near = distance[:, 0] < np.minimum(away.min(axis=1), _NEAR * away.max(axis=1))
         some, points = some[near], self._scene.details.point[index[near, 0]]
-        seen = self._hand(caster, places, some, points, chosen)
+        seen = self._hand(caster, places, some, points, handed)
         return np.setdiff1d(left, some[seen], assume_unique=True)
 
-    def _try_corners(self, caster, places, left, chosen, pick):
+    def _try_corners(self, caster, places, left, handed, pick):
         """One of the corners that each place sees; returns those that see none."""
         weights, lost = places.weights.astype(np.float64), []
         for _ in range(3):
@@ -165,7 +178,7 @@ class Sharing:
             corner = np.minimum((pick[left, None] >= ends[:, :2]).sum(axis=1), 2)
             row = np.arange(len(left))
             points = places.around[left, corner]
-            seen = self._hand(caster, places, left, points, chosen)
+            seen = self._hand(caster, places, left, points, handed)
             # Within the share of a corner that is refused the number is uniform again.
             share = shares[row, corner]
             within = (pick[left] - ends[row, corner] + share) / np.maximum(share, 1e-12)
@@ -174,7 +187,7 @@ class Sharing:
             left = left[~seen]
         return np.sort(np.concatenate([*lost, left]))
 
-    def _try_details(self, caster, places, left, chosen):
+    def _try_details(self, caster, places, left, handed):
         """The nearest detail that each place sees, however far."""
         left = left[self._near_details[places.triangle[left]]]
         if not len(left):
@@ -184,7 +197,7 @@ class Sharing:
             some = np.isfinite(distance[:, which])
             seen = np.zeros(len(left), bool)
             points = self._scene.details.point[index[some, which]]
-            seen[some] = self._hand(caster, places, left[some], points, chosen)
+            seen[some] = self._hand(caster, places, left[some], points, handed)
             left, index, distance = left[~seen], index[~seen], distance[~seen]
 
     def _nearest_details(self, places, some, count):
@@ -198,6 +211,14 @@ class Sharing:
         height = np.abs(np.einsum("mkx,mx->mk", way, normal.astype(np.float64)))
         lift = self._scene.triangle_lifts[places.triangle[some], None]
         return index, np.where(height <= _FLAT * distance + 2 * lift, distance, np.inf)
+
+
+class _Handed:
+    """What has become of places so far."""
+
+    def __init__(self, count):
+        self.chosen = np.full(count, -1, np.int32)
+        self.short = np.zeros(count, np.uint8)
 
 
 def _triangles_near(scene):

@@ -79,7 +79,7 @@ def test_the_bake_button_is_the_api(baked, tmp_path):
     path = plan.output_path(baked)
     prt_core.bake(SCENE, tmp_path / "api.prt", **OPTIONS)
     one, two = BakeStore(path), BakeStore(tmp_path / "api.prt")
-    for name in ("visibility", "gather", "point_positions", "world"):
+    for name in ("visibility", "gather", "point_positions", "world1"):
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
     assert one.facts["identity"] == two.facts["identity"]
 
@@ -463,6 +463,65 @@ def test_a_stopped_bake_goes_on_to_the_same_bytes(scene, tmp_path):
     one, two = BakeStore(path), BakeStore(tmp_path / "api.prt")
     for name in ("visibility", "gather"):
         np.testing.assert_array_equal(one.read(name), two.read(name))
+
+
+class Baking(Counting):
+    """The bake of the button, whose folder is removed when it has begun."""
+
+    title = "Bake"
+
+    def steps(self, context, pace):
+        from prt_core.api import bake_blend_steps
+
+        scene = bpy.context.scene
+        path, settings = plan.output_path(scene), plan.bake_settings(scene)
+        for progress in bake_blend_steps(None, path, settings, pace=pace, scene=scene):
+            if progress.stage == "visibility" and path.exists():
+                # The bake goes on writing meanwhile.
+                shutil.rmtree(path, ignore_errors=True)
+            yield progress
+
+
+def test_a_folder_that_is_removed_in_mid_bake_leaves_the_button_free(scene, window):
+    operator = Baking()
+    operator.invoke(window, None)
+    assert drive(operator, window, 10**5) == {"CANCELLED"}
+    assert len(operator.reports) == 1 and "removed" in operator.reports[0][1]
+    assert not work.status().running and window.window_manager.timers == 0
+    bpy.ops.prt.bake()
+    assert prt_core.load(plan.output_path(scene)).report["points"] > 0
+
+
+def test_a_folder_that_a_kill_left_empty_is_baked_into(scene):
+    plan.output_path(scene).mkdir(parents=True)
+    bpy.ops.prt.bake()
+    assert prt_core.load(plan.output_path(scene)).report["points"] > 0
+
+
+def test_a_changed_scene_keeps_its_old_bake_until_the_new_one_is_finished(baked):
+    from prt_core.api import bake_blend_steps
+
+    path = plan.output_path(baked)
+    before = BakeStore(path).facts["identity"]
+    bpy.data.objects["ball"].location.x += 0.1
+    steps = bake_blend_steps(
+        None, path, plan.bake_settings(baked), restart="changed", pace=0.001, scene=baked
+    )
+    while next(steps).stage != "visibility":
+        pass
+    steps.close()
+    assert BakeStore(path).facts["identity"] == before and prt_core.load(path)
+    bpy.ops.prt.bake()
+    assert BakeStore(path).facts["identity"] != before
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_damaged_bake_can_be_removed(baked):
+    path = plan.output_path(baked)
+    bpy.ops.prt.refresh()
+    (path / "zarr.json").write_text("{")
+    bpy.ops.prt.remove(filepath=str(path))
+    assert not path.exists() and not work.status().bakes
 
 
 def test_a_folder_that_cannot_be_written_is_said(scene, tmp_path):

@@ -8,7 +8,8 @@ import pytest
 
 import prt_core
 from prt_core import api, evaluate, light
-from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake_load import load
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.preflight import preflight
 from prt_core.progress import Progress, run

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from prt_core import PRTError
 from prt_core.compress import (
     PCA,
     ArrayRows,
@@ -20,8 +21,8 @@ from prt_core.compress.choose import choose_steps
 from prt_core.compressed import met
 from prt_core.progress import run
 
-N_POINTS, N_DIRECTIONS = 9000, 5
-LIGHTS = {"one": np.ones((N_DIRECTIONS, 3), np.float32), "two": np.eye(5, 3, dtype=np.float32)}
+N_POINTS, N_DIRECTIONS = 9000, 6
+LIGHTS = {"one": np.ones((N_DIRECTIONS, 3), np.float32), "two": np.eye(6, 3, dtype=np.float32)}
 
 
 class FakeTask(Task):
@@ -32,7 +33,10 @@ class FakeTask(Task):
         self.seed = 0
         matrix = 1 + np.random.default_rng(0).random((N_POINTS, N_DIRECTIONS))
         self.matrix = matrix[self.points]
-        self.transport = SimpleNamespace(relight=lambda light: self.matrix @ light)
+        self.transport = SimpleNamespace(
+            relight=lambda light: self.matrix @ light,
+            cube_map=SimpleNamespace(n_directions=N_DIRECTIONS),
+        )
         self.rows = SimpleNamespace(prepare_steps=lambda: iter(()), n_points=len(self.points))
 
     def some(self, points):
@@ -82,8 +86,8 @@ LADDER = [(0.2, 10), (0.1, 20), (0.05, 30), (0.02, 40), (0.01, 50), (0.005, 60),
 
 
 def chosen(names, **limits):
-    best, why, trials = run(choose_steps(FakeTask(), names, Limits(**limits), LIGHTS))
-    return best, why, trials
+    ranked, trials = run(choose_steps(FakeTask(), names, Limits(**limits), LIGHTS))
+    return *ranked[0], trials
 
 
 @pytest.mark.parametrize("tolerance, rung", [(0.3, 0), (0.13, 1), (0.03, 3), (0.0066, 5)])
@@ -112,8 +116,8 @@ def test_within_a_size_the_least_error_is_taken(known):
     known("small", [(0.3, 12), (0.03, 31), (0.001, 300)])
     best, why, _ = chosen(["large", "small"], megabytes=45 * N_POINTS / 1e6)
     assert (best.method, best.rung) == ("large", 3) and "least error" in why
-    best, why, _ = chosen(["large", "small"], megabytes=5 * N_POINTS / 1e6)
-    assert best.megabytes == pytest.approx(10 * N_POINTS / 1e6) and "nothing" in why
+    with pytest.raises(PRTError, match="0.045 cannot be kept; the least is 0.09 MB, by large"):
+        chosen(["large", "small"], megabytes=5 * N_POINTS / 1e6)
 
 
 def test_samples_are_patches_of_neighbours_or_spread_evenly():

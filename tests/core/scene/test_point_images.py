@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake_image import image_steps
+from prt_core.bake_load import load
 from prt_core.basis import ImageWavelet
 from prt_core.compress import ImageRows, TransportRows, Wavelet4D
 from prt_core.evaluate.view import CameraRays

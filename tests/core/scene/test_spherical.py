@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake_image import image_steps
+from prt_core.bake_load import load
 from prt_core.progress import run
 from prt_core.rays import BruteForceCaster
 from prt_core.scene import Scene, geometry_layout, with_geometry_image

@@ -1,12 +1,12 @@
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
 from prt_core.store import BakeStore, JournalMismatch, RayJournal
+from tests.core.store.conftest import Cut
 from tests.meshes import plane, sphere
 
 _CHUNK = 4096
@@ -16,7 +16,6 @@ METHOD = BakeSettings(resolution=6, tolerance=0.05, bounces=0, method="agreement
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
     monkeypatch.setattr(sys.modules["prt_core.store.journal"], "CHUNK", _CHUNK)
-    monkeypatch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
 
 
 @pytest.fixture(scope="module")
@@ -72,35 +71,6 @@ def test_other_rays_are_not_answered_from_the_journal(tmp_path):
 
 def arrays(path):
     return {name: BakeStore(path).read(name) for name in ("visibility", "traced")}
-
-
-class Cut(Exception):
-    """The power fails."""
-
-
-@pytest.fixture
-def counted(monkeypatch):
-    """Counts the rays that the caster named `counted` casts, and fails after `limit` of them."""
-    from prt_core.rays import caster as casters
-
-    count = SimpleNamespace(rays=0, limit=np.inf)
-    make = casters._FACTORIES["brute" if "embree" not in casters._FACTORIES else "embree"]
-
-    def made(vertices, triangles):
-        caster = make(vertices, triangles)
-        cast = caster.occluded
-
-        def occluded(origins, directions, distances=None):
-            if count.rays >= count.limit:
-                raise Cut
-            count.rays += len(origins)
-            return cast(origins, directions, distances)
-
-        caster.occluded = occluded
-        return caster
-
-    monkeypatch.setitem(casters._FACTORIES, "counted", made)
-    return count
 
 
 COUNTED = replace(METHOD, caster="counted")

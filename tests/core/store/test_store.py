@@ -1,91 +1,110 @@
+"""What a finished bake holds, and that nothing else is taken for one."""
+
 import json
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, load, run
-from prt_core.store import BakeStore, read_scene
-from tests.meshes import plane, sphere
-
-SETTINGS = BakeSettings(resolution=4, tolerance=0.05, caster="auto")
-
-
-@pytest.fixture(autouse=True)
-def small_blocks(monkeypatch):
-    import sys
-
-    monkeypatch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
-
-
-@pytest.fixture
-def scene():
-    ball = sphere(6, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
-    return Scene.from_meshes([ball, plane(9, albedo=0.7)])
+from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
+from prt_core.cli import main
+from prt_core.store import BakeStore, read_scene, write_scene
+from tests.core.store.conftest import (
+    LAMPS,
+    SETTINGS,
+    WORLD,
+    edit_text,
+    expect_same,
+    forge_array,
+    forge_facts,
+    write_zeros,
+)
+from tests.meshes import plane
 
 
-@pytest.fixture
-def baked(scene, tmp_path):
-    path = tmp_path / "a.prt"
-    lamp = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
-    run(bake_steps(scene, path, SETTINGS, [lamp]))
-    return path
-
-
-def digest(path):
-    arrays = {}
-    for name in ("visibility", "gather", "visibility_rays", "gather_rays"):
-        arrays[name] = BakeStore(path).read(name)
-    return arrays
-
-
-def test_what_is_loaded_is_what_was_baked(scene, baked):
-    bake = load(baked)
+def test_what_is_loaded_is_what_was_baked(scene, finished):
+    bake = load(finished)
     for name, array in scene.points.arrays().items():
         np.testing.assert_array_equal(bake.scene.points.arrays()[name], array)
     for name in ("vertices", "triangles", "lattice", "lattice_back", "triangle_level"):
         np.testing.assert_array_equal(getattr(bake.scene, name), getattr(scene, name))
     assert bake.scene.fingerprint() == scene.fingerprint()
     assert bake.lamps[0].name == "bulb"
+    np.testing.assert_array_equal(bake.world, WORLD)
     report = bake.report
     assert report["points"] == len(scene.points)
-    assert report["rays"] == report["rays_visibility"] + report["rays_gather"]
+    kinds = "rays_visibility", "rays_details", "rays_gather", "rays_short"
+    assert report["rays"] == sum(report[kind] for kind in kinds)
     assert report["bytes"] > 0 and 0 <= report["error"] < 1
     colours = bake.colours(bake.transport.relight(np.ones((96, 3), np.float32)))
     assert colours["plane"].shape == (256, 3) and colours["plane"].dtype == np.float32
 
 
-@pytest.mark.parametrize("stop", [1, 2, 3, 5, 7, 9, 12])
-def test_a_bake_that_was_stopped_goes_on_to_the_same_bytes(scene, baked, tmp_path, stop):
-    path = tmp_path / "b.prt"
-    steps = bake_steps(scene, path, SETTINGS)
-    for _ in range(stop):
-        next(steps)
-    steps.close()
-    with pytest.raises(PRTError, match="not finished"):
-        load(path)
-    run(bake_steps(scene, path, SETTINGS))
-    whole, resumed = digest(baked), digest(path)
-    for name in whole:
-        np.testing.assert_array_equal(whole[name], resumed[name], err_msg=name)
+def test_zarr_reads_what_is_written(finished):
+    """The folder is a Zarr v3 group for others as well."""
+    import zarr
+
+    group = zarr.open_group(str(finished), mode="r")
+    store = BakeStore(finished)
+    assert group.attrs["format"] == "prt bake" and len(store.names()) > 20
+    for name in store.names():
+        np.testing.assert_array_equal(group[name][...], store.read(name), err_msg=name)
 
 
-def test_a_finished_bake_is_not_traced_again(scene, baked):
-    before = os.stat(baked / "visibility" / "c" / "0" / "0").st_mtime_ns
-    run(bake_steps(scene, baked, SETTINGS))
-    assert os.stat(baked / "visibility" / "c" / "0" / "0").st_mtime_ns == before
+def test_a_finished_bake_is_not_touched_again(baked, bake_again):
+    before = {p: p.stat().st_mtime_ns for p in baked.rglob("*") if p.is_file()}
+    bake_again(baked)
+    assert {p: p.stat().st_mtime_ns for p in baked.rglob("*") if p.is_file()} == before
 
 
-def test_another_scene_or_setting_is_refused_and_restart_replaces(scene, baked):
+def test_new_lamps_and_world_are_taken_without_a_ray(scene, baked, finished):
+    facts = BakeStore(baked).facts
+    for world in (WORLD[::-1].copy(), None, WORLD):
+        run(
+            bake_steps(
+                scene, baked, SETTINGS, LAMPS * 2, world, {"matrix": np.eye(4), "tangent": 1}
+            )
+        )
+        bake = load(baked)
+        assert len(bake.lamps) == 2 and bake.camera["tangent"] == 1
+        np.testing.assert_array_equal(bake.world, world)
+        assert len(list(baked.glob("world*"))) == (world is not None)
+    assert BakeStore(baked).facts["report"] == facts["report"]
+
+
+def test_a_kill_before_new_lights_are_named_leaves_the_old_ones(scene, baked, monkeypatch):
+    monkeypatch.setattr(BakeStore, "update", lambda *_, **__: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run(bake_steps(scene, baked, SETTINGS, LAMPS, WORLD[::-1].copy()))
+    monkeypatch.undo()
+    np.testing.assert_array_equal(load(baked).world, WORLD)
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"world": WORLD[:-1]}, "world: expected an array of shape \\(96, 3\\)"),
+        ({"world": WORLD * np.nan}, "world: 288 values are NaN"),
+        ({"world": WORLD + 1e30}, "world: expected values from 0 to 1e\\+15"),
+        ({"camera": {"matrix": np.eye(3), "tangent": 1}}, "camera: matrix"),
+        ({"camera": {"matrix": np.eye(4)}}, "camera: expected a dict with a matrix and a tangent"),
+        ({"lamps": ["bulb"]}, "lamps: expected a list of lamps"),
+    ],
+)
+def test_what_could_not_be_read_again_is_not_baked(scene, tmp_path, parts, message):
+    with pytest.raises(PRTError, match=message):
+        run(bake_steps(scene, tmp_path / "a.prt", SETTINGS, **parts))
+    assert not (tmp_path / "a.prt").exists()
+
+
+def test_another_scene_or_setting_is_refused(scene, baked):
     other = Scene.from_meshes([plane(5)])
     with pytest.raises(PRTError, match="another scene"):
         run(bake_steps(other, baked, SETTINGS))
-    finer = BakeSettings(resolution=5, tolerance=0.05, caster="auto")
     with pytest.raises(PRTError, match="another resolution.*--restart"):
-        run(bake_steps(scene, baked, finer))
-    run(bake_steps(other, baked, SETTINGS, restart=True))
-    assert len(load(baked).scene.points) == len(other.points)
+        run(bake_steps(scene, baked, replace(SETTINGS, resolution=5)))
 
 
 def test_direct_only_bakes_no_gather(scene, tmp_path):
@@ -95,10 +114,10 @@ def test_direct_only_bakes_no_gather(scene, tmp_path):
     assert load(tmp_path / "d.prt").transport.gather is None
 
 
-def _edit(path, **attributes):
-    meta = json.loads((path / "zarr.json").read_text())
-    meta["attributes"].update(attributes)
-    (path / "zarr.json").write_text(json.dumps(meta))
+def test_a_scene_reads_back_bit_by_bit(scene, tmp_path):
+    store = BakeStore(tmp_path / "s.prt", "a")
+    store.update(**write_scene(store, scene))
+    assert read_scene(BakeStore(tmp_path / "s.prt")).fingerprint() == scene.fingerprint()
 
 
 def _truncate(path):
@@ -106,11 +125,27 @@ def _truncate(path):
     chunk.write_bytes(chunk.read_bytes()[:-7])
 
 
-def _flip(path):
-    chunk = path / "gather" / "c" / "0" / "0"
-    data = bytearray(chunk.read_bytes())
-    data[len(data) // 2] ^= 1
-    chunk.write_bytes(bytes(data))
+def _flip(name):
+    def damage(path):
+        chunk = path / name / "c" / "0" / "0"
+        data = bytearray(chunk.read_bytes())
+        data[len(data) // 2] ^= 1
+        chunk.write_bytes(bytes(data))
+
+    return damage
+
+
+def _swap(one, two):
+    def damage(path):
+        os.rename(path / one, path / "x")
+        os.rename(path / two, path / one)
+        os.rename(path / "x", path / two)
+
+    return damage
+
+
+def _copy(source, target):
+    return lambda path: shutil.copyfile(path / source, path / target)
 
 
 def _link(path):
@@ -119,33 +154,58 @@ def _link(path):
     (path / "visibility").symlink_to(target)
 
 
-def _codec(path):
-    file = path / "point_albedo" / "zarr.json"
-    meta = json.loads(file.read_text())
-    meta["codecs"].append({"name": "gzip", "configuration": {"level": 1}})
-    file.write_text(json.dumps(meta))
+def _array_text(name, change):
+    def damage(path):
+        file = path / name / "zarr.json"
+        meta = json.loads(file.read_text())
+        change(meta)
+        file.write_text(json.dumps(meta))
+
+    return damage
 
 
-def _wrong_index(path):
-    store = BakeStore(path, "a")
-    store.write("scene_lattice", np.full_like(store.read("scene_lattice"), 10**6))
+def _facts(change):
+    return lambda path: edit_text(path, change)
+
+
+def _old(path):
+    edit_text(path, lambda facts: facts.update(version=2))
 
 
 @pytest.mark.parametrize(
     "damage, message",
     [
-        (_truncate, "'visibility' cannot be read"),
-        (_flip, "'gather' cannot be read"),
-        (_link, "symbolic link"),
-        (_codec, "'point_albedo' is described in a way"),
-        (_wrong_index, "indices do not fit"),
-        (lambda p: _edit(p, version=99), "store version 99"),
-        (lambda p: _edit(p, format="other"), "is not a bake"),
-        (lambda p: _edit(p, complete=False), "not finished"),
-        (lambda p: _edit(p, objects=[{"name": "x"}]), "description is damaged"),
+        (_truncate, "'visibility' cannot be read: a part of it"),
+        (_flip("gather"), "'gather' cannot be read: a part of it"),
+        (_flip("point_albedo"), "'point_albedo' cannot be read"),
+        (lambda p: (p / "point_albedo/c/0/0").unlink(), "'point_albedo' lacks 1 of its parts"),
+        (lambda p: (p / "gather/c/1/1").unlink(), "'gather' lacks 1 of its parts"),
+        (lambda p: (p / "blocked/c/0").unlink(), "'blocked' lacks 1 of its parts"),
+        (_swap("visibility/c/0/0", "visibility/c/1/0"), "'visibility' cannot be read"),
+        (_swap("point_normals", "point_geometric_normals"), "'point_normals' cannot be read"),
+        (_swap("gather/c/0/0", "gather/c/0/1"), "'gather' cannot be read"),
+        (_copy("gather/c/0/0", "gather/c/0/7"), "outside its shape"),
+        (write_zeros("point_albedo"), "'point_albedo' is not what the bake was finished with"),
+        (write_zeros("gather"), "'gather' is not what the bake was finished with"),
+        (_link, "is a symbolic link"),
+        (lambda p: os.mkfifo(p / "visibility/c/99"), "is a pipe"),
+        (_array_text("point_albedo", lambda m: m["codecs"].append({"name": "gzip"})), "in a way"),
+        (_array_text("point_albedo", lambda m: m.update(shape=[10**12, 3])), "in a way"),
+        (_array_text("point_albedo", lambda m: m.update(shape=[10**9, 3])), "lacks|is \\("),
+        (_array_text("point_albedo", lambda m: m.update(data_type="object")), "in a way"),
+        (_array_text("point_albedo", lambda m: m.update(fill_value=1)), "in a way"),
+        (_array_text("point_albedo", lambda m: m.update(shape=[[1], 3])), "in a way"),
+        (_facts(lambda f: f.update(version=99)), "store version 99, this library reads 3; update"),
+        (_facts(lambda f: f.update(format="other")), "is not a bake"),
+        (_facts(lambda f: f.update(complete=False)), "was damaged or edited"),
+        (_facts(lambda f: f["settings"].update(bounces=0)), "was damaged or edited"),
+        (_facts(lambda f: f["report"].update(points=1)), "was damaged or edited"),
+        (_old, "older version of this library; bake again with --restart"),
         (lambda p: shutil.rmtree(p / "point_normals"), "'point_normals' is missing"),
         (lambda p: (p / "zarr.json").write_text("{"), "cannot be read"),
+        (lambda p: (p / "zarr.json").unlink(), "in its first moments"),
         (lambda p: shutil.rmtree(p), "there is no such bake"),
+        (lambda p: forge_facts(p, complete=False), "not finished"),
     ],
 )
 def test_damage_gives_one_clear_line(baked, damage, message):
@@ -155,18 +215,130 @@ def test_damage_gives_one_clear_line(baked, damage, message):
     assert "\n" not in str(caught.value) and str(baked) in str(caught.value)
 
 
-def test_a_folder_that_is_no_bake_is_never_removed(tmp_path, scene):
-    folder = tmp_path / "precious"
-    folder.mkdir()
-    (folder / "work.txt").write_text("mine")
-    with pytest.raises(PRTError, match="is not a bake"):
-        run(bake_steps(scene, folder, SETTINGS, restart=True))
-    assert (folder / "work.txt").read_text() == "mine"
+def _changed(index, value):
+    def change(array):
+        array[index] = value
+        return array
+
+    return change
 
 
-def test_a_store_reads_back_bit_by_bit(scene, tmp_path):
-    from prt_core.store import write_scene
+@pytest.mark.parametrize(
+    "name, change, message",
+    [
+        ("point_albedo", _changed((3, 1), 2), "'albedo' are not finite, not distinct or out of"),
+        ("point_normals", _changed(5, 1e30), "'normals' are not finite"),
+        ("point_normals", _changed(5, 0.5), "'normals' are not finite"),
+        ("point_positions", _changed((2, 0), np.nan), "'positions' are not finite"),
+        ("point_areas", _changed(2, -1), "'areas' are not finite"),
+        ("point_object_index", _changed(2, 7), "indices do not fit"),
+        ("scene_lattice", lambda a: np.full_like(a, 10**6), "indices do not fit"),
+        ("scene_triangle_level", _changed(0, 0), "indices do not fit"),
+        ("object_face_sizes", _changed(0, -3), "indices do not fit"),
+        ("blocked", _changed(1, 2), "'blocked' is out of range"),
+        ("blocked", _changed(1, np.nan), "'blocked' is out of range"),
+        ("gather", _changed((4, 2), 10**8), "names a point that does not exist"),
+        ("world1", _changed((4, 2), np.inf), "world: 1 values are NaN or infinite"),
+        ("visibility", lambda a: a[:-1], "'visibility' is \\("),
+    ],
+)
+def test_values_are_checked_where_the_digests_were_forged(baked, name, change, message):
+    forge_array(baked, name, change)
+    with pytest.raises(PRTError, match=message) as caught:
+        load(baked)
+    assert "\n" not in str(caught.value) and str(baked) in str(caught.value)
 
-    store = BakeStore(tmp_path / "s.prt", "a")
-    write_scene(store, scene)
-    assert read_scene(BakeStore(tmp_path / "s.prt")).fingerprint() == scene.fingerprint()
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"settings": {"resolution": "many"}},
+        {"settings": None},
+        {"settings": {"resolution": 4, "tolerance": -1}},
+        {"rounds": True},
+        {"rounds": 400},
+        {"objects": [{"name": "x"}]},
+        {"objects": {}},
+        {"objects": 7},
+        {"size": 0},
+        {"size": "4"},
+        {"centre": [1, 2]},
+        {"centre": [1, 2, None]},
+        {"lamps": [{"kind": "torch"}]},
+        {"lamps": [{"kind": "point", "power": [1, 2, 3], "radius": "wide"}]},
+        {"lamps": 3},
+        {"camera": []},
+        {"camera": {"matrix": [[0] * 4] * 4, "tangent": 0}},
+        {"source": [1]},
+        {"world": "../world1"},
+        {"world": 5},
+        {"image": [3, 5]},
+        {"report": None},
+        {"arrays": None},
+        {"arrays": {}},
+        {"identity": 4},
+    ],
+)
+def test_forged_facts_give_one_clear_line(baked, facts):
+    forge_facts(baked, **facts)
+    with pytest.raises(PRTError) as caught:
+        load(baked)
+    assert "\n" not in str(caught.value) and str(baked) in str(caught.value)
+
+
+@pytest.mark.parametrize("key", [f"n_{what}" for what in ("corners", "faces", "vertices")])
+@pytest.mark.parametrize("value", [-5, 10**9, 2.0, True, "7", None])
+def test_forged_objects_give_one_clear_line(baked, key, value):
+    objects = BakeStore(baked).facts["objects"]
+    objects[1][key] = value
+    forge_facts(baked, objects=objects)
+    with pytest.raises(PRTError) as caught:
+        load(baked)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "damage, code, message",
+    [
+        (lambda p: None, 0, "points"),
+        (lambda p: forge_facts(p, complete=False), 0, "not finished; the same 'prt bake' goes on"),
+        (_truncate, 2, "'visibility' cannot be read"),
+        (lambda p: (p / "world1/c/0/0").unlink(), 2, "'world1' lacks 1 of its parts"),
+        (lambda p: (p / "zarr.json").write_text("{"), 2, "cannot be read"),
+        (lambda p: (p / "zarr.json").unlink(), 2, "stopped in its first moments"),
+        (_old, 2, "older version"),
+        (lambda p: forge_facts(p, report={}), 2, "its report is damaged"),
+        (lambda p: forge_facts(p, compressed={"folder": 3}), 2, "compressed form is damaged"),
+    ],
+)
+@pytest.mark.parametrize("json_wanted", [False, True])
+def test_info_says_what_is_wrong_in_one_line(baked, capsys, damage, code, message, json_wanted):
+    damage(baked)
+    found = main(["info", str(baked), *(["--json"] if json_wanted else [])])
+    out, err = capsys.readouterr()
+    if json_wanted and "report" in message:
+        assert found == 0
+        return
+    assert found == code
+    if code:
+        assert out == "" and len(err.splitlines()) == 1 and message in err
+    elif not json_wanted:
+        assert message in out
+
+
+def test_what_is_unknown_in_the_folder_is_left_alone(baked, finished, bake_again):
+    (baked / "notes.txt").write_text("mine")
+    (baked / ".DS_Store").write_bytes(b"\0")
+    load(baked)
+    bake_again(baked)
+    assert (baked / "notes.txt").read_text() == "mine"
+    (baked / "notes.txt").unlink()
+    expect_same(baked, finished)
+
+
+def test_two_writers_do_not_undo_each_other(baked):
+    one, two = BakeStore(baked, "r+"), BakeStore(baked, "r+")
+    one.update(note=1)
+    with pytest.raises(PRTError, match="another program changed or removed this bake"):
+        two.update(note=2)
+    assert BakeStore(baked).facts["note"] == 1

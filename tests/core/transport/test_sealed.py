@@ -66,7 +66,7 @@ def sealed(thickness, floor_quads, ground=4.0, place=(0.0, 0.0)):
 def relit(scene, rounds=4):
     """(scene with details, radiance under a white sky, Gathered of each round)."""
     caster = caster_of(scene)
-    scene = run(detail_steps(scene, caster, 0))
+    scene, _ = run(detail_steps(scene, caster, 0))
     every = slice(0, len(scene.points))
     bits = visibility_bits(scene, CUBE, caster, every)
     white = np.ones((CUBE.n_directions, 1), np.float32)
@@ -94,8 +94,8 @@ def test_a_sealed_room_is_dark(thickness, floor_quads, ground):
 
 def test_the_room_would_not_be_dark_by_corners_alone(monkeypatch):
     monkeypatch.setattr(
-        Sharing, "_hand", lambda self, caster, places, some, points, chosen:
-        chosen.__setitem__(some, points) or np.ones(len(some), bool),
+        Sharing, "_hand", lambda self, caster, places, some, points, handed:
+        handed.chosen.__setitem__(some, points) or np.ones(len(some), bool),
     )  # fmt: skip
     scene, radiance, _ = relit(Scene.from_meshes(sealed(0.02, 20)))
     assert radiance[scene.points.object_index == 2].max() > 0.05
@@ -139,7 +139,7 @@ def test_a_hit_is_shared_in_proportion_among_the_corners_it_sees():
     hits = Hits(np.full(20000, first, np.int32), barycentric, np.full(20000, 0.3, np.float32))
     down = np.tile(np.float32([[0, 0, -1]]), (20000, 1))
     pick = np.random.default_rng(0).random(20000).astype(np.float32)
-    ends, unlit, hidden = Sharing(scene).ends(caster, hits, down, pick)
+    ends, unlit, hidden, short = Sharing(scene).ends(caster, hits, down, pick)
     around, weights = scene.hit_points([first], barycentric[:1], np.zeros(1, bool))
     at = scene.to_world(scene.points.positions[around[0]])
     seen = at[:, :2].min(axis=1) < 0.5
@@ -147,4 +147,7 @@ def test_a_hit_is_shared_in_proportion_among_the_corners_it_sees():
     shares = np.array([(ends == point).mean() for point in around[0]])
     wanted = np.where(seen, weights[0], 0) / weights[0][seen].sum()
     np.testing.assert_allclose(shares, wanted, atol=4 * np.sqrt(0.25 / 20000))
+    # One ray for the corner that is picked, another where it is refused.
+    assert set(short.tolist()) == {1, 2}
+    assert short.mean() - 1 == pytest.approx(weights[0][~seen].sum(), abs=0.015)
     caster.close()

@@ -1,0 +1,91 @@
+"""What is kept with a bake for relighting and pictures: lamps, world, camera, digests of meshes.
+
+They may change without any ray being cast again, so a finished bake takes new ones.
+"""
+
+from dataclasses import asdict
+
+from prt_core.errors import PRTError, expect, expect_named
+from prt_core.light import Lamp
+from prt_core.light.environment import expect_radiance
+from prt_core.scene import expect_camera
+from prt_core.store import damage_said
+
+# How the arrays that hold the world's light begin; the fact "world" names the one that does.
+_WORLD = "world"
+
+
+def light_facts(lamps=(), world=None, camera=None, source=None):
+    """Facts of lamps, camera and source, and the light of the world, as `keep_lights` takes them.
+
+    Parameters
+    ----------
+    lamps, world, camera, source
+        See `bake_steps`.
+
+    Returns
+    -------
+    facts : dict
+    world : (n_directions, 3) float32, or None
+    """
+    facts = {"lamps": [asdict(lamp) for lamp in lamps], "camera": camera, "source": source or {}}
+    return facts, world
+
+
+def keep_lights(store, facts, world):
+    """Put them in place of those that a store has; where they are the same it is not touched."""
+    name, old = None, store.facts.get("world")
+    with damage_said(store.path):
+        spare = _new_name(old)
+    if world is not None:
+        # A finished bake keeps the old light until the new one is named.
+        stays = _is_same(store, old, world) or not store.is_complete
+        name = old if old and stays else spare
+        store.keep(name, world)
+        store.files.sync(name)
+    if store.is_complete:
+        arrays = {key: value for key, value in store.facts["arrays"].items() if key != old}
+        facts["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
+    store.update(world=name, **facts)
+    # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
+    for other in store.names():
+        if other.startswith(_WORLD) and other != name:
+            store.remove(other)
+
+
+def read_lights(store, cube_map):
+    """Lamps, world, camera and source of a store, as `Bake` has them.
+
+    Raises
+    ------
+    PRTError
+        They are damaged or out of range.
+    """
+    facts = store.facts
+    with damage_said(store.path):
+        lamps = [Lamp(**lamp) for lamp in facts["lamps"]]
+        camera, source, name = facts["camera"], facts["source"], facts["world"]
+        if camera is not None:
+            expect_camera(camera)
+        expect_named("source", source, str, "digests")
+        expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
+        world = None
+        if name is not None:
+            shape = cube_map.n_directions, 3
+            world = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
+    return lamps, world, camera, source
+
+
+def _is_same(store, name, world):
+    try:
+        return name is not None and store.read(name).tobytes() == world.tobytes()
+    except PRTError:
+        return False
+
+
+def _new_name(old):
+    return f"{_WORLD}{_number(old) + 1 if old else 1}"
+
+
+def _number(name):
+    return int(name.removeprefix(_WORLD))

@@ -1,0 +1,103 @@
+"""The store that a bake is written into: begun, gone on with, or beside the one it will replace."""
+
+import os
+from pathlib import Path
+
+from prt_core.errors import PRTError, expect
+from prt_core.store.facts import damage_said
+from prt_core.store.places import (
+    beside,
+    expect_removable,
+    finish_swap,
+    remove_bake_folder,
+    remove_leftovers,
+    swap,
+    was_swapping,
+)
+from prt_core.store.store import BakeStore
+
+
+def begin_bake(path, identity, restart=False):
+    """The store that a bake of a scene with settings is written into.
+
+    What is in its place stays as it is; the first `update` makes a folder that is not there.
+
+    Parameters
+    ----------
+    path : str or Path
+        `NAME.prt`.
+    identity : dict
+        Digest of the scene, and settings.
+    restart : bool or "changed"
+        Begin anew whatever is there; or only where that is of another identity. What is there
+        stays until `finish_bake`; a restart that was stopped goes on.
+
+    Returns
+    -------
+    BakeStore
+
+    Raises
+    ------
+    PRTError
+        The folder holds a bake of another identity, or none of this library.
+    """
+    path = Path(path)
+    swapping = was_swapping(path)
+    finish_swap(path)
+    if restart is True and swapping:
+        # All that the restart had not done yet is to remove the old bake.
+        found = _read(path)
+        if found is not None and found.facts.get("identity") == identity:
+            remove_leftovers(path)
+            return found
+    if restart is True or _waits_beside(path, identity):
+        return _begin_beside(path, identity)
+    store = BakeStore(path, "a")
+    remove_leftovers(path)
+    with damage_said(path):
+        found = store.facts.get("identity") or identity
+        different = sorted(key for key in identity if found.get(key) != identity[key])
+    if different and restart == "changed":
+        return _begin_beside(path, identity)
+    expect(
+        not different,
+        f"{path}: holds a bake with another {', '.join(different)}; choose another output "
+        "or add --restart to replace it",
+    )
+    return store
+
+
+def finish_bake(store, path):
+    """Put a finished bake in its place; the `BakeStore` there."""
+    path = Path(path)
+    if store.path != path:
+        swap(path)
+        return BakeStore(path, "r+")
+    return store
+
+
+def _begin_beside(path, identity):
+    if os.path.lexists(path):
+        expect_removable(path)
+    found = _read(beside(path))
+    if found is not None and found.facts.get("identity") not in (None, identity):
+        found = None
+    if found is None:
+        remove_bake_folder(beside(path))
+        found = BakeStore(beside(path), "a")
+    return found
+
+
+def _waits_beside(path, identity):
+    """Whether a restart that was stopped had nothing to replace, and is of this identity."""
+    if os.path.lexists(path) or not os.path.lexists(beside(path)):
+        return False
+    found = _read(beside(path))
+    return found is not None and found.facts.get("identity") == identity
+
+
+def _read(path):
+    try:
+        return BakeStore(path, "a")
+    except PRTError:
+        return None

@@ -1,0 +1,151 @@
+"""A small bake to be damaged, and ways to damage it."""
+
+import json
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, Lamp, Scene, bake_steps, run
+from prt_core.store import BakeStore
+from tests.meshes import plane, sphere
+
+SETTINGS = BakeSettings(resolution=4, tolerance=0.05, caster="auto")
+LAMPS = [Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")]
+WORLD = np.random.default_rng(3).random((96, 3)).astype(np.float32)
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
+
+
+@pytest.fixture(scope="session")
+def scene():
+    ball = sphere(6, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
+    return Scene.from_meshes([ball, plane(9, albedo=0.7)])
+
+
+@pytest.fixture(scope="session")
+def finished(scene, tmp_path_factory):
+    """A bake that no test changes."""
+    path = tmp_path_factory.mktemp("bakes") / "a.prt"
+    bake_in_small_blocks(scene, path, SETTINGS)
+    return path
+
+
+def bake_in_small_blocks(scene, path, settings):
+    """For fixtures that are made before those of a test."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
+        run(bake_steps(scene, path, settings, LAMPS, WORLD))
+
+
+@pytest.fixture
+def baked(finished, tmp_path):
+    return shutil.copytree(finished, tmp_path / "a.prt")
+
+
+@pytest.fixture
+def quick_folder(tmp_path):
+    """A folder in memory, where there is one: for tests of thousands of files."""
+    memory = Path("/dev/shm")
+    if not memory.is_dir():
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def bake_again(scene):
+    """Run the same bake again, on a path."""
+
+    def again(path, settings=SETTINGS, **options):
+        return run(bake_steps(scene, path, settings, LAMPS, WORLD, **options))
+
+    return again
+
+
+def arrays(path):
+    """All arrays of a bake, by name."""
+    store = BakeStore(path)
+    return {name: store.array(name).read() for name in store.names()}
+
+
+def expect_same(path, other):
+    """Fail unless two bakes hold the same arrays, bit by bit."""
+    one, two = arrays(path), arrays(other)
+    assert sorted(one) == sorted(two)
+    for name, array in one.items():
+        np.testing.assert_array_equal(array, two[name], err_msg=name)
+
+
+def edit_text(path, change):
+    """Edit the facts as with a text editor."""
+    meta = json.loads((path / "zarr.json").read_text())
+    change(meta["attributes"])
+    (path / "zarr.json").write_text(json.dumps(meta))
+
+
+def forge_facts(path, **facts):
+    """Edit the facts as this library does, with a new seal."""
+    BakeStore(path, "r+").update(**facts)
+
+
+def forge_array(path, name, change):
+    """Replace an array, with all digests as this library makes them."""
+    store = BakeStore(path, "r+")
+    array = store.array(name)
+    values = change(array.read())
+    made = store.create(name, values.shape, values.dtype)
+    made[...] = values
+    store.update(arrays={**store.facts["arrays"], name: made.digest()})
+
+
+def write_zeros(name):
+    """Damage: an array of this library's making, but not of this bake's."""
+
+    def damage(path):
+        store = BakeStore(path, "r+")
+        array = store.array(name)
+        made = store.create(name, array.shape, array.dtype, array._layout.chunks)
+        made[...] = array.read() * 0
+
+    return damage
+
+
+class Cut(Exception):
+    """The power fails."""
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Counts the rays that the caster named `counted` casts, and fails after `limit` of them."""
+    from prt_core.rays import caster as casters
+
+    count = SimpleNamespace(rays=0, limit=np.inf)
+    make = casters._FACTORIES["brute" if "embree" not in casters._FACTORIES else "embree"]
+
+    def made(vertices, triangles):
+        caster = make(vertices, triangles)
+        for name in ("occluded", "intersect"):
+            setattr(caster, name, _counting(getattr(caster, name), count))
+        return caster
+
+    monkeypatch.setitem(casters._FACTORIES, "counted", made)
+    return count
+
+
+def _counting(cast, count):
+    def counting(origins, *rest):
+        if count.rays >= count.limit:
+            raise Cut
+        count.rays += len(origins)
+        return cast(origins, *rest)
+
+    return counting

@@ -1,0 +1,296 @@
+"""A bake that was stopped or damaged goes on: what is whole is kept, the rest is made again."""
+
+import json
+import os
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, PRTError, bake_steps, load, run
+from prt_core.store import BakeStore
+from tests.core.store.conftest import (
+    LAMPS,
+    SETTINGS,
+    WORLD,
+    Cut,
+    edit_text,
+    expect_same,
+    forge_facts,
+    write_zeros,
+)
+
+COUNTED = replace(SETTINGS, caster="counted")
+SAMPLED = BakeSettings(
+    resolution=6, tolerance=0.05, bounces=0, method="agreement", caster="counted"
+)
+
+
+@pytest.mark.parametrize("stop", [2, 3, 5, 7, 9, 12])
+def test_a_bake_that_was_stopped_goes_on_to_the_same_bytes(
+    scene, finished, bake_again, tmp_path, stop
+):
+    path = tmp_path / "b.prt"
+    steps = bake_steps(scene, path, SETTINGS, LAMPS, WORLD)
+    for _ in range(stop):
+        next(steps)
+    steps.close()
+    with pytest.raises(PRTError, match="not finished"):
+        load(path)
+    report = bake_again(path)
+    expect_same(path, finished)
+    # Some rays were cast before the clock was started: no speed is better than a wrong one.
+    assert report["rays_per_second"] is None
+    assert any("stopped and went on" in message for message in report["messages"])
+    assert load(finished).report["rays_per_second"] > 0
+
+
+def _remove_all_but(*kept):
+    def change(path):
+        for entry in list(path.iterdir()):
+            if entry.name not in kept:
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+
+    return change
+
+
+def _first_moments(path):
+    _remove_all_but()(path)
+    (path / f"zarr.json.{'0a' * 8}.part").write_bytes(b'{"zarr_')
+    (path / f"zarr.{'0a' * 16}.partial").write_bytes(b"")
+
+
+def _no_identity(path):
+    _remove_all_but("zarr.json")(path)
+    facts = BakeStore(path).facts
+    keep = {key: facts[key] for key in ("format", "version")}
+    from prt_core.store.facts import write_facts
+
+    write_facts(BakeStore(path).files, {**keep, "complete": False})
+
+
+@pytest.mark.parametrize("restart", [False, True, "changed"])
+@pytest.mark.parametrize(
+    "moment",
+    [
+        shutil.rmtree,
+        _remove_all_but(),
+        _remove_all_but("visibility", "point_albedo"),
+        _first_moments,
+        _no_identity,
+    ],
+)
+def test_a_bake_that_was_killed_in_its_first_moments_is_begun(
+    baked, finished, bake_again, moment, restart
+):
+    moment(baked)
+    with pytest.raises(PRTError, match="no such bake|first moments|not finished"):
+        load(baked)
+    bake_again(baked, restart=restart)
+    expect_same(baked, finished)
+    assert [p.name for p in baked.parent.glob("*.prt*")] == ["a.prt"]
+    assert not list(baked.rglob("*.part*"))
+
+
+def test_facts_are_written_at_the_ends_of_stages_only(scene, tmp_path, monkeypatch):
+    written = []
+    from prt_core.store.files import Files
+
+    write = Files.write
+
+    def counting(self, key, data, lasting=False):
+        written.append(key)
+        write(self, key, data, lasting)
+
+    monkeypatch.setattr(Files, "write", counting)
+    run(bake_steps(scene, tmp_path / "b.prt", SETTINGS, LAMPS, WORLD))
+    blocks = sum(key.startswith("visibility/c") for key in written)
+    assert blocks > 10 and written.count("zarr.json") <= 7
+    assert written[-1] == "zarr.json"
+
+
+def unfinished(path):
+    """As if the bake had been killed just before its end."""
+    facts = BakeStore(path).facts
+    assert facts["complete"]
+    forge_facts(path, complete=False)
+    return path
+
+
+def _unlink(name):
+    return lambda path: (path / name).unlink()
+
+
+def _flip(name):
+    def damage(path):
+        data = bytearray((path / name).read_bytes())
+        data[len(data) // 3] ^= 4
+        (path / name).write_bytes(bytes(data))
+
+    return damage
+
+
+def _cut(name):
+    return lambda path: os.truncate(path / name, (path / name).stat().st_size // 2)
+
+
+def _swap(one, two):
+    def damage(path):
+        os.rename(path / one, path / "x")
+        os.rename(path / two, path / one)
+        os.rename(path / "x", path / two)
+
+    return damage
+
+
+def _shorter(name):
+    def damage(path):
+        meta = json.loads((path / name / "zarr.json").read_text())
+        meta["shape"][0] -= 1
+        (path / name / "zarr.json").write_text(json.dumps(meta))
+
+    return damage
+
+
+# What is done to a bake, and the share of its rays that is cast again at most.
+BLOCK, NONE, ALL = 0.2, 0.0, 1.0
+DAMAGE = [
+    (_unlink("visibility/c/1/0"), BLOCK),
+    (_flip("visibility/c/1/0"), BLOCK),
+    (_cut("visibility/c/1/0"), BLOCK),
+    (_swap("visibility/c/1/0", "visibility/c/2/0"), BLOCK),
+    (_swap("visibility", "gather"), ALL),
+    (_unlink("visibility/zarr.json"), NONE),
+    (_flip("visibility/zarr.json"), NONE),
+    (_shorter("visibility"), NONE),
+    (_unlink("visibility_rays/c/1"), BLOCK),
+    (_flip("visibility_rays/c/1"), BLOCK),
+    (_swap("gather/c/1/0", "gather/c/1/1"), BLOCK),
+    (_flip("gather/c/1/0"), BLOCK),
+    (_unlink("gather_rays/c/1/2/0"), BLOCK),
+    (_flip("gather_rays/c/1/2/0"), BLOCK),
+    (_shorter("gather"), NONE),
+    (_unlink("blocked/c/0"), NONE),
+    (_flip("point_albedo/c/0/0"), NONE),
+    (_swap("point_normals/c/0/0", "point_geometric_normals/c/0/0"), NONE),
+    (_swap("point_normals", "point_areas"), NONE),
+    (write_zeros("point_albedo"), NONE),
+    (_unlink("scene_lattice/zarr.json"), NONE),
+    (_flip("object_corner_point/c/0"), NONE),
+    (_shorter("point_positions"), NONE),
+    (_flip("world1/c/0/0"), NONE),
+    (lambda path: shutil.rmtree(path / "scene_triangles"), NONE),
+    (lambda path: shutil.rmtree(path / "visibility"), ALL),
+    (lambda path: shutil.copyfile(path / "gather/c/1/0", path / "gather/c/1/5"), NONE),
+    (lambda path: os.rename(path / "point_areas", path / "areas"), NONE),
+]
+
+
+@pytest.mark.parametrize("finish", [True, False])
+@pytest.mark.parametrize("damage, share", DAMAGE)
+def test_what_is_damaged_is_made_again_and_nothing_else(
+    scene, baked, finished, counted, damage, share, finish
+):
+    """Of a bake that is not finished as well as of one that is."""
+    if not finish:
+        unfinished(baked)
+    damage(baked)
+    run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    shutil.rmtree(baked / "areas", ignore_errors=True)
+    expect_same(baked, finished)
+    load(baked)
+    assert counted.rays <= share * load(finished).report["rays"]
+    assert counted.rays > 0 or share == NONE
+
+
+def test_arrays_without_facts_are_gone_on_with(scene, baked, finished, counted):
+    (baked / "zarr.json").unlink()
+    run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    assert counted.rays == 0
+    expect_same(baked, finished)
+
+
+def test_a_sound_bake_goes_on_without_a_ray(scene, baked, finished, counted):
+    unfinished(baked)
+    run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    assert counted.rays == 0
+    expect_same(baked, finished)
+
+
+@pytest.mark.parametrize("name", ["visibility/c/1/0", "traced/c/0/0"])
+def test_sampled_bits_that_are_damaged_are_sampled_again(scene, tmp_path, counted, name):
+    whole, broken = tmp_path / "a.prt", tmp_path / "b.prt"
+    run(bake_steps(scene, whole, SAMPLED))
+    rays = counted.rays
+    shutil.copytree(whole, broken)
+    _flip(name)(broken)
+    run(bake_steps(scene, broken, SAMPLED))
+    assert counted.rays == 2 * rays
+    expect_same(broken, whole)
+
+
+@pytest.mark.parametrize("damage", [_flip, _cut, _unlink])
+def test_a_damaged_part_of_the_journal_is_cast_again(scene, tmp_path, counted, monkeypatch, damage):
+    monkeypatch.setattr("prt_core.store.journal.CHUNK", 4096)
+    whole, broken = tmp_path / "a.prt", tmp_path / "b.prt"
+    run(bake_steps(scene, whole, SAMPLED))
+    rays, counted.limit, counted.rays = counted.rays, 0.7 * counted.rays, 0
+    with pytest.raises(Cut):
+        run(bake_steps(scene, broken, SAMPLED))
+    damage("ray_journal/c/1/0")(broken)
+    counted.limit = np.inf
+    run(bake_steps(scene, broken, SAMPLED))
+    assert rays + 4096 <= counted.rays <= rays + 3 * 4096
+    expect_same(broken, whole)
+
+
+def test_a_journal_that_a_kill_left_behind_goes(scene, tmp_path, counted):
+    whole, path = tmp_path / "a.prt", tmp_path / "b.prt"
+    run(bake_steps(scene, whole, SAMPLED))
+    rays = counted.rays
+    store = BakeStore(unfinished(shutil.copytree(whole, path)), "r+")
+    store.create("ray_journal", (7, 5), "uint8", (1, 5))[0] = 3
+    run(bake_steps(scene, path, SAMPLED))
+    expect_same(path, whole)
+    assert counted.rays == rays
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda f: f["settings"].update(bounces=0), "damaged or edited; bake again with --restart"),
+        (lambda f: f["identity"].update(resolution=5), "damaged or edited"),
+        (lambda f: f.update(complete=True), "damaged or edited"),
+    ],
+)
+def test_edited_facts_are_not_gone_on_with(baked, finished, bake_again, change, message):
+    unfinished(baked)
+    edit_text(baked, change)
+    with pytest.raises(PRTError, match=message):
+        bake_again(baked)
+    bake_again(baked, restart=True)
+    expect_same(baked, finished)
+
+
+@pytest.mark.parametrize("stop", [4, 9, 14])
+def test_a_folder_that_is_removed_in_mid_bake_ends_it_and_the_next_works(
+    scene, finished, bake_again, tmp_path, stop
+):
+    path = tmp_path / "b.prt"
+    steps = bake_steps(scene, path, SETTINGS, LAMPS, WORLD)
+    for _ in range(stop):
+        next(steps)
+    shutil.rmtree(path)
+    with pytest.raises(PRTError, match="was removed|removed this bake|is missing|lacks") as caught:
+        run(steps)
+    assert "\n" not in str(caught.value)
+    assert not path.exists()
+    bake_again(path)
+    expect_same(path, finished)
+
+
+def test_a_caster_that_cannot_be_made_leaves_no_folder(scene, tmp_path):
+    with pytest.raises(PRTError, match="caster"):
+        run(bake_steps(scene, tmp_path / "b.prt", replace(SETTINGS, caster="none")))
+    assert not (tmp_path / "b.prt").exists()

@@ -12,8 +12,10 @@ from bpy.app.handlers import persistent
 
 from prt_core import run
 from prt_core.blender import casters
+from prt_core.blender.identity import by_uid
+from prt_core.blender.stand_ins import arrange
 
-from . import bakes, plan, preview, work
+from . import bakes, naming, plan, preview, saving, views, work
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
 # and plans are made; of work in one call of the timer, and in the call that a slider makes where
@@ -27,11 +29,14 @@ class _State:
     """What is to be done and what is under way; nothing of it outlives the file."""
 
     def __init__(self):
-        self.scene = None  # name of the scene to relight
+        self.scene = None  # session_uid of the scene to relight
         self.show = False  # whether the look has changed, not only the light
         self.touched = 0.0  # when something changed last
         self.job = None  # generator under way
-        self.kind = None  # "draft", "full" or "plan"
+        self.kind = None  # "draft", "full", "check" or "plan"
+        self.previewed = False  # whether a scene of the file showed a preview when last looked at
+        self.at = None  # session_uid of the scene that was looked at
+        self.rearrange = False  # whether objects came or went
         self.rendering = False
         self.writing = False
         self.begun = False  # whether the timer has looked at the file
@@ -46,7 +51,7 @@ def touch(scene, show=False):
     """The light of a scene, or the look of its preview, has changed."""
     if bpy.app.background or _NOW.writing:
         return
-    _NOW.scene = scene.name
+    _NOW.scene = scene.session_uid
     _NOW.show |= show
     _NOW.touched = time.perf_counter()
 
@@ -68,6 +73,17 @@ def start():
 def geometry_changed(scene):
     """Objects, or how they are baked, have changed."""
     plan.outdate(scene)
+
+
+def settings_changed(scene):
+    """How a scene would be baked has changed, not what."""
+    plan.outdate(scene, geometry=False)
+
+
+def note_preview():
+    """Remember whether the file shows a preview: an undo step may take it away."""
+    _NOW.previewed = any(scene.prt.loaded for scene in bpy.data.scenes)
+    return _NOW.previewed
 
 
 def idle():
@@ -101,6 +117,7 @@ def _work():
         # The add-on was enabled, or a file loaded: colours may be of an older light.
         _NOW.begun = True
         touch(bpy.context.scene, show=True)
+    _look_around()
     if _NOW.job is None or (_NOW.kind == "full" and _changed_lately()):
         stop()
         _begin()
@@ -108,6 +125,20 @@ def _work():
         return _IDLE
     _go_on(_HOLD / 2 if _soon() and _NOW.kind == "draft" else _BUDGET)
     return 0.0 if _NOW.job is not None else _IDLE / 5
+
+
+def _look_around():
+    """Small things that no event tells of at the time when they can be done."""
+    scene = bpy.context.scene
+    if scene.session_uid != _NOW.at:
+        if _NOW.at is not None:
+            work.say("")  # it was said of the scene before
+        bakes.refresh(scene)
+        _NOW.at = scene.session_uid
+    if _NOW.rearrange and not _changed_lately():
+        _NOW.rearrange = False
+        for each in bpy.data.scenes:
+            arrange(each)
 
 
 def _soon():
@@ -136,33 +167,91 @@ def _changed_lately():
 
 
 def _begin():
-    """Start what is most urgent: colours of the new light, then their full rays, then a plan."""
-    scene = bpy.data.scenes.get(_NOW.scene) if _NOW.scene else None
+    """Start what is most urgent: colours of the new light, then their full rays, then a look at
+    the scene: a plan where the panel asks for one, else whether the bake is still of it."""
+    scene = by_uid(bpy.data.scenes, _NOW.scene) if _NOW.scene else None
     if scene is not None and scene.prt.loaded and scene.prt.live:
         draft = _changed_lately()
-        _NOW.job, _NOW.kind = _relight_steps(scene.name, draft), "draft" if draft else "full"
+        _NOW.job, _NOW.kind = _relight_steps(scene, draft), "draft" if draft else "full"
         return
     _NOW.scene = None
+    if _changed_lately():
+        return
     scene = plan.wanted()
-    if scene is not None and not _changed_lately():
+    if scene is not None:
         _NOW.job, _NOW.kind = _plan_steps(scene), "plan"
+    elif _wants_check(bpy.context.scene):
+        _NOW.job, _NOW.kind = _check_steps(bpy.context.scene), "check"
+
+
+def _wants_check(scene):
+    """Whether the scene of the bake in memory was changed, and is read in a moment."""
+    if preview.held(scene) is None:
+        return False
+    read, holds = plan.reading(scene)
+    return read is None or (not holds and read.seconds < plan.MOST_SECONDS)
 
 
 def _plan_steps(scene):
     bakes.refresh(scene)
+    uid = scene.session_uid
     try:
         yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
     except work.FAILURES:
         pass  # the plan keeps what is wrong, and the panel draws it
+    note_stale(by_uid(bpy.data.scenes, uid))
     work.redraw()
 
 
-def _relight_steps(name, draft):
-    since, scene = _NOW.touched, bpy.data.scenes[name]
+def _check_steps(scene):
+    uid, there = scene.session_uid, preview.held(scene)
+    yield from preview.check_steps(scene, there, work.PACE)
+    note_stale(by_uid(bpy.data.scenes, uid))
+    work.redraw()
+
+
+def warn_steps(operator, scene, there, pace):
+    """Read the scene; an operator says in one line where it is not the one that was baked."""
+    found = yield from preview.check_steps(scene, there, pace)
+    there.warned = preview.warning(there, found)
+    if there.warned:
+        operator.report({"WARNING"}, there.warned)
+
+
+def note_stale(scene, differs=""):
+    """Note for the panel whether a scene is still the one that was baked; the line that says not.
+
+    Without a window it is printed, where it is new.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene, or None where it is gone
+    differs : Changes or str
+        What differs, where more is known than from the last reading.
+    """
+    there = None if scene is None else preview.held(scene)
+    if there is None:
+        return ""
+    text = preview.warning(there, preview.found(scene, there) or differs)
+    if bpy.app.background and text and text != there.warned:
+        work.say(text, True)
+        print(f"PRT: WARNING: {text}")
+    there.warned = text
+    return text
+
+
+def _relight_steps(scene, draft):
+    since, uid = _NOW.touched, scene.session_uid
     there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-    scene = bpy.data.scenes.get(name)
+    scene = by_uid(bpy.data.scenes, uid)
     if scene is None:
         return
+    if plan.reading(scene)[0] is None:
+        # A file was opened: is its bake still one of this scene?
+        yield from _check_steps(scene)
+        scene = by_uid(bpy.data.scenes, uid)
+        if scene is None:
+            return
     full = preview.request(scene)
     asked = preview.request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
@@ -173,7 +262,7 @@ def _relight_steps(name, draft):
     if shown is not None and shown.key == asked.key and not _NOW.show:
         return  # the draft is there; the full rays come when all is quiet
     radiance = yield from asked.steps(there, work.PACE)
-    yield from show_steps(name, there, radiance, asked, work.PACE)
+    yield from show_steps(uid, there, radiance, asked, work.PACE)
     delays.append(time.perf_counter() - since)
     del delays[:-100]
     if last:
@@ -185,12 +274,12 @@ def _done(since):
         _NOW.scene, _NOW.show = None, False
 
 
-def show_steps(name, there, radiance, asked, pace=None):
+def show_steps(uid, there, radiance, asked, pace=None):
     """Write colours on a scene's meshes; objects that were renamed are found by what they are."""
-    scene = bpy.data.scenes[name]
-    if preview.missing(there):
+    scene = by_uid(bpy.data.scenes, uid)
+    if preview.missing(scene, there):
         yield from preview.check_steps(scene, there, pace)
-        scene = bpy.data.scenes[name]
+        scene = by_uid(bpy.data.scenes, uid)
     _NOW.writing = True
     try:
         preview.write(scene, there, radiance, asked)
@@ -207,6 +296,17 @@ def _updated(scene, depsgraph):
     """Blender evaluated a change: was it the light, or what is baked?"""
     if _NOW.writing or bpy.app.background or casters.is_temporary(scene):
         return
+    light, geometry = _what_changed(depsgraph)
+    _NOW.rearrange |= any(isinstance(u.id, bpy.types.Collection | bpy.types.Scene)
+                          for u in depsgraph.updates)  # fmt: skip
+    if geometry:
+        geometry_changed(scene)
+    if light or geometry:
+        touch(scene)
+
+
+def _what_changed(depsgraph):
+    """(whether the light, whether what is baked) is among what was evaluated anew."""
     light = geometry = False
     for update in depsgraph.updates:
         changed = update.id
@@ -215,25 +315,26 @@ def _updated(scene, depsgraph):
         elif isinstance(changed, bpy.types.Object):
             if changed.type == "LIGHT":
                 light = True
-            elif changed.type in plan.GEOMETRY:
+            elif changed.type in plan.GEOMETRY or changed.instance_type != "NONE":
                 geometry |= update.is_updated_transform or update.is_updated_geometry
         elif isinstance(changed, bpy.types.Material | bpy.types.Collection):
             geometry = True
         elif isinstance(changed, bpy.types.NodeTree):
             light = True
-    if geometry:
-        geometry_changed(scene)
-    if light or geometry:
-        touch(scene)
+    return light, geometry
 
 
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
-    if not scene.prt.loaded or not scene.prt.live:
+    if not scene.prt.loaded:
         return
     if not (_NOW.rendering or bpy.app.background):
+        if depsgraph is not None and _what_changed(depsgraph)[1]:
+            geometry_changed(scene)
         touch(scene)
+        return
+    if not scene.prt.live:
         return
     try:
         run(_frame_steps(scene, depsgraph))
@@ -244,13 +345,26 @@ def _frame_changed(scene, depsgraph=None):
 
 def _frame_steps(scene, depsgraph):
     there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+    yield from _frame_check(scene, there, depsgraph)
     asked = preview.request(scene, depsgraph=depsgraph)
     if there.shown is not None and there.shown.key == asked.key:
         return
     radiance = yield from asked.steps(there)
-    if preview.missing(there):
+    if preview.missing(scene, there):
         yield from preview.check_steps(scene, there)
     preview.write(scene, there, radiance, asked)
+
+
+def _frame_check(scene, there, depsgraph):
+    """Say what is not as it was baked: once in full, then by what moves from frame to frame.
+
+    In a window the rendering thread may not read the whole scene; the timer has done so.
+    """
+    if bpy.app.background and plan.reading(scene)[0] is None:
+        yield from preview.check_steps(scene, there)
+    names = plan.moved(scene, depsgraph)
+    some = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
+    note_stale(scene, f"{some} changed" if names else "")
 
 
 @persistent
@@ -278,7 +392,14 @@ def _before_file(*_):
 @persistent
 def _after_file(*_):
     _NOW.__init__()
+    naming.another_file()
+    work.forget()
     casters.remove_left_over()
+    if not note_preview():
+        views.restore()  # the windows of the file before
+    for scene in bpy.data.scenes:
+        # What no file keeps: that linked objects are hidden.
+        arrange(scene)
 
 
 @persistent
@@ -291,18 +412,40 @@ def _before_undo(*_):
 def _before_save(path="", *_):
     """Files must not keep the casters' data-blocks; bakes are found from a new folder as well."""
     casters.release_all()
-    for scene in bpy.data.scenes if path else ():
-        preview.follow(scene, path)
+    if path:
+        try:
+            saving.before(path)
+        except work.FAILURES as error:
+            work.say(f"the bake could not be saved with the file: {error}", True)
+
+
+@persistent
+def _after_save(path="", *_):
+    saving.after(path or None)
+
+
+@persistent
+def _save_failed(*_):
+    saving.after()
 
 
 @persistent
 def _after_undo(*_):
+    """Views and messages are no part of an undo step: they follow the data."""
     casters.remove_left_over()
     for scene in bpy.data.scenes:
         plan.outdate(scene)
         there = preview.held(scene)
         if there is not None:
-            there.shown, there.renamed = None, {}
+            there.shown = None
+    before, now = _NOW.previewed, note_preview()
+    work.say("")
+    if before and not now:
+        views.restore()
+        work.say("The preview is undone; its bake stays on the disk")
+    elif now and not before:
+        views.show()
+    _NOW.rearrange = True
     touch(bpy.context.scene, show=True)
 
 
@@ -315,6 +458,8 @@ _HANDLERS = (
     ("load_pre", _before_file),
     ("load_post", _after_file),
     ("save_pre", _before_save),
+    ("save_post", _after_save),
+    ("save_post_fail", _save_failed),
     ("undo_pre", _before_undo),
     ("redo_pre", _before_undo),
     ("undo_post", _after_undo),

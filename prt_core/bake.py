@@ -80,6 +80,8 @@ class Bake:
         Digests of the meshes the bake was made from.
     path : Path, or None
         Where it was loaded from.
+    origin : dict of str -> str
+        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
     """
 
     scene: Scene
@@ -91,6 +93,7 @@ class Bake:
     report: dict
     source: dict = field(default_factory=dict)
     path: Path | None = None
+    origin: dict = field(default_factory=dict)
 
     @property
     def cube_map(self):
@@ -151,6 +154,7 @@ def bake_steps(
     restart=False,
     pace=None,
     lights=None,
+    origin=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `progress.run`).
 
@@ -176,6 +180,8 @@ def bake_steps(
     lights : dict of str -> (n_directions, 3) float32, optional
         Under which the sampled visibility must be within the tolerance; default: an even sky and
         two soft suns.
+    origin : dict of str -> str, optional
+        Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
 
     Returns
     -------
@@ -196,7 +202,7 @@ def bake_steps(
         made.append(make_caster(settings.caster, scene.vertices, scene.triangles))
         return made[0]
 
-    parts = (lamps, world, camera, source)
+    parts = (lamps, world, camera, source, origin)
     try:
         if pace is None:
             return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
@@ -256,11 +262,14 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     return report
 
 
-def _write_lights(store, lamps, world, camera, source):
+def _write_lights(store, lamps, world, camera, source, origin):
     """Lamps, world and camera may change without any ray being cast again."""
     if world is not None:
         store.write("world", np.asarray(world, np.float32))
-    store.update(lamps=[asdict(lamp) for lamp in lamps], camera=camera, source=source or {})
+    kept = store.facts.get("origin") or origin  # whoever began a bake has it
+    store.update(
+        lamps=[asdict(lamp) for lamp in lamps], camera=camera, source=source or {}, origin=kept
+    )
 
 
 def _same_bake(path, found, wanted):
@@ -394,5 +403,6 @@ def load(path):
         min(tolerance / 5, 1e-3),
         bounces,
     )
-    source = facts.get("source") or {}
-    return Bake(scene, transport, lamps, world, camera, settings, report, source, Path(path))
+    source, origin = facts.get("source") or {}, facts.get("origin") or {}
+    parts = (lamps, world, camera, settings, report, source, Path(path), origin)
+    return Bake(scene, transport, *parts)

@@ -49,6 +49,8 @@ class Mesh:
         Whether colours can go to the object's own mesh (see `blender.colours`).
     owner : str, optional
         The object a person knows it by: that of the instances, or itself.
+    library : str
+        Of the owner, where it is linked; names of objects are unique in their library only.
     corner_uv : (n_corners, 2) float, optional
         For geometry images.
     """
@@ -65,6 +67,7 @@ class Mesh:
     face_sizes: np.ndarray | None = None
     own_mesh: bool = False
     owner: str | None = None
+    library: str = ""
     corner_uv: np.ndarray | None = None
 
     def __post_init__(self):
@@ -140,6 +143,7 @@ class SceneObject:
     two_sided: bool
     own_mesh: bool
     owner: str
+    library: str = ""
 
 
 @dataclass
@@ -220,6 +224,7 @@ class Scene:
                 mesh.two_sided,
                 mesh.own_mesh,
                 mesh.owner,
+                mesh.library,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True

@@ -46,6 +46,7 @@ def write_scene(store, scene):
                 "two_sided": item.two_sided,
                 "own_mesh": item.own_mesh,
                 "owner": item.owner,
+                "library": item.library,
             }
             for item in scene.objects
         ],
@@ -94,6 +95,7 @@ def read_scene(store):
                     bool(item["two_sided"]),
                     bool(item["own_mesh"]),
                     str(item.get("owner", item["name"])),
+                    str(item.get("library", "")),
                 )
             )
             corner, face = part.stop, face + item["n_faces"]

@@ -119,7 +119,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         )
         pattern = bpy.path.abspath(self.filepath)
         self.begin(context)
-        before = scene.frame_current
+        before, moved = scene.frame_current, []
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from live.warn_steps(self, self.scene, there, pace)
         pictures = PictureWriter(there.bake, tuple(self.size), scene.prt.caster)
@@ -127,8 +127,8 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
             for count, frame in enumerate(frames):
                 scene = self.scene
                 scene.frame_set(frame)
-                if not there.warned:
-                    self._say_moved(scene)
+                if not moved:
+                    moved = self._say_moved(scene)
                 asked = preview.request(scene)
                 radiance = yield from asked.steps(there, pace)
                 path = frame_path(pattern, frame)
@@ -142,11 +142,12 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         return frame_path(pattern, frames[0]), len(frames)
 
     def _say_moved(self, scene):
-        """Say once what is not where it was baked in a frame."""
+        """Say what is not where it was baked in a frame; returns the names."""
         names = plan.moved(scene)
         if names:
-            text = live.note_stale(scene, f"{', '.join(names[:3])} at frame {scene.frame_current}")
-            self.report({"WARNING"}, text)
+            differs = f"{', '.join(names[:3])} at frame {scene.frame_current}"
+            self.report({"WARNING"}, live.note_stale(scene, differs))
+        return names
 
     def finish(self, context, result):
         text = f"{result[1]} frames written, the first is {result[0]}"

@@ -33,7 +33,7 @@ def file_name(text):
     """
     name = "".join(c if c.isalnum() or c in _ALLOWED else "_" for c in text).strip(" .")
     name = name.encode()[:_MOST_BYTES].decode(errors="ignore")
-    if name == text:
+    if name and name == text:
         return name
     return f"{name}_{hashlib.blake2b(text.encode(), digest_size=3).hexdigest()}"
 

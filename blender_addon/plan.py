@@ -4,6 +4,7 @@ A `Reading` is what the meshes of a scene are like, to tell whether a bake is of
 what baking them would cost. Both are made when asked for, or in idle moments, and kept here.
 """
 
+import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,8 @@ MOST_SECONDS = 2.0
 # panel asked for a plan.
 _PLANS, _READINGS = {}, {}
 _OLD_PLANS, _OLD_READINGS, _WANTED = set(), set(), set()
+# Blender's temporary folders of this session: it takes a new one with new preferences.
+_TEMPORARY = set()
 
 
 @dataclass
@@ -124,8 +127,14 @@ def folder(scene, file=None):
     if not chosen.startswith("//"):
         return Path(bpy.path.abspath(chosen))
     if not file:
+        _TEMPORARY.add(Path(bpy.app.tempdir))
         return Path(bpy.app.tempdir) / "prt"
-    return Path(bpy.path.abspath(chosen, start=str(Path(file).parent)))
+    return Path(os.path.normpath(bpy.path.abspath(chosen, start=str(Path(file).parent))))
+
+
+def is_temporary(path):
+    """Whether a bake lies where Blender removes it at its end."""
+    return bool(path) and not _TEMPORARY.isdisjoint(Path(path).parents)
 
 
 def output_path(scene, file=None):

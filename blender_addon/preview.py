@@ -1,5 +1,6 @@
 """The bake in memory, and its colours on the meshes of the scene."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,7 +86,7 @@ def held(scene=None):
 
 def path_of(scene):
     """Absolute path of the bake a scene shows, empty where none."""
-    return str(Path(bpy.path.abspath(scene.prt.loaded))) if scene.prt.loaded else ""
+    return os.path.normpath(bpy.path.abspath(scene.prt.loaded)) if scene.prt.loaded else ""
 
 
 def relative(path, file=None):

@@ -32,10 +32,10 @@ def before(file):
         shown = preview.path_of(scene)
         for path in dict.fromkeys((shown, str(plan.output_path(scene)))):
             # One that is being made goes there when it is done (see `settle`).
-            if is_temporary(path) and Path(path).is_dir() and not work.status().running:
+            if plan.is_temporary(path) and Path(path).is_dir() and not work.status().running:
                 _COPIED.append((path, str(_copy(scene, Path(path), file))))
         copied = dict(_COPIED)
-        if shown in copied or (shown and elsewhere and not is_temporary(shown)):
+        if shown in copied or (shown and elsewhere and not plan.is_temporary(shown)):
             scene.prt.loaded = preview.relative(copied.get(shown, shown), file)
 
 
@@ -56,17 +56,12 @@ def after(file=None):
 
 def settle(scene, path):
     """Where a bake that is done lies: beside the file, where that got a name meanwhile."""
-    if not bpy.data.filepath or not is_temporary(path):
+    if not bpy.data.filepath or not plan.is_temporary(path):
         return Path(path)
     home = _copy(scene, Path(path), bpy.data.filepath)
     shutil.rmtree(path)
     preview.relocated(str(path), str(home))
     return home
-
-
-def is_temporary(path):
-    """Whether a bake lies where Blender removes it at its end."""
-    return bool(path) and Path(bpy.app.tempdir) in Path(path).parents
 
 
 def _copy(scene, path, file):

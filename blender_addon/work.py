@@ -77,7 +77,7 @@ class LongWork:
     """
 
     _steps = _timer = _manager = _uid = None
-    _stage = ""
+    _stage, _drawn = "", 0.0
 
     def begin(self, context):
         """Remember the scene that the work is about; returns it."""

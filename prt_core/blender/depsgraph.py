@@ -1,5 +1,6 @@
 """What Blender evaluates, as `Mesh`es: modifiers, curves, instances, normals and materials."""
 
+import math
 import time
 from itertools import islice
 
@@ -143,8 +144,11 @@ class _Reading:
             rendered = _rendered_objects(scene)
             # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
             as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
-            for instance in islice(depsgraph.object_instances, self.read, None):
-                if self.read and pace is not None and time.perf_counter() - start > pace:
+            # As long again as it took to get here, or many instances would never be read.
+            ready, first = time.perf_counter(), self.read
+            end = math.inf if pace is None else ready + max(pace, ready - start)
+            for instance in islice(depsgraph.object_instances, first, None):
+                if self.read > first and time.perf_counter() > end:
                     return False
                 self.read += 1
                 if instance.object.type == "MESH" or _key(instance) not in as_mesh:

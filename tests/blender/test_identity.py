@@ -152,20 +152,21 @@ def test_a_scene_may_be_renamed_and_have_linked_namesakes(baked_floor, tmp_path)
     bpy.data.scenes.remove(bpy.data.scenes["Day"])
     with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
         wanted.scenes = ["Day"]
-    before = colours_on("ball").copy()
+    before, there = colours_on("ball").copy(), preview.held(scene)
     scene.prt.exposure = 2.0
-    steps = live._relight_steps(scene, False)
+    steps = preview.check_steps(scene, there, 1e-9)
     next(steps)
     scene.name = "Day"
     assert [s.library is None for s in bpy.data.scenes if s.name == "Day"] == [True, False]
-    prt_core.run(steps)
+    assert prt_core.run(steps).fresh
+    prt_core.run(live._relight_steps(scene, False))
     np.testing.assert_allclose(colours_on("ball"), before * 4, rtol=1e-5)
     assert bpy.ops.prt.relight() == {"FINISHED"} and not work.status().failed
     assert plan.reading(scene)[0].digests
 
 
 def test_the_previews_blocks_are_the_files_own(baked_floor, tmp_path):
-    """A material of the preview that comes with a library, or a user's of that name, is not ours."""
+    """A preview's material out of a library, or a user's of that name, is not touched."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lit.blend"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = quick(bpy.context.scene)

@@ -211,7 +211,9 @@ def test_undo_of_each(scene):
     bpy.ops.ed.undo_push(message="restored")
     bpy.ops.ed.undo()
     scene = bpy.context.scene
-    assert scene.prt.loaded and {o["prt_copy"] for o in scene.objects if o.get("prt_copy")} == REALISED
+    assert (
+        scene.prt.loaded and {o["prt_copy"] for o in scene.objects if o.get("prt_copy")} == REALISED
+    )
     assert all(item.hide_render and item.hide_get() for item in kept_objects().values())
     bpy.ops.ed.undo()
     assert not kept_objects() and bpy.context.scene.objects["twin"].hide_render

@@ -148,8 +148,9 @@ def test_the_original_of_a_copy_may_be_renamed(floor_scene):
 def test_a_scene_may_be_renamed_and_have_linked_namesakes(baked_floor, tmp_path):
     scene = baked_floor
     library = tmp_path / "scenes.blend"
-    bpy.data.libraries.write(str(library), {bpy.data.scenes.new("Day")}, fake_user=True)
-    bpy.data.scenes.remove(bpy.data.scenes["Day"])
+    scene.name = "Day"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library), copy=True)
+    scene.name = "Scene"
     with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
         wanted.scenes = ["Day"]
     before, there = colours_on("ball").copy(), preview.held(scene)

@@ -217,7 +217,7 @@ class PRT_OT_clear(Button, bpy.types.Operator):
         preview.forget()
         live.note_preview()
         views.restore()
-        text = f"{changed} objects are as they were"
+        text = f"{changed} {'object is' if changed == 1 else 'objects are'} as before"
         behind = preview.behind_kept(context.scene)
         if behind:
             text += f"; {behind} stay hidden behind what was kept of them ('{KEPT_COLLECTION}')"

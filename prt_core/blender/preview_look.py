@@ -45,7 +45,7 @@ def restore(target=None, attributes=()):
     Returns
     -------
     int
-        How many objects changed.
+        How many objects of the user's are as they were.
     """
     target = target or bpy.context.scene
     changed = 0
@@ -55,7 +55,7 @@ def restore(target=None, attributes=()):
             item.modifiers.remove(shaded)
         if item.type == "MESH" and item.data.library is None and not is_copy(item):
             changed += _restore_mesh(item.data, attributes) or shaded is not None
-    changed += remove_copies(target)
+    remove_copies(target)
     changed += arrange(target)
     for kind in (bpy.data.node_groups, bpy.data.materials):
         for block in [b for b in kind if b.get(PREVIEW) and not b.users]:

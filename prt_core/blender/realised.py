@@ -96,6 +96,7 @@ def kept_objects(scene, names, attribute, places, target):
             if namesake is not None and namesake not in used:
                 left.append(namesake.name)
                 let_go(namesake)
+            _set_normals(mesh, scene.points.normals[item.corner_point], mirrored)
             same = _object(f"{item.name} kept", mesh, mirrored, material, home)
         else:
             bpy.data.meshes.remove(mesh)
@@ -184,6 +185,11 @@ def _mesh(item, vertices):
     mesh.polygons.foreach_set("loop_start", start)
     mesh.update(calc_edges=True)
     return mesh
+
+
+def _set_normals(mesh, normals, mirrored):
+    """The corners' shading normals as they were baked: flat, smooth, or both."""
+    mesh.normals_split_custom_set(normals * (-1 if mirrored else 1, 1, 1))
 
 
 def _object(name, mesh, mirrored, material, home):

@@ -87,7 +87,7 @@ def arrange(target):
     Returns
     -------
     int
-        How many objects appeared.
+        How many originals appeared.
     """
     copies, kept = _stand_ins()
     shown, view_layer = 0, view_layer_of(target)
@@ -100,7 +100,7 @@ def arrange(target):
             _hide(item, [], view_layer)
         elif item.get(_HIDDEN):
             _show(item, target)
-            shown += 1
+            shown += not is_kept(item)
     return shown
 
 

@@ -108,9 +108,11 @@ def test_kept_objects_lie_where_their_originals_do_and_face_the_same_way(scene):
         mesh = meshes[name]
         places = mesh.vertices[mesh.corner_vertex]
         np.testing.assert_allclose(world_corners(item), places, atol=1e-5, err_msg=name)
+        turn = item.matrix_world.inverted().transposed().to_3x3()
+        normals = [turn @ corner.vector for corner in item.data.corner_normals]
+        np.testing.assert_allclose(normals, mesh.corner_normal, atol=2e-3, err_msg=name)
         face = item.data.polygons[0]
-        normal = item.matrix_world.inverted().transposed().to_3x3() @ face.normal
-        assert np.dot(normal, mesh.corner_normal[face.loop_start]) > 0.5, name
+        assert np.dot(turn @ face.normal, mesh.corner_normal[face.loop_start]) > 0.5, name
 
 
 def test_keep_again_under_the_same_and_another_name(scene):

@@ -69,11 +69,12 @@ def of_another(scene, facts, path):
     origin = facts.get("origin")
     if not origin:
         return None
-    here = origin_of(scene, Path(path).parent)
-    if origin == here:
+    folder, here = Path(path).parent, origin_of(scene, Path(path).parent)
+    file, name = str(origin.get("file") or ""), origin.get("scene")
+    moved = Path(file).name == Path(here["file"]).name and not (folder / file).exists()
+    if name == here["scene"] and (file == here["file"] or moved):
         return None
-    file = origin.get("file") or "a file without a name"
-    return f"'{file}', scene '{origin.get('scene')}'"
+    return f"'{file or 'a file without a name'}', scene '{name}'"
 
 
 def expect_ours(scene, path):

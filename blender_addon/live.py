@@ -115,7 +115,7 @@ def _work():
         return _IDLE
     if not _NOW.begun:
         # The add-on was enabled, or a file loaded: colours may be of an older light.
-        _NOW.begun = True
+        _NOW.begun = _NOW.rearrange = True
         touch(bpy.context.scene, show=True)
     _look_around()
     if _NOW.job is None or (_NOW.kind == "full" and _changed_lately()):
@@ -221,7 +221,7 @@ def warn_steps(operator, scene, there, pace):
 def note_stale(scene, differs=""):
     """Note for the panel whether a scene is still the one that was baked; the line that says not.
 
-    Without a window it is printed, where it is new.
+    Where there is no panel to look at it is printed as well, if it is new.
 
     Parameters
     ----------
@@ -232,8 +232,8 @@ def note_stale(scene, differs=""):
     there = None if scene is None else preview.held(scene)
     if there is None:
         return ""
-    text = preview.warning(there, preview.found(scene, there) or differs)
-    if bpy.app.background and text and text != there.warned:
+    text = preview.warning(there, preview.differences(scene, there) or differs)
+    if (bpy.app.background or _NOW.rendering) and text and text != there.warned:
         work.say(text, True)
         print(f"PRT: WARNING: {text}")
     there.warned = text

@@ -230,7 +230,7 @@ def check_steps(scene, preview, pace=None):
     return preview.compare(plan.reading_of(uid))[0]
 
 
-def found(scene, preview):
+def differences(scene, preview):
     """`Changes` from the bake to the scene as it was last read; None where it was the same."""
     read, _ = plan.reading(scene)
     differs = None if read is None else preview.compare(read)[0]

@@ -65,6 +65,6 @@ def origin_of(scene, folder, file=None):
     file = bpy.data.filepath if file is None else str(file)
     if file:
         with suppress(ValueError):  # another drive
-            file = os.path.relpath(file, Path(folder).absolute())
+            file = os.path.relpath(os.path.realpath(file), os.path.realpath(folder))
         file = Path(file).as_posix()
     return {"file": file, "scene": scene.name}

@@ -88,6 +88,29 @@ def instance_of(name, collection, home, location=(0, 0, 0)):
     return item
 
 
+def scatter(name, collection, location=(0, 0, 0)):
+    """A triangle at whose corners Geometry Nodes put cubes, and nothing else."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (0.5, 0, 0), (0, 0.5, 0)], [], [(0, 1, 2)])
+    item = bpy.data.objects.new(name, mesh)
+    item.location = location
+    collection.objects.link(item)
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    start, end, put, made = (
+        group.nodes.new(kind)
+        for kind in ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints",
+                     "GeometryNodeMeshCube")
+    )  # fmt: skip
+    made.inputs["Size"].default_value = 0.2, 0.2, 0.2
+    group.links.new(start.outputs[0], put.inputs["Points"])
+    group.links.new(made.outputs["Mesh"], put.inputs["Instance"])
+    group.links.new(put.outputs[0], end.inputs[0])
+    item.modifiers.new("Scatter", "NODES").node_group = group
+    return item
+
+
 def link_from_library(item, path, collection):
     """The object out of a library of its own, in place of itself."""
     name = item.name

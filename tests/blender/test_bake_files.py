@@ -98,6 +98,22 @@ def test_a_bake_of_another_file_is_not_replaced_unasked(baked_floor, tmp_path):
     assert bpy.ops.prt.bake() == {"FINISHED"}
 
 
+def test_a_file_that_was_moved_away_from_its_bakes_has_them_still(baked_floor, tmp_path):
+    baked_floor.prt.folder = str(tmp_path / "bakes")
+    bpy.ops.prt.bake()
+    bpy.ops.wm.save_mainfile()
+    path = shown()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    (tmp_path / "elsewhere").mkdir()
+    shutil.copy(tmp_path / "scene.blend", tmp_path / "elsewhere")
+    scene = reopen(tmp_path / "elsewhere" / "scene.blend")
+    scene.objects["ball"].location.x += 0.5
+    assert plan.output_path(scene) == path
+    assert "is a bake of '../scene.blend'" in error_of(bpy.ops.prt.bake), "the first is there yet"
+    (tmp_path / "scene.blend").unlink()
+    assert bpy.ops.prt.bake() == {"FINISHED"} and shown() == path
+
+
 def test_a_bake_of_unknown_origin_is_not_replaced_either(baked_floor, tmp_path):
     path = shown()
     BakeStore(path, "a").update(origin=None)

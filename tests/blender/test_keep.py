@@ -9,19 +9,20 @@ from blender_addon import plan, preview, work
 from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.scene import mesh_digests
-from tests.blender.conftest import colours_on, cube, instance_of, link_from_library, quick
+from tests.blender.conftest import colours_on, cube, instance_of, link_from_library, quick, scatter
 
 pytestmark = pytest.mark.usefixtures("addon")
 
 PLACES = {
     "ball": (0, 0, 0.5), "twin": (-0.6, 0.4, 0.5), "mirrored": (0.7, 0.4, 0.5),
     "fine": (0.1, -0.8, 0.4), "linked": (-0.7, -0.6, 0.4), "group": (0.9, -0.7, 0.3),
+    "many": (0, 0.9, 0.2),
 }  # fmt: skip
 
 
 @pytest.fixture
 def scene(floor_scene, tmp_path):
-    """Beside floor and ball: shared, mirrored, subdivided, linked and instanced objects."""
+    """Beside floor and ball: shared, mirrored, subdivided, linked and instanced ones."""
     scene = floor_scene
     for name, x in (("twin", 0.5), ("mirrored", -0.7)):
         other = bpy.data.objects.new(name, scene.objects["ball"].data)
@@ -34,6 +35,7 @@ def scene(floor_scene, tmp_path):
     for name, x in (("part", 0), ("other", 0.5)):
         cube(name, parts, 0.1, (x, 0, 0))
     instance_of("group", parts, scene.collection)
+    scatter("many", scene.collection)
     for name, place in PLACES.items():
         scene.objects[name].location = place
     bpy.context.view_layer.update()
@@ -42,7 +44,18 @@ def scene(floor_scene, tmp_path):
     return scene
 
 
-REALISED = {"ball", "twin", "mirrored", "fine", "linked", "group/part", "group/other"}
+REALISED = {
+    "ball",
+    "twin",
+    "mirrored",
+    "fine",
+    "linked",
+    "group/part",
+    "group/other",
+    "many",
+    "many.001",
+    "many.002",
+}
 
 
 def kept_objects():
@@ -90,11 +103,11 @@ def test_kept_colours_outlive_the_preview(scene):
         nodes = {node.type: node for node in material.node_tree.nodes}
         assert nodes["VERTEX_COLOR"].layer_name == "Mine" and "EMISSION" in nodes
     # Nothing renders twice: the originals hide behind what was kept of them, and only those.
-    behind = {"ball", "twin", "mirrored", "fine", "linked", "group"}
+    behind = {"ball", "twin", "mirrored", "fine", "linked", "group", "many"}
     for name in behind:
         assert scene.objects[name].hide_render and not scene.objects[name].visible_get(), name
     assert not scene.objects["floor"].hide_render and set(hidden) >= behind
-    assert "6 stay hidden behind what was kept of them" in work.status().message
+    assert "7 stay hidden behind what was kept of them" in work.status().message
     assert "Mine" in scene.objects["floor"].data.color_attributes
     assert not [b for b in (*bpy.data.materials, *bpy.data.node_groups) if b.get("PRT preview")]
 
@@ -131,7 +144,9 @@ def test_keep_again_under_the_same_and_another_name(scene):
     item.data.materials[0] = own
     bpy.ops.prt.keep(attribute="One")
     check_kept("One", second)
-    assert item.data.materials[0] == own and len(bpy.data.collections[KEPT_COLLECTION].objects) == 7
+    assert (
+        item.data.materials[0] == own and len(bpy.data.collections[KEPT_COLLECTION].objects) == 10
+    )
     bpy.ops.prt.clear()
     check_kept("One", second)
 
@@ -144,7 +159,7 @@ def test_kept_objects_are_not_baked_as_doubles(scene):
     bpy.ops.prt.clear()
     messages = []
     assert mesh_digests(read_meshes(scene, messages=messages)) == meshes
-    assert any("7 objects hold kept colours" in text for text in messages)
+    assert any("10 objects hold kept colours" in text for text in messages)
     assert not any("hidden in the viewport" in text for text in messages)
     points = prt_core.load(path).report["points"]
     scene.objects["floor"].location.z -= 0.1

@@ -50,10 +50,16 @@ class Preview:
     def compare(self, read):
         """`Changes` from the bake to a `plan.Reading`, and the places of its meshes now."""
         if self._compared[0] is not read:
-            found = changes(self.bake.source, read.digests)
-            now = {item.name: found.renamed.get(item.name, item.name) for item in self.items}
-            places = {name: read.places[new] for name, new in now.items() if new in read.places}
-            uids = {name: read.uids[new] for name, new in now.items() if new in read.uids}
+            found, places, uids = changes(self.bake.source, read.digests), {}, {}
+            for item in self.items:
+                name = found.renamed.get(item.name, item.name)
+                there = read.places.get(name)
+                # Another mesh may have its name by now: then it is where it was, or nowhere.
+                same = item.name in found.renamed or (there and there[1] == item.library)
+                if same and item.name not in found.missing:
+                    places[item.name] = there
+                    if name in read.uids:
+                        uids[item.name] = read.uids[name]
             self._compared = read, (found, places, uids)
         return self._compared[1]
 

@@ -76,6 +76,14 @@ def test_buttons_take_the_right_one_of_two(namesakes, addon):
         "box": True, "box.001": True, "plate": True, "box [library.blend]": False,
     }  # fmt: skip
     assert "PRT" in find_object("box").data.color_attributes
+    spare = find_object("box").copy()
+    spare.name = "spare"
+    bpy.data.objects.remove(find_object("box"))
+    with pytest.raises(RuntimeError, match="box: the open scene has no such mesh object"):
+        bpy.ops.prt.relight()
+    assert "PRT" not in namesakes.data.color_attributes
+    spare.name = "box"
+    scene.collection.objects.link(spare)
     bpy.ops.prt.clear()
     find_object("box").hide_render = True
     bpy.ops.prt.unhide(object_name="box")
@@ -122,7 +130,7 @@ def test_objects_that_swap_their_names_keep_their_colours(baked_floor):
     one.name = "three"
     two.name = "one"
     one.name = "two"
-    for relight in (bpy.ops.prt.relight, lambda: scene.frame_set(2)):
+    for relight in (lambda: scene.frame_set(2), bpy.ops.prt.relight):
         scene.prt.exposure += 1
         relight()
         factor = np.float32(2**scene.prt.exposure)

@@ -173,6 +173,10 @@ def test_kept_objects_are_not_baked_as_doubles(scene):
         np.testing.assert_array_equal(colours_on(item, "Mine"), kept[name])
     shown = {o for o in scene.objects if o.visible_get() and o.type == "MESH"}
     assert shown == {*kept_objects().values(), scene.objects["floor"]}
+    for item in scene.objects:
+        item.prt.receives = item in kept_objects().values()
+    with pytest.raises(RuntimeError, match="none receives colours"):
+        bpy.ops.prt.bake()
 
 
 def test_keep_then_load(scene):
@@ -215,8 +219,10 @@ def test_originals_come_back_when_what_was_kept_is_deleted(scene):
     assert not [key for key in twin.keys() if key.startswith("prt_")]
     assert scene.objects["ball"].hide_render
     # And the other way round: without its original the kept object is one like others.
-    bpy.data.objects.remove(scene.objects["fine"])
+    fine = scene.objects["fine"]
+    scene.collection.objects.unlink(fine)  # as Blender's own Delete does
     bpy.ops.prt.clear()
+    assert fine.users == 0
     assert {"fine kept", "twin"} <= {mesh.name for mesh in read_meshes(scene)}
 
 

@@ -70,7 +70,7 @@ class PRT_UL_objects(bpy.types.UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, _property, _index):
         row = layout.row(align=True)
-        row.label(text=item.name, icon="OUTLINER_OB_" + _ICONS.get(item.type, "MESH"))
+        row.label(text=item.name_full, icon="OUTLINER_OB_" + _ICONS.get(item.type, "MESH"))
         row.label(text="" if item.prt.receives else "casts only")
         receives = "SHADING_RENDERED" if item.prt.receives else "SHADING_SOLID"
         row.prop(item.prt, "receives", text="", icon=receives)

@@ -11,7 +11,7 @@ from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.progress import Progress
 
-from . import live, plan, preview, work
+from . import freshness, plan, preview, work
 from .buttons import BakeButton, Button
 from .work import LongWork
 
@@ -44,7 +44,7 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
     def steps(self, context, pace):
         scene = self.begin(context)
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        yield from live.warn_steps(self, self.scene, there, pace)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         radiance = yield from preview.request(self.scene).steps(there, pace)
         return there, radiance
 
@@ -121,7 +121,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         self.begin(context)
         before, moved = scene.frame_current, []
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        yield from live.warn_steps(self, self.scene, there, pace)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         pictures = PictureWriter(there.bake, tuple(self.size), scene.prt.caster)
         try:
             for count, frame in enumerate(frames):
@@ -146,7 +146,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         names = plan.moved(scene)
         if names:
             differs = f"{', '.join(names[:3])} at frame {scene.frame_current}"
-            self.report({"WARNING"}, live.note_stale(scene, differs))
+            self.report({"WARNING"}, freshness.note(scene, differs))
         return names
 
     def finish(self, context, result):

@@ -15,7 +15,7 @@ from prt_core.blender import casters
 from prt_core.blender.identity import by_uid
 from prt_core.blender.stand_ins import arrange
 
-from . import bakes, naming, plan, preview, saving, views, work
+from . import bakes, freshness, plan, preview, work
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
 # and plans are made; of work in one call of the timer, and in the call that a slider makes where
@@ -81,9 +81,24 @@ def settings_changed(scene):
 
 
 def note_preview():
-    """Remember whether the file shows a preview: an undo step may take it away."""
+    """(whether the file showed a preview when last asked, whether it does): undo may take it."""
+    before = _NOW.previewed
     _NOW.previewed = any(scene.prt.loaded for scene in bpy.data.scenes)
-    return _NOW.previewed
+    return before, _NOW.previewed
+
+
+def another_file():
+    """Nothing that is to be done outlives the file."""
+    _NOW.__init__()
+
+
+def look_again(scene):
+    """Colours, hidden objects and what is known of the scene may be of another state."""
+    plan.outdate(scene)
+    there = preview.held(scene)
+    if there is not None:
+        there.shown = None
+    _NOW.rearrange = True
 
 
 def idle():
@@ -199,45 +214,15 @@ def _plan_steps(scene):
         yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
     except work.FAILURES:
         pass  # the plan keeps what is wrong, and the panel draws it
-    note_stale(by_uid(bpy.data.scenes, uid))
+    freshness.note(by_uid(bpy.data.scenes, uid))
     work.redraw()
 
 
 def _check_steps(scene):
     uid, there = scene.session_uid, preview.held(scene)
-    yield from preview.check_steps(scene, there, work.PACE)
-    note_stale(by_uid(bpy.data.scenes, uid))
+    yield from freshness.check_steps(scene, there, work.PACE)
+    freshness.note(by_uid(bpy.data.scenes, uid))
     work.redraw()
-
-
-def warn_steps(operator, scene, there, pace):
-    """Read the scene; an operator says in one line where it is not the one that was baked."""
-    found = yield from preview.check_steps(scene, there, pace)
-    there.warned = preview.warning(there, found)
-    if there.warned:
-        operator.report({"WARNING"}, there.warned)
-
-
-def note_stale(scene, differs=""):
-    """Note for the panel whether a scene is still the one that was baked; the line that says not.
-
-    Where there is no panel to look at it is printed as well, if it is new.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene, or None where it is gone
-    differs : Changes or str
-        What differs, where more is known than from the last reading.
-    """
-    there = None if scene is None else preview.held(scene)
-    if there is None:
-        return ""
-    text = preview.warning(there, preview.differences(scene, there) or differs)
-    if (bpy.app.background or _NOW.rendering) and text and text != there.warned:
-        work.say(text, True)
-        print(f"PRT: WARNING: {text}")
-    there.warned = text
-    return text
 
 
 def _relight_steps(scene, draft):
@@ -278,7 +263,7 @@ def show_steps(uid, there, radiance, asked, pace=None):
     """Write colours on a scene's meshes; objects that were renamed are found by what they are."""
     scene = by_uid(bpy.data.scenes, uid)
     if preview.missing(scene, there):
-        yield from preview.check_steps(scene, there, pace)
+        yield from freshness.check_steps(scene, there, pace)
         scene = by_uid(bpy.data.scenes, uid)
     _NOW.writing = True
     try:
@@ -345,26 +330,14 @@ def _frame_changed(scene, depsgraph=None):
 
 def _frame_steps(scene, depsgraph):
     there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-    yield from _frame_check(scene, there, depsgraph)
+    yield from freshness.frame_steps(scene, there, depsgraph, aloud=True)
     asked = preview.request(scene, depsgraph=depsgraph)
     if there.shown is not None and there.shown.key == asked.key:
         return
     radiance = yield from asked.steps(there)
     if preview.missing(scene, there):
-        yield from preview.check_steps(scene, there)
+        yield from freshness.check_steps(scene, there)
     preview.write(scene, there, radiance, asked)
-
-
-def _frame_check(scene, there, depsgraph):
-    """Say what is not as it was baked: once in full, then by what moves from frame to frame.
-
-    In a window the rendering thread may not read the whole scene; the timer has done so.
-    """
-    if bpy.app.background and plan.reading(scene)[0] is None:
-        yield from preview.check_steps(scene, there)
-    names = plan.moved(scene, depsgraph)
-    some = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
-    note_stale(scene, f"{some} changed" if names else "")
 
 
 @persistent
@@ -380,90 +353,12 @@ def _render_ends(*_):
     _NOW.rendering = False
 
 
-@persistent
-def _before_file(*_):
-    """Another file comes: everything that points into this one goes."""
-    work.stop_all()
-    stop()
-    preview.forget()
-    plan.forget()
-
-
-@persistent
-def _after_file(*_):
-    _NOW.__init__()
-    naming.another_file()
-    work.forget()
-    casters.remove_left_over()
-    if not note_preview():
-        views.restore()  # the windows of the file before
-    for scene in bpy.data.scenes:
-        # What no file keeps: that linked objects are hidden.
-        arrange(scene)
-
-
-@persistent
-def _before_undo(*_):
-    """Undo must not keep the casters' data-blocks; they make them again."""
-    casters.release_all()
-
-
-@persistent
-def _before_save(path="", *_):
-    """Files must not keep the casters' data-blocks; bakes are found from a new folder as well."""
-    casters.release_all()
-    if path:
-        try:
-            saving.before(path)
-        except work.FAILURES as error:
-            work.say(f"the bake could not be saved with the file: {error}", True)
-
-
-@persistent
-def _after_save(path="", *_):
-    saving.after(path or None)
-
-
-@persistent
-def _save_failed(*_):
-    saving.after()
-
-
-@persistent
-def _after_undo(*_):
-    """Views and messages are no part of an undo step: they follow the data."""
-    casters.remove_left_over()
-    for scene in bpy.data.scenes:
-        plan.outdate(scene)
-        there = preview.held(scene)
-        if there is not None:
-            there.shown = None
-    before, now = _NOW.previewed, note_preview()
-    work.say("")
-    if before and not now:
-        views.restore()
-        work.say("The preview is undone; its bake stays on the disk")
-    elif now and not before:
-        views.show()
-    _NOW.rearrange = True
-    touch(bpy.context.scene, show=True)
-
-
 _HANDLERS = (
     ("depsgraph_update_post", _updated),
     ("frame_change_post", _frame_changed),
     ("render_init", _render_begins),
     ("render_complete", _render_ends),
     ("render_cancel", _render_ends),
-    ("load_pre", _before_file),
-    ("load_post", _after_file),
-    ("save_pre", _before_save),
-    ("save_post", _after_save),
-    ("save_post_fail", _save_failed),
-    ("undo_pre", _before_undo),
-    ("redo_pre", _before_undo),
-    ("undo_post", _after_undo),
-    ("redo_post", _after_undo),
 )
 
 

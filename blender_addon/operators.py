@@ -15,7 +15,7 @@ from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.progress import run
 
-from . import bakes, live, plan, preview, saving, views, work
+from . import bakes, freshness, live, plan, preview, saving, views, work
 from .buttons import BakeButton, Button
 from .work import LongWork, status
 
@@ -52,7 +52,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         preview.forget()
         path = saving.settle(self.scene, path)
         there = yield from preview.load_steps(path, caster)
-        found = yield from preview.check_steps(self.scene, there, pace)
+        found = yield from freshness.check_steps(self.scene, there, pace)
         expect(
             not (found.missing or found.changed),
             f"bake: the scene was changed meanwhile ({found}); the bake is kept, bake again",
@@ -116,7 +116,7 @@ class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
         scene = self.begin(context)
         live.stop()
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        yield from live.warn_steps(self, self.scene, there, pace)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         asked = preview.request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
@@ -146,7 +146,7 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         tolerance = None if self.method == "none" else scene.prt.compress_tolerance
         live.stop()
         there = yield from preview.load_steps(path, scene.prt.caster)
-        yield from live.warn_steps(self, self.scene, there, pace)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         subject = path if self.method == "none" else there.bake
         self.facts = yield from compress_bake_steps(subject, self.method, tolerance)
         there.relighter.close()
@@ -187,7 +187,7 @@ class PRT_OT_load(LongWork, Button, bpy.types.Operator):
         path = Path(bpy.path.abspath(self.filepath)) if self.filepath else plan.output_path(scene)
         live.stop()
         there = yield from preview.load_steps(path, scene.prt.caster)
-        yield from live.warn_steps(self, self.scene, there, pace)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         asked = preview.request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
@@ -197,7 +197,7 @@ class PRT_OT_load(LongWork, Button, bpy.types.Operator):
         scene = self.scene
         run(live.show_steps(scene.session_uid, there, radiance, asked))
         scene.prt.loaded = preview.relative(there.path)
-        live.note_stale(scene)
+        freshness.note(scene)
         live.note_preview()
         views.show()
         bakes.refresh(scene, select=there.path)

@@ -226,37 +226,6 @@ def behind_kept(scene):
     return len({item[ORIGINAL] for item in scene.objects if is_kept(item) and item.get(ORIGINAL)})
 
 
-def check_steps(scene, preview, pace=None):
-    """How the scene differs from the bake (`Changes`): all its meshes are read."""
-    uid = scene.session_uid
-    try:
-        yield from plan.read_steps(scene, pace=pace)
-    except PRTError:
-        pass  # nothing there can be baked: all is gone
-    return preview.compare(plan.reading_of(uid))[0]
-
-
-def differences(scene, preview):
-    """`Changes` from the bake to the scene as it was last read; None where it was the same."""
-    read, _ = plan.reading(scene)
-    differs = None if read is None else preview.compare(read)[0]
-    return None if differs is None or differs.fresh else differs
-
-
-def warning(preview, differs):
-    """The line that says how a scene differs from its bake; empty where it does not.
-
-    Parameters
-    ----------
-    preview : Preview
-    differs : Changes, str or None
-    """
-    if not differs or getattr(differs, "fresh", False):
-        return ""
-    name = Path(preview.path).name
-    return f"{name}: the scene is not the one that was baked ({differs}); bake again"
-
-
 def places_now(scene, preview):
     """Where the meshes of a bake are now, by the last reading; those unknown are left out."""
     read, _ = plan.reading(scene)

@@ -21,9 +21,25 @@ _SHOWN, _COPIED = {}, []
 
 
 def before(file):
-    """The open file, or a copy of it, is about to be saved as `file`."""
+    """The open file, or a copy of it, is about to be saved as `file`.
+
+    Raises
+    ------
+    PRTError, OSError
+        A bake could not be copied; then all of them stay where they are.
+    """
     _SHOWN.clear()
     _COPIED.clear()
+    try:
+        _take_along(file)
+    except BaseException:
+        for _, new in _COPIED:
+            shutil.rmtree(new, ignore_errors=True)
+        after()
+        raise
+
+
+def _take_along(file):
     elsewhere = bpy.data.filepath and Path(bpy.data.filepath).parent != Path(file).parent
     for scene in bpy.data.scenes:
         if scene.library is not None:
@@ -43,7 +59,7 @@ def after(file=None):
     """It is done; `file` is None where it failed."""
     if file is not None and Path(bpy.data.filepath) == Path(file):
         for old, new in _COPIED:
-            shutil.rmtree(old)
+            shutil.rmtree(old, ignore_errors=True)
             preview.relocated(old, new)
     else:
         for uid, loaded in _SHOWN.items():
@@ -59,7 +75,7 @@ def settle(scene, path):
     if not bpy.data.filepath or not plan.is_temporary(path):
         return Path(path)
     home = _copy(scene, Path(path), bpy.data.filepath)
-    shutil.rmtree(path)
+    shutil.rmtree(path, ignore_errors=True)
     preview.relocated(str(path), str(home))
     return home
 

@@ -315,8 +315,8 @@ def say_copies(meshes, messages):
     if copies:
         some = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
         messages.append(
-            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({some}); "
-            "their colours go to realised copies in the collection 'PRT'"
+            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({some});"
+            " their colours go to realised copies in the collection 'PRT'"
         )
 
 

@@ -173,6 +173,18 @@ def test_files_without_a_name_have_bakes_of_their_own(tmp_path):
         assert bpy.ops.prt.relight() == {"FINISHED"} and not preview.held(scene).warned
 
 
+def test_a_bake_that_cannot_go_along_stays_where_it_is(tmp_path):
+    scene = new_file()
+    cube("cube", scene.collection)
+    bpy.ops.prt.bake()
+    path = shown()
+    (tmp_path / "prt").write_text("a file is in the way")
+    save_as(tmp_path / "new.blend")
+    assert shown() == path and path.is_dir() and (tmp_path / "new.blend").is_file()
+    assert "the bake could not be saved with the file" in work.status().message
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+
+
 def test_a_stopped_bake_gets_its_name_with_the_file(tmp_path):
     from prt_core.api import bake_blend_steps
 

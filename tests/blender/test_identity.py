@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import live, plan, preview, work
+from blender_addon import freshness, live, plan, preview, work
 from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.identity import find_object
 from tests.blender.conftest import colours_on, cube, instance_of, link_from_library, quick
@@ -163,7 +163,7 @@ def test_a_scene_may_be_renamed_and_have_linked_namesakes(baked_floor, tmp_path)
         wanted.scenes = ["Day"]
     before, there = colours_on("ball").copy(), preview.held(scene)
     scene.prt.exposure = 2.0
-    steps = preview.check_steps(scene, there, 1e-9)
+    steps = freshness.check_steps(scene, there, 1e-9)
     next(steps)
     scene.name = "Day"
     assert [s.library is None for s in bpy.data.scenes if s.name == "Day"] == [True, False]

@@ -9,7 +9,7 @@ import numpy as np
 
 from prt_core import PRTError, load
 from prt_core.blender import colours, preview_look
-from prt_core.blender.identity import find_object
+from prt_core.blender.identity import objects_by_place
 from prt_core.blender.lamps import read_lamps
 from prt_core.blender.realised import PREVIEW
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
@@ -236,9 +236,10 @@ def missing(scene, preview):
     """Whether an object that is coloured itself is not, under its name, the one last seen there."""
     read, _ = plan.reading(scene)
     _, places, uids = ({},) * 3 if read is None else preview.compare(read)
+    objects = objects_by_place()
     for item in preview.items:
         if item.own_mesh and item.receives:
-            there = find_object(*places.get(item.name, (item.owner, item.library)))
+            there = objects.get(places.get(item.name, (item.owner, item.library)))
             if there is None or uids.get(item.name, there.session_uid) != there.session_uid:
                 return True
     return False

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.blender.identity import find_object
+from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import build_objects, copies_there, kept_objects, stand_in_for
 from prt_core.blender.stand_ins import arrange
 from prt_core.errors import PRTError, expect, expect_array
@@ -148,7 +148,8 @@ def write_all(
     """
     target = target or bpy.context.scene
     places = places_of(scene, places)
-    own = {} if all_copies else _own(scene, colours, places)
+    objects = objects_by_place()
+    own = {} if all_copies else _own(scene, colours, places, objects)
     copies = [name for name in colours if name not in own]
     made = copies_there(scene, copies, target)
     if copies and made is None:
@@ -157,7 +158,7 @@ def write_all(
         write_colours(there, colours[name], attribute, domain, **options)
     for name in copies:
         write_colours(made[name], colours[name], attribute, domain, **options)
-        stand_in_for(made[name], find_object(*places[name]))
+        stand_in_for(made[name], objects.get(places[name]))
     if copies:
         arrange(target)
     return copies
@@ -182,13 +183,15 @@ def keep_all(
     target = target or bpy.context.scene
     places = places_of(scene, places)
     options = {"byte": byte, "channels": channels, "active": False}
-    own = _own(scene, colours, places)
+    objects = objects_by_place()
+    own = _own(scene, colours, places, objects)
     realised = [name for name in colours if name not in own]
     for name, there in own.items():
         write_colours(there, colours[name], attribute, domain, **options)
     if not realised:
         return [], []
-    made, left = kept_objects(scene, realised, attribute, places, target)
+    originals = {name: objects.get(places[name]) for name in realised}
+    made, left = kept_objects(scene, originals, attribute, target)
     for name, there in made.items():
         write_colours(there, colours[name], attribute, domain, **options)
         activate(there.data, attribute)
@@ -201,12 +204,12 @@ def places_of(scene, places=None):
     return {item.name: (item.owner, item.library) for item in scene.objects} | (places or {})
 
 
-def _own(scene, colours, places):
+def _own(scene, colours, places, objects):
     """The objects whose own meshes get the colours, all looked at before any is written."""
     found = {}
     for item in scene.objects:
         if item.own_mesh and item.name in colours:
-            found[item.name] = there = find_object(*places[item.name])
+            found[item.name] = there = objects.get(places[item.name])
             name = places[item.name][0]
             expect(
                 there is not None and there.type == "MESH",

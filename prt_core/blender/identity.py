@@ -21,6 +21,11 @@ def find_object(name, library=""):
     return None if home is None else bpy.data.objects.get((name, home.filepath))
 
 
+def objects_by_place():
+    """{(name, library): object} of all objects: Blender finds a single one by going through all."""
+    return {place_of(item): item for item in bpy.data.objects}
+
+
 def by_uid(blocks, uid):
     """The data-block of that `session_uid`, whatever it is called by now; None where it is gone."""
     return next((block for block in blocks if block.session_uid == uid), None)

@@ -7,7 +7,7 @@ by a Set Material modifier; what realised copies stand in for is hidden and mark
 import bpy
 
 from prt_core.blender.colours import ACTIVE_BEFORE, activate, places_of
-from prt_core.blender.identity import find_object
+from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import PREVIEW, preview_material, remove_copies
 from prt_core.blender.stand_ins import arrange, is_copy
 
@@ -26,9 +26,9 @@ def show_colours(scene, attribute="PRT", material=True, places=None):
         As `write_all` takes it.
     """
     group = _shading_group(attribute) if material else None
-    places = places_of(scene, places)
+    places, objects = places_of(scene, places), objects_by_place()
     for item in scene.objects:
-        there = find_object(*places[item.name]) if item.own_mesh and item.receives else None
+        there = objects.get(places[item.name]) if item.own_mesh and item.receives else None
         if there is not None:
             _shade(there, group)
 

@@ -6,7 +6,6 @@ from itertools import chain
 import bpy
 import numpy as np
 
-from prt_core.blender.identity import find_object
 from prt_core.blender.stand_ins import COPY, KEPT, ORIGINAL, is_copy, is_kept, let_go
 
 COLLECTION, KEPT_COLLECTION = "PRT", "PRT Kept"
@@ -57,18 +56,16 @@ def copies_there(scene, names, target):
     return found if fits else None
 
 
-def kept_objects(scene, names, attribute, places, target):
+def kept_objects(scene, originals, attribute, target):
     """The user's realised objects that hold kept colours; those missing are made.
 
     Parameters
     ----------
     scene : Scene
-    names : sequence of str
-        Of meshes in the bake.
+    originals : dict of str -> bpy.types.Object or None
+        What each mesh of the bake belongs to.
     attribute : str
         What their material shows; a material that the user gave them stays.
-    places : dict of str -> (str, str)
-        Name and library of the object that each mesh belongs to.
     target : bpy.types.Scene
 
     Returns
@@ -85,8 +82,8 @@ def kept_objects(scene, names, attribute, places, target):
             by_original.setdefault(item.get(ORIGINAL), []).append(item)
     material, home = _kept_material(attribute), _home(target, KEPT_COLLECTION)
     found, used, left = {}, set(), []
-    for item, mesh, mirrored in _meshes(scene, names):
-        original = find_object(*places[item.name])
+    for item, mesh, mirrored in _meshes(scene, originals):
+        original = originals[item.name]
         namesake = by_name.get(item.name)
         # The one of that name first: instances of one object may lie in the same place.
         earlier = chain([namesake] if namesake else [], by_original.get(original, ()))
@@ -119,11 +116,9 @@ def stand_in_for(item, original):
 def remove_copies(target):
     """Remove the preview's copies from a scene; how many there were."""
     copies = [item for item in target.objects if is_copy(item) and item.library is None]
-    for copy in copies:
-        mesh = copy.data
-        bpy.data.objects.remove(copy)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+    meshes = {copy.data for copy in copies}
+    bpy.data.batch_remove(copies)
+    bpy.data.batch_remove([mesh for mesh in meshes if not mesh.users])
     for home in [c for c in target.collection.children_recursive if _is_home(c, COLLECTION)]:
         if not home.objects and not home.children:
             bpy.data.collections.remove(home)

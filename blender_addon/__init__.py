@@ -2,18 +2,19 @@
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
 properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
-plan (what a bake would be), bakes (those on disk), preview (the one in memory and its colours),
-live (when these are made again), work (long work without a stuck window), views and studio
-(Blender's shading and lights).
+plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
+how they go with their file), preview (the one in memory and its colours), freshness (whether it is
+of the scene), live (when all this is done again), history (files and undo steps), work (long work
+without a stuck window), views and studio (Blender's shading and lights).
 """
 
 import bpy
 
 import prt_core.blender  # noqa: F401  (makes Blender's ray casters known)
 
-from . import keeping, live, operators, panels, plan, preview, properties, remedies, work
+from . import history, keeping, live, operators, panels, plan, preview, properties, remedies, work
 
-_PARTS = (properties, operators, keeping, remedies, panels, live)
+_PARTS = (properties, operators, keeping, remedies, panels, live, history)
 _COMMANDS = []
 
 

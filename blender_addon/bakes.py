@@ -1,17 +1,30 @@
 """The bakes in a scene's folder, as the panel lists them."""
 
+from pathlib import Path
+
 import bpy
 
 from prt_core import BakeStore, PRTError
+from prt_core.blender.identity import origin_of
+from prt_core.errors import expect
 from prt_core.scene import changes
 from prt_core.store import compressed_facts
 
-from . import plan
+from . import plan, preview
 
 
-def refresh(scene):
-    """Read the folder again; what is no bake is passed over."""
+def refresh(scene, select=""):
+    """Read the folder again; what is no bake is passed over.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    select : str, optional
+        Path of the bake to select; default: the one that was, else the one that is shown.
+    """
     status = bpy.context.window_manager.prt
+    if not select and listed(scene) and 0 <= status.active_bake < len(status.bakes):
+        select = status.bakes[status.active_bake].path
     status.bakes.clear()
     status.bakes_folder = str(plan.folder(scene))
     for path in sorted(plan.folder(scene).glob("*.prt")):
@@ -35,9 +48,58 @@ def refresh(scene):
         item.back_end = report.get("back_end", "")
         item.rate = report.get("rays_per_second") or 0.0
         item.compressed = _compressed_line(store)
+        item.origin = of_another(scene, facts, path) or ""
+        item.notes = "\n".join(report.get("messages") or ())
         for name, digest in (facts.get("source") or {}).items():
             source = item.source.add()
             source.name, source.digest = name, digest
+    order = [item.path for item in status.bakes]
+    wanted = [path for path in (select, preview.path_of(scene)) if path in order]
+    status.active_bake = order.index(wanted[0]) if wanted else 0
+
+
+def listed(scene):
+    """Whether the list is of the scene's folder; not so after another file or scene came."""
+    return bpy.context.window_manager.prt.bakes_folder == str(plan.folder(scene))
+
+
+def of_another(scene, facts, path):
+    """The file and scene that a bake is of in words, where it is not this one; else None."""
+    origin = facts.get("origin")
+    if not origin:
+        return None
+    folder, here = Path(path).parent, origin_of(scene, Path(path).parent)
+    file, name = str(origin.get("file") or ""), origin.get("scene")
+    moved = Path(file).name == Path(here["file"]).name and not (folder / file).exists()
+    if name == here["scene"] and (file == here["file"] or moved):
+        return None
+    return f"'{file or 'a file without a name'}', scene '{name}'"
+
+
+def expect_ours(scene, path):
+    """Refuse to replace what the scene may not: a bake of another file, or of another scene.
+
+    Raises
+    ------
+    PRTError
+        `path` is one.
+    """
+    remedy = "give this one another Name under Bake Settings, or delete that one under Bakes"
+    for other in bpy.data.scenes:
+        expect(
+            other == scene or preview.path_of(other) != str(path),
+            f"{path.name}: is shown by the scene '{other.name}'; {remedy}",
+        )
+    try:
+        facts = BakeStore(path).facts if path.exists() else {}
+    except PRTError:
+        return  # not a bake that can be read: the bake itself says what to do
+    # What has no identity yet was stopped before it held anything.
+    known = not facts.get("identity") or facts.get("origin")
+    known = known or preview.path_of(scene) == str(path)
+    expect(known, f"{path.name}: is a bake of an unknown file; {remedy}")
+    another = of_another(scene, facts, path)
+    expect(another is None, f"{path.name}: is a bake of {another}; {remedy}")
 
 
 def _compressed_line(store):
@@ -58,10 +120,10 @@ def state(scene, item):
     """(text, icon) of a bake: stopped, fresh, stale, or not known yet."""
     if not item.complete:
         return "stopped", "PAUSE"
-    made, holds = plan.of(scene)
-    if made is None or not holds or not made.digests:
+    read, holds = plan.reading(scene)
+    if read is None or not holds or not read.digests:
         return "not checked", "QUESTION"
-    found = changes({s.name: s.digest for s in item.source}, made.digests)
+    found = changes({s.name: s.digest for s in item.source}, read.digests)
     return ("fresh", "CHECKMARK") if found.fresh else (f"stale: {found}", "ERROR")
 
 

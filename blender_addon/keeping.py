@@ -5,12 +5,13 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
 from prt_core.blender import colours
-from prt_core.blender.compat import fcurve_of
+from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
 from prt_core.blender.depsgraph import read_camera
+from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.progress import Progress
 
-from . import preview, work
+from . import freshness, plan, preview, work
 from .buttons import BakeButton, Button
 from .work import LongWork
 
@@ -41,37 +42,41 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
     )
 
     def steps(self, context, pace):
-        scene = context.scene
-        self.scene_name = scene.name
+        scene = self.begin(context)
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        radiance = yield from preview.request(bpy.data.scenes[self.scene_name]).steps(there, pace)
-        yield from preview.check_steps(bpy.data.scenes[self.scene_name], there, pace)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
+        radiance = yield from preview.request(self.scene).steps(there, pace)
         return there, radiance
 
     def finish(self, context, result):
         there, radiance = result
-        scene = bpy.data.scenes[self.scene_name]
+        scene = self.scene
         expect(
             self.attribute != scene.prt.attribute,
             f"attribute: '{self.attribute}' is the preview's and goes with it; use another name",
         )
         found = there.bake.colours(radiance)
-        copies = colours.write_all(
+        realised, left = colours.keep_all(
             there.bake.scene,
             found,
             self.attribute,
             self.domain,
-            renamed=there.renamed,
+            places=preview.places_now(scene, there),
             target=scene,
             byte=self.kind == "BYTE_COLOR",
             channels="".join(sorted(self.channels, key="RGB".index)),
-            active=False,
         )
         text = f"'{self.attribute}' kept on {len(found)} objects"
-        if copies:
-            text += f", {len(copies)} of them copies in the collection '{colours.COLLECTION}'"
+        if realised:
+            text += (
+                f", {len(realised)} of them realised in the collection '{KEPT_COLLECTION}': they "
+                "stand in for the originals when the preview is taken off"
+            )
+        notes = [f"{name}: was kept with another shape before, and is hidden now" for name in left]
+        for note in notes:
+            self.report({"WARNING"}, note)
         self.report({"INFO"}, text)
-        work.say(text)
+        work.say(text, notes=notes)
 
 
 class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
@@ -85,7 +90,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
 
     filepath: StringProperty(
         name="File", description="#### is the number of the frame", default="//prt/relit_####.npz",
-        subtype="FILE_PATH",
+        subtype="FILE_PATH", options=PATH_OPTIONS,
     )  # fmt: skip
     use_scene_range: BoolProperty(name="Scene Range", default=True)
     first: IntProperty(name="First", default=1)
@@ -113,24 +118,36 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
             "file: save the scene first, or give a full path",
         )
         pattern = bpy.path.abspath(self.filepath)
+        self.begin(context)
+        before, moved = scene.frame_current, []
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        self.scene_name, before = scene.name, scene.frame_current
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         pictures = PictureWriter(there.bake, tuple(self.size), scene.prt.caster)
         try:
             for count, frame in enumerate(frames):
-                scene = bpy.data.scenes[self.scene_name]
+                scene = self.scene
                 scene.frame_set(frame)
+                if not moved:
+                    moved = self._say_moved(scene)
                 asked = preview.request(scene)
                 radiance = yield from asked.steps(there, pace)
                 path = frame_path(pattern, frame)
                 write_npz(path, there.bake.colours(radiance))
                 if self.pictures:
-                    camera = read_camera(bpy.data.scenes[self.scene_name])
+                    camera = read_camera(self.scene)
                     pictures.write(path.with_suffix(".png"), radiance, camera)
                 yield Progress("frames", count + 1, len(frames))
         finally:
-            bpy.data.scenes[self.scene_name].frame_set(before)
+            self.scene.frame_set(before)
         return frame_path(pattern, frames[0]), len(frames)
+
+    def _say_moved(self, scene):
+        """Say what is not where it was baked in a frame; returns the names."""
+        names = plan.moved(scene)
+        if names:
+            differs = f"{', '.join(names[:3])} at frame {scene.frame_current}"
+            self.report({"WARNING"}, freshness.note(scene, differs))
+        return names
 
     def finish(self, context, result):
         text = f"{result[1]} frames written, the first is {result[0]}"

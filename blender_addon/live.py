@@ -12,8 +12,10 @@ from bpy.app.handlers import persistent
 
 from prt_core import run
 from prt_core.blender import casters
+from prt_core.blender.identity import by_uid
+from prt_core.blender.stand_ins import arrange
 
-from . import bakes, plan, preview, work
+from . import bakes, freshness, plan, preview, work
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
 # and plans are made; of work in one call of the timer, and in the call that a slider makes where
@@ -27,11 +29,14 @@ class _State:
     """What is to be done and what is under way; nothing of it outlives the file."""
 
     def __init__(self):
-        self.scene = None  # name of the scene to relight
+        self.scene = None  # session_uid of the scene to relight
         self.show = False  # whether the look has changed, not only the light
         self.touched = 0.0  # when something changed last
         self.job = None  # generator under way
-        self.kind = None  # "draft", "full" or "plan"
+        self.kind = None  # "draft", "full", "check" or "plan"
+        self.previewed = False  # whether a scene of the file showed a preview when last looked at
+        self.at = None  # session_uid of the scene that was looked at
+        self.rearrange = False  # whether objects came or went
         self.rendering = False
         self.writing = False
         self.begun = False  # whether the timer has looked at the file
@@ -46,7 +51,7 @@ def touch(scene, show=False):
     """The light of a scene, or the look of its preview, has changed."""
     if bpy.app.background or _NOW.writing:
         return
-    _NOW.scene = scene.name
+    _NOW.scene = scene.session_uid
     _NOW.show |= show
     _NOW.touched = time.perf_counter()
 
@@ -68,6 +73,32 @@ def start():
 def geometry_changed(scene):
     """Objects, or how they are baked, have changed."""
     plan.outdate(scene)
+
+
+def settings_changed(scene):
+    """How a scene would be baked has changed, not what."""
+    plan.outdate(scene, geometry=False)
+
+
+def note_preview():
+    """(whether the file showed a preview when last asked, whether it does): undo may take it."""
+    before = _NOW.previewed
+    _NOW.previewed = any(scene.prt.loaded for scene in bpy.data.scenes)
+    return before, _NOW.previewed
+
+
+def another_file():
+    """Nothing that is to be done outlives the file."""
+    _NOW.__init__()
+
+
+def look_again(scene):
+    """Colours, hidden objects and what is known of the scene may be of another state."""
+    plan.outdate(scene)
+    there = preview.held(scene)
+    if there is not None:
+        there.shown = None
+    _NOW.rearrange = True
 
 
 def idle():
@@ -99,8 +130,9 @@ def _work():
         return _IDLE
     if not _NOW.begun:
         # The add-on was enabled, or a file loaded: colours may be of an older light.
-        _NOW.begun = True
+        _NOW.begun = _NOW.rearrange = True
         touch(bpy.context.scene, show=True)
+    _look_around()
     if _NOW.job is None or (_NOW.kind == "full" and _changed_lately()):
         stop()
         _begin()
@@ -108,6 +140,20 @@ def _work():
         return _IDLE
     _go_on(_HOLD / 2 if _soon() and _NOW.kind == "draft" else _BUDGET)
     return 0.0 if _NOW.job is not None else _IDLE / 5
+
+
+def _look_around():
+    """Small things that no event tells of at the time when they can be done."""
+    scene = bpy.context.scene
+    if scene.session_uid != _NOW.at:
+        if _NOW.at is not None:
+            work.say("")  # it was said of the scene before
+        bakes.refresh(scene)
+        _NOW.at = scene.session_uid
+    if _NOW.rearrange and not _changed_lately():
+        _NOW.rearrange = False
+        for each in bpy.data.scenes:
+            arrange(each)
 
 
 def _soon():
@@ -136,33 +182,61 @@ def _changed_lately():
 
 
 def _begin():
-    """Start what is most urgent: colours of the new light, then their full rays, then a plan."""
-    scene = bpy.data.scenes.get(_NOW.scene) if _NOW.scene else None
+    """Start what is most urgent: colours of the new light, then their full rays, then a look at
+    the scene: a plan where the panel asks for one, else whether the bake is still of it."""
+    scene = by_uid(bpy.data.scenes, _NOW.scene) if _NOW.scene else None
     if scene is not None and scene.prt.loaded and scene.prt.live:
         draft = _changed_lately()
-        _NOW.job, _NOW.kind = _relight_steps(scene.name, draft), "draft" if draft else "full"
+        _NOW.job, _NOW.kind = _relight_steps(scene, draft), "draft" if draft else "full"
         return
     _NOW.scene = None
+    if _changed_lately():
+        return
     scene = plan.wanted()
-    if scene is not None and not _changed_lately():
+    if scene is not None:
         _NOW.job, _NOW.kind = _plan_steps(scene), "plan"
+    elif _wants_check(bpy.context.scene):
+        _NOW.job, _NOW.kind = _check_steps(bpy.context.scene), "check"
+
+
+def _wants_check(scene):
+    """Whether the scene of the bake in memory was changed, and is read in a moment."""
+    if preview.held(scene) is None:
+        return False
+    read, holds = plan.reading(scene)
+    return read is None or (not holds and read.seconds < plan.MOST_SECONDS)
 
 
 def _plan_steps(scene):
     bakes.refresh(scene)
+    uid = scene.session_uid
     try:
         yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
     except work.FAILURES:
         pass  # the plan keeps what is wrong, and the panel draws it
+    freshness.note(by_uid(bpy.data.scenes, uid))
     work.redraw()
 
 
-def _relight_steps(name, draft):
-    since, scene = _NOW.touched, bpy.data.scenes[name]
+def _check_steps(scene):
+    uid, there = scene.session_uid, preview.held(scene)
+    yield from freshness.check_steps(scene, there, work.PACE)
+    freshness.note(by_uid(bpy.data.scenes, uid))
+    work.redraw()
+
+
+def _relight_steps(scene, draft):
+    since, uid = _NOW.touched, scene.session_uid
     there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-    scene = bpy.data.scenes.get(name)
+    scene = by_uid(bpy.data.scenes, uid)
     if scene is None:
         return
+    if plan.reading(scene)[0] is None:
+        # A file was opened: is its bake still one of this scene?
+        yield from _check_steps(scene)
+        scene = by_uid(bpy.data.scenes, uid)
+        if scene is None:
+            return
     full = preview.request(scene)
     asked = preview.request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
@@ -173,7 +247,7 @@ def _relight_steps(name, draft):
     if shown is not None and shown.key == asked.key and not _NOW.show:
         return  # the draft is there; the full rays come when all is quiet
     radiance = yield from asked.steps(there, work.PACE)
-    yield from show_steps(name, there, radiance, asked, work.PACE)
+    yield from show_steps(uid, there, radiance, asked, work.PACE)
     delays.append(time.perf_counter() - since)
     del delays[:-100]
     if last:
@@ -185,12 +259,12 @@ def _done(since):
         _NOW.scene, _NOW.show = None, False
 
 
-def show_steps(name, there, radiance, asked, pace=None):
+def show_steps(uid, there, radiance, asked, pace=None):
     """Write colours on a scene's meshes; objects that were renamed are found by what they are."""
-    scene = bpy.data.scenes[name]
-    if preview.missing(there):
-        yield from preview.check_steps(scene, there, pace)
-        scene = bpy.data.scenes[name]
+    scene = by_uid(bpy.data.scenes, uid)
+    if preview.missing(scene, there):
+        yield from freshness.check_steps(scene, there, pace)
+        scene = by_uid(bpy.data.scenes, uid)
     _NOW.writing = True
     try:
         preview.write(scene, there, radiance, asked)
@@ -207,6 +281,17 @@ def _updated(scene, depsgraph):
     """Blender evaluated a change: was it the light, or what is baked?"""
     if _NOW.writing or bpy.app.background or casters.is_temporary(scene):
         return
+    light, geometry = _what_changed(depsgraph)
+    _NOW.rearrange |= any(isinstance(u.id, bpy.types.Collection | bpy.types.Scene)
+                          for u in depsgraph.updates)  # fmt: skip
+    if geometry:
+        geometry_changed(scene)
+    if light or geometry:
+        touch(scene)
+
+
+def _what_changed(depsgraph):
+    """(whether the light, whether what is baked) is among what was evaluated anew."""
     light = geometry = False
     for update in depsgraph.updates:
         changed = update.id
@@ -215,25 +300,26 @@ def _updated(scene, depsgraph):
         elif isinstance(changed, bpy.types.Object):
             if changed.type == "LIGHT":
                 light = True
-            elif changed.type in plan.GEOMETRY:
+            elif changed.type in plan.GEOMETRY or changed.instance_type != "NONE":
                 geometry |= update.is_updated_transform or update.is_updated_geometry
         elif isinstance(changed, bpy.types.Material | bpy.types.Collection):
             geometry = True
         elif isinstance(changed, bpy.types.NodeTree):
             light = True
-    if geometry:
-        geometry_changed(scene)
-    if light or geometry:
-        touch(scene)
+    return light, geometry
 
 
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
-    if not scene.prt.loaded or not scene.prt.live:
+    if not scene.prt.loaded:
         return
     if not (_NOW.rendering or bpy.app.background):
+        if depsgraph is not None and _what_changed(depsgraph)[1]:
+            geometry_changed(scene)
         touch(scene)
+        return
+    if not scene.prt.live:
         return
     try:
         run(_frame_steps(scene, depsgraph))
@@ -244,12 +330,13 @@ def _frame_changed(scene, depsgraph=None):
 
 def _frame_steps(scene, depsgraph):
     there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+    yield from freshness.frame_steps(scene, there, depsgraph, aloud=True)
     asked = preview.request(scene, depsgraph=depsgraph)
     if there.shown is not None and there.shown.key == asked.key:
         return
     radiance = yield from asked.steps(there)
-    if preview.missing(there):
-        yield from preview.check_steps(scene, there)
+    if preview.missing(scene, there):
+        yield from freshness.check_steps(scene, there)
     preview.write(scene, there, radiance, asked)
 
 
@@ -266,59 +353,12 @@ def _render_ends(*_):
     _NOW.rendering = False
 
 
-@persistent
-def _before_file(*_):
-    """Another file comes: everything that points into this one goes."""
-    work.stop_all()
-    stop()
-    preview.forget()
-    plan.forget()
-
-
-@persistent
-def _after_file(*_):
-    _NOW.__init__()
-    casters.remove_left_over()
-
-
-@persistent
-def _before_undo(*_):
-    """Undo must not keep the casters' data-blocks; they make them again."""
-    casters.release_all()
-
-
-@persistent
-def _before_save(path="", *_):
-    """Files must not keep the casters' data-blocks; bakes are found from a new folder as well."""
-    casters.release_all()
-    for scene in bpy.data.scenes if path else ():
-        preview.follow(scene, path)
-
-
-@persistent
-def _after_undo(*_):
-    casters.remove_left_over()
-    for scene in bpy.data.scenes:
-        plan.outdate(scene)
-        there = preview.held(scene)
-        if there is not None:
-            there.shown, there.renamed = None, {}
-    touch(bpy.context.scene, show=True)
-
-
 _HANDLERS = (
     ("depsgraph_update_post", _updated),
     ("frame_change_post", _frame_changed),
     ("render_init", _render_begins),
     ("render_complete", _render_ends),
     ("render_cancel", _render_ends),
-    ("load_pre", _before_file),
-    ("load_post", _after_file),
-    ("save_pre", _before_save),
-    ("undo_pre", _before_undo),
-    ("redo_pre", _before_undo),
-    ("undo_post", _after_undo),
-    ("redo_post", _after_undo),
 )
 
 

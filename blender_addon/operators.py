@@ -10,11 +10,13 @@ from bpy.props import (
 
 from prt_core import PRTError
 from prt_core.api import bake_blend_steps, compress_bake_steps
+from prt_core.blender.compat import PATH_OPTIONS
+from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.progress import run
 from prt_core.store import remove_bake
 
-from . import bakes, live, plan, preview, views, work
+from . import bakes, freshness, live, plan, preview, saving, views, work
 from .buttons import BakeButton, Button
 from .work import LongWork, status
 
@@ -32,9 +34,10 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
     )  # fmt: skip
 
     def steps(self, context, pace):
-        scene = context.scene
-        self.scene_name, path = scene.name, plan.output_path(scene)
-        caster = scene.prt.caster
+        scene = self.begin(context)
+        path, caster = plan.output_path(scene), scene.prt.caster
+        if not self.restart:
+            bakes.expect_ours(scene, path)
         live.stop()
         self.report_line = yield from bake_blend_steps(
             None,
@@ -48,15 +51,16 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             strict=False,
         )
         preview.forget()
+        path = saving.settle(self.scene, path)
         there = yield from preview.load_steps(path, caster)
-        found = yield from preview.check_steps(self._scene(), there, pace)
+        found = yield from freshness.check_steps(self.scene, there, pace)
         expect(
             not (found.missing or found.changed),
             f"bake: the scene was changed meanwhile ({found}); the bake is kept, bake again",
         )
         asked, radiance = None, None
         try:
-            asked = preview.request(self._scene())
+            asked = preview.request(self.scene)
             radiance = yield from asked.steps(there, pace)
         except PRTError as error:
             self.report({"WARNING"}, f"{error}; the bake is there, choose another light")
@@ -65,26 +69,24 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
     def stopped(self, context):
         bakes.refresh(context.scene)
 
-    def _scene(self):
-        scene = bpy.data.scenes.get(self.scene_name)
-        expect(scene is not None, f"scene '{self.scene_name}' was removed or renamed meanwhile")
-        return scene
-
     def finish(self, context, result):
         there, asked, radiance = result
-        scene = self._scene()
+        scene = self.scene
         scene.prt.loaded = preview.relative(there.path)
         if radiance is not None:
-            run(live.show_steps(scene.name, there, radiance, asked))
+            run(live.show_steps(scene.session_uid, there, radiance, asked))
             views.show()
-        bakes.refresh(scene)
+        live.note_preview()
+        bakes.refresh(scene, select=there.path)
         line = self.report_line
         seconds = sum(line["seconds"].values())
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
         if line["error"] is not None:
             text += f", error {line['error']:.2%}"
+        for message in line["messages"]:
+            self.report({"WARNING"}, message)
         self.report({"INFO"}, text)
-        work.say(text)
+        work.say(text, notes=line["messages"])
 
 
 class PRT_OT_cancel(bpy.types.Operator):
@@ -112,17 +114,18 @@ class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
     title = "Relight"
 
     def steps(self, context, pace):
-        scene = context.scene
-        self.scene_name = scene.name
+        scene = self.begin(context)
         live.stop()
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        asked = preview.request(bpy.data.scenes[self.scene_name])
+        yield from freshness.warn_steps(self, self.scene, there, pace)
+        asked = preview.request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
 
     def finish(self, context, result):
         there, asked, radiance = result
-        run(live.show_steps(self.scene_name, there, radiance, asked))
+        run(live.show_steps(self.scene.session_uid, there, radiance, asked))
+        live.note_preview()
         work.say(f"{len(radiance):,} points relit")
 
 
@@ -139,22 +142,23 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
     )  # fmt: skip
 
     def steps(self, context, pace):
-        scene = context.scene
-        self.scene_name, path = scene.name, preview.path_of(scene)
+        scene = self.begin(context)
+        path = preview.path_of(scene)
         tolerance = None if self.method == "none" else scene.prt.compress_tolerance
         live.stop()
         there = yield from preview.load_steps(path, scene.prt.caster)
+        yield from freshness.warn_steps(self, self.scene, there, pace)
         subject = path if self.method == "none" else there.bake
         self.facts = yield from compress_bake_steps(subject, self.method, tolerance)
         there.relighter.close()
-        asked = preview.request(bpy.data.scenes[self.scene_name])
+        asked = preview.request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
 
     def finish(self, context, result):
         there, asked, radiance = result
-        run(live.show_steps(self.scene_name, there, radiance, asked))
-        bakes.refresh(bpy.data.scenes[self.scene_name])
+        run(live.show_steps(self.scene.session_uid, there, radiance, asked))
+        bakes.refresh(self.scene)
         if self.facts is None:
             work.say("The compressed form is gone")
             return
@@ -175,30 +179,30 @@ class PRT_OT_load(LongWork, Button, bpy.types.Operator):
     bl_label = "Load"
     title = "Load"
 
-    filepath: StringProperty(name="Bake", description="NAME.prt", subtype="DIR_PATH")
+    filepath: StringProperty(
+        name="Bake", description="NAME.prt", subtype="DIR_PATH", options=PATH_OPTIONS
+    )
 
     def steps(self, context, pace):
-        scene = context.scene
-        self.scene_name = scene.name
+        scene = self.begin(context)
         path = Path(bpy.path.abspath(self.filepath)) if self.filepath else plan.output_path(scene)
         live.stop()
         there = yield from preview.load_steps(path, scene.prt.caster)
-        scene = bpy.data.scenes[self.scene_name]
-        found = yield from preview.check_steps(scene, there, pace)
-        if not found.fresh:
-            text = f"{path.name}: the scene is not the one that was baked ({found})"
-            self.report({"WARNING"}, text)
-        asked = preview.request(bpy.data.scenes[self.scene_name])
+        yield from freshness.warn_steps(self, self.scene, there, pace)
+        asked = preview.request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
 
     def finish(self, context, result):
         there, asked, radiance = result
-        scene = bpy.data.scenes[self.scene_name]
-        run(live.show_steps(self.scene_name, there, radiance, asked))
+        scene = self.scene
+        run(live.show_steps(scene.session_uid, there, radiance, asked))
         scene.prt.loaded = preview.relative(there.path)
+        freshness.note(scene)
+        live.note_preview()
         views.show()
-        work.say(f"{Path(there.path).name} loaded")
+        bakes.refresh(scene, select=there.path)
+        work.say(f"{Path(there.path).name} loaded", notes=there.bake.report.get("messages") or ())
 
 
 class PRT_OT_clear(Button, bpy.types.Operator):
@@ -212,8 +216,13 @@ class PRT_OT_clear(Button, bpy.types.Operator):
         changed = preview.clear(context.scene)
         context.scene.prt.loaded = ""
         preview.forget()
+        live.note_preview()
         views.restore()
-        work.say(f"{changed} objects are as they were")
+        text = f"{changed} {'object is' if changed == 1 else 'objects are'} as before"
+        behind = preview.behind_kept(context.scene)
+        if behind:
+            text += f"; {behind} stay hidden behind what was kept of them ('{KEPT_COLLECTION}')"
+        work.say(text)
         return {"FINISHED"}
 
 
@@ -225,7 +234,7 @@ class PRT_OT_remove(Button, bpy.types.Operator):
     bl_options = {"REGISTER", "INTERNAL"}
     object_mode = False
 
-    filepath: StringProperty(name="Bake", subtype="DIR_PATH")
+    filepath: StringProperty(name="Bake", subtype="DIR_PATH", options=PATH_OPTIONS)
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)

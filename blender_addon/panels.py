@@ -4,6 +4,8 @@ from pathlib import Path
 
 import bpy
 
+from prt_core.blender.stand_ins import is_copy, is_kept
+
 from . import bakes, plan, preview, views
 from .work import status
 
@@ -41,13 +43,14 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
         if state.message:
             icon = "ERROR" if state.failed else "INFO"
             _lines(layout, state.message, icon, context)
+            _notes(layout, state.notes, context)
+        there = preview.held(scene)
+        if there is not None and there.warned:
+            _lines(layout, there.warned, "ERROR", context)
+        row = layout.row(align=True)
         if scene.prt.loaded:
-            shown = [item for item in state.bakes if item.path == preview.path_of(scene)]
-            text, icon = bakes.state(scene, shown[0]) if shown else ("", "NONE")
-            if text.startswith("stale"):
-                _lines(layout, f"Bake again: {text.removeprefix('stale: ')}", icon, context)
-            row = layout.row(align=True)
             row.operator("prt.relight", icon="LIGHT_SUN")
+        if preview.present(scene):
             row.operator("prt.clear", icon="LOOP_BACK")
 
 
@@ -67,7 +70,7 @@ class PRT_UL_objects(bpy.types.UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active, _property, _index):
         row = layout.row(align=True)
-        row.label(text=item.name, icon="OUTLINER_OB_" + _ICONS.get(item.type, "MESH"))
+        row.label(text=item.name_full, icon="OUTLINER_OB_" + _ICONS.get(item.type, "MESH"))
         row.label(text="" if item.prt.receives else "casts only")
         receives = "SHADING_RENDERED" if item.prt.receives else "SHADING_SOLID"
         row.prop(item.prt, "receives", text="", icon=receives)
@@ -79,7 +82,7 @@ class PRT_UL_objects(bpy.types.UIList):
         shown = [
             self.bitflag_filter_item
             if (o.type in plan.GEOMETRY or o.instance_type == "COLLECTION")
-            and not o.get("prt_copy")
+            and not (is_copy(o) or is_kept(o))
             and self.filter_name.lower() in o.name.lower()
             else 0
             for o in objects
@@ -196,6 +199,10 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
     def draw(self, context):
         layout, state, scene = self.layout, status(), context.scene
         row = layout.row()
+        if not bakes.listed(scene):
+            row.label(text="Not looked at yet")
+            row.operator("prt.refresh", text="", icon="FILE_REFRESH")
+            return
         row.template_list("PRT_UL_bakes", "", state, "bakes", state, "active_bake", rows=3)
         side = row.column(align=True)
         side.operator("prt.refresh", text="", icon="FILE_REFRESH")
@@ -209,6 +216,8 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
         row.operator("prt.load", icon="IMPORT").filepath = item.path
         text, icon = bakes.state(scene, item)
         _lines(layout, text, icon, context)
+        if item.origin:
+            _lines(layout, f"of another: {item.origin}", "INFO", context)
         if item.complete:
             if item.method != "exhaustive":
                 layout.label(
@@ -225,6 +234,7 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
                 text=f"{item.points:,} points, {item.megabytes:.1f} MB, "
                 f"{_seconds(item.seconds)} with {item.back_end}{error}"
             )
+            _notes(layout, item.notes, context)
 
 
 class PRT_UL_bakes(bpy.types.UIList):
@@ -236,6 +246,15 @@ class PRT_UL_bakes(bpy.types.UIList):
         shown = preview.path_of(scene) == item.path
         row.label(text=item.name, icon="HIDE_OFF" if shown else bakes.state(scene, item)[1])
         row.label(text=f"{item.megabytes:.1f} MB")
+
+
+def _notes(layout, notes, context):
+    """What a bake has to say of itself, a line each."""
+    found = notes.split("\n") if notes else []
+    for text in found[:_MOST_WARNINGS]:
+        _lines(layout, text, "DOT", context)
+    if len(found) > _MOST_WARNINGS:
+        layout.label(text=f"and {len(found) - _MOST_WARNINGS} more")
 
 
 def _seconds(value):

@@ -1,25 +1,62 @@
 """What a bake of a scene would be: its settings, its cost, and what is wrong with it.
 
-A `Plan` is made when asked for, or in idle moments, and drawn from memory.
+A `Reading` is what the meshes of a scene are like, to tell whether a bake is of them; a `Plan` is
+what baking them would cost. Both are made when asked for, or in idle moments, and kept here.
 """
 
+import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from prt_core import BakeSettings, PRTError, Scene
 from prt_core.blender.depsgraph import read_meshes_steps
-from prt_core.blender.preview_look import renders
+from prt_core.blender.identity import by_uid, place_of
+from prt_core.blender.stand_ins import is_copy, is_kept, renders
 from prt_core.preflight import preflight
 from prt_core.progress import beside
 from prt_core.rays.caster import known_casters
 from prt_core.scene import mesh_digests
 
+from .naming import bake_name
+
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-# Plans of scenes by name; those that may no longer hold; those whose panel asked for one.
-_PLANS, _OLD, _WANTED = {}, set(), set()
+# Seconds that a plan or a reading may have taken to be made again without being asked for.
+MOST_SECONDS = 2.0
+# Of scenes by `session_uid`: their plans and readings; which of them may no longer hold; whose
+# panel asked for a plan.
+_PLANS, _READINGS = {}, {}
+_OLD_PLANS, _OLD_READINGS, _WANTED = set(), set(), set()
+# Blender's temporary folders of this session: it takes a new one with new preferences.
+_TEMPORARY = set()
+
+
+@dataclass
+class Reading:
+    """The meshes of a scene, as far as a bake depends on them.
+
+    Attributes
+    ----------
+    digests : dict of str -> str
+        Of each mesh; none where nothing can be baked.
+    places : dict of str -> (str, str)
+        Name and library of the object that each mesh belongs to.
+    uids : dict of str -> int
+        `session_uid` of these objects, where they are in the file.
+    shape : dict of int -> tuple
+        What can be compared quickly (see `shape_of`).
+    seconds : float
+        How long it took.
+    """
+
+    digests: dict
+    places: dict
+    uids: dict
+    shape: dict
+    seconds: float = 0.0
 
 
 @dataclass
@@ -30,8 +67,6 @@ class Plan:
     ----------
     cost : prt_core.preflight.Preflight, or None where there is nothing to bake
     back_end : str
-    digests : dict of str -> str
-        Of each mesh, to tell whether a bake is of this scene.
     messages : list of str
         What would be ignored or replaced.
     seconds : float
@@ -40,7 +75,6 @@ class Plan:
 
     cost: object = None
     back_end: str = ""
-    digests: dict = field(default_factory=dict)
     messages: list = field(default_factory=list)
     seconds: float = 0.0
 
@@ -67,7 +101,8 @@ def receivers(scene):
         None does.
     """
     there = [o for o in scene.objects if o.type in GEOMETRY or o.instance_type == "COLLECTION"]
-    chosen = [o.name for o in there if o.prt.receives]
+    there = [o for o in there if not (is_copy(o) or is_kept(o))]
+    chosen = [o.name_full for o in there if o.prt.receives]
     if there and not chosen:
         raise PRTError("objects: none receives colours; switch some on under Objects")
     return None if len(chosen) == len(there) else chosen
@@ -75,21 +110,37 @@ def receivers(scene):
 
 def two_sided(scene):
     """Names of the objects whose backs are lit as well."""
-    return [o.name for o in scene.objects if o.prt.two_sided]
+    return [o.name_full for o in scene.objects if o.prt.two_sided]
 
 
-def folder(scene):
-    """Where bakes of a scene are kept; Blender's temporary folder while the file has no name."""
+def folder(scene, file=None):
+    """Where bakes of a scene are kept; Blender's temporary folder while the file has no name.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    file : str, optional
+        The file as it will be called; default: as it is.
+    """
+    file = bpy.data.filepath if file is None else file
     chosen = scene.prt.folder or "//prt"
-    if chosen.startswith("//") and not bpy.data.filepath:
+    if not chosen.startswith("//"):
+        return Path(bpy.path.abspath(chosen))
+    if not file:
+        _TEMPORARY.add(Path(bpy.app.tempdir))
         return Path(bpy.app.tempdir) / "prt"
-    return Path(bpy.path.abspath(chosen))
+    return Path(os.path.normpath(bpy.path.abspath(chosen, start=str(Path(file).parent))))
 
 
-def output_path(scene):
+def is_temporary(path):
+    """Whether a bake lies where Blender removes it at its end."""
+    return bool(path) and not _TEMPORARY.isdisjoint(Path(path).parents)
+
+
+def output_path(scene, file=None):
     """Where the next bake goes."""
-    name = bpy.path.clean_name(scene.prt.name or scene.name)
-    return folder(scene) / f"{name}.prt"
+    file = bpy.data.filepath if file is None else file
+    return folder(scene, file) / f"{bake_name(scene, file)}.prt"
 
 
 def back_end(scene):
@@ -99,11 +150,74 @@ def back_end(scene):
     return next(name for name in ("embree", "blender") if name in known_casters())
 
 
-def read_steps(scene, messages, pace):
-    """The meshes of a scene as its panel says they are baked; a generator of `Progress`."""
-    return read_meshes_steps(
-        scene.name, receivers(scene), two_sided(scene), messages, strict=False, pace=pace
-    )
+def read_steps(scene, messages=None, pace=None):
+    """Read the meshes of a scene as its panel says they are baked, and keep its `Reading`.
+
+    A generator of `Progress`; returns the meshes.
+
+    Raises
+    ------
+    PRTError
+        Nothing there can be baked; the reading that is kept holds no mesh then.
+    """
+    start, uid = time.perf_counter(), scene.session_uid
+    _OLD_READINGS.discard(uid)
+    try:
+        wanted = receivers(scene), two_sided(scene)
+        meshes = yield from read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
+        digests = yield from beside("scene", mesh_digests, meshes)
+    except PRTError:
+        _READINGS[uid] = Reading({}, {}, {}, shape_of(by_uid(bpy.data.scenes, uid)))
+        raise
+    except GeneratorExit:
+        _OLD_READINGS.add(uid)
+        raise
+    places = {mesh.name: (mesh.owner, mesh.library) for mesh in meshes}
+    scene = by_uid(bpy.data.scenes, uid)
+    there = {} if scene is None else {place_of(o): o.session_uid for o in scene.objects}
+    uids = {name: there[place] for name, place in places.items() if place in there}
+    _READINGS[uid] = Reading(digests, places, uids, shape_of(scene), time.perf_counter() - start)
+    return meshes
+
+
+def shape_of(scene, depsgraph=None):
+    """Where the objects of a scene are and how large their meshes: quick to make and compare.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene or None
+    depsgraph : bpy.types.Depsgraph, optional
+        Where a frame that renders is evaluated.
+
+    Returns
+    -------
+    dict of int -> (str, (4, 4) float, int)
+        By `session_uid`: name, matrix and number of corners.
+    """
+    found = {}
+    for item in scene.objects if scene is not None else ():
+        if item.type not in GEOMETRY and item.instance_type == "NONE":
+            continue
+        if is_copy(item) or is_kept(item) or not renders(item):
+            continue
+        seen = item if depsgraph is None else item.evaluated_get(depsgraph)
+        corners = len(item.data.loops) if item.type == "MESH" else 0
+        found[item.session_uid] = item.name, np.array(seen.matrix_world), corners
+    return found
+
+
+def moved(scene, depsgraph=None):
+    """Names of the objects that are not where, or as large as, they were when last read."""
+    read = _READINGS.get(scene.session_uid)
+    if read is None:
+        return []
+    now = shape_of(scene, depsgraph)
+    names = []
+    for uid in {**read.shape, **now}:
+        old, new = read.shape.get(uid), now.get(uid)
+        if old is None or new is None or old[2] != new[2] or not np.allclose(old[1], new[1], 1e-6):
+            names.append((new or old)[0])
+    return names
 
 
 def steps(scene, pace=None, rays_per_second=None):
@@ -114,83 +228,96 @@ def steps(scene, pace=None, rays_per_second=None):
     PRTError
         Nothing there can be baked; the plan that is kept says so too.
     """
-    start, name = time.perf_counter(), scene.name
+    start, uid = time.perf_counter(), scene.session_uid
     made = Plan(back_end=back_end(scene))
-    _OLD.discard(name)
-    _WANTED.discard(name)
+    _OLD_PLANS.discard(uid)
+    _WANTED.discard(uid)
     try:
         settings = bake_settings(scene)
         meshes = yield from read_steps(scene, made.messages, pace)
-        made.digests = yield from beside("scene", mesh_digests, meshes)
         built = yield from beside("scene", Scene.from_meshes, meshes)
         made.messages += built.messages
         made.cost = preflight(built, settings, made.back_end, rays_per_second)
     except PRTError as error:
         made.messages.append(str(error))
-        _keep(name, made, start)
+        _keep(uid, made, start)
         raise
     except GeneratorExit:
-        _OLD.add(name)
+        _OLD_PLANS.add(uid)
         raise
-    _keep(name, made, start)
+    _keep(uid, made, start)
     return made
 
 
-def _keep(name, made, start):
+def _keep(uid, made, start):
     made.seconds = time.perf_counter() - start
-    _PLANS[name] = made
+    _PLANS[uid] = made
 
 
 def of(scene):
     """The `Plan` of a scene, or None; and whether it still holds."""
-    return _PLANS.get(scene.name), scene.name not in _OLD
+    return _PLANS.get(scene.session_uid), scene.session_uid not in _OLD_PLANS
+
+
+def reading(scene):
+    """The last `Reading` of a scene, or None; and whether it still holds."""
+    return _READINGS.get(scene.session_uid), scene.session_uid not in _OLD_READINGS
+
+
+def reading_of(uid):
+    """The last `Reading` of a scene by its `session_uid`, or None."""
+    return _READINGS.get(uid)
 
 
 def want(scene):
     """Ask for a plan at the next idle moment: none there, or an old one that was made quickly."""
     made, holds = of(scene)
-    if made is None or (not holds and made.seconds < 2.0):
-        _WANTED.add(scene.name)
+    if made is None or (not holds and made.seconds < MOST_SECONDS):
+        _WANTED.add(scene.session_uid)
 
 
 def wanted():
     """A scene whose plan was asked for, or None."""
     while _WANTED:
-        scene = bpy.data.scenes.get(next(iter(_WANTED)))
+        scene = by_uid(bpy.data.scenes, next(iter(_WANTED)))
         if scene is not None:
             return scene
         _WANTED.clear()
     return None
 
 
-def outdate(scene):
-    """The plan of a scene may no longer hold."""
-    _OLD.add(scene.name)
+def outdate(scene, geometry=True):
+    """The plan of a scene may no longer hold, and its reading neither where `geometry` changed."""
+    _OLD_PLANS.add(scene.session_uid)
+    if geometry:
+        _OLD_READINGS.add(scene.session_uid)
 
 
 def forget():
     """Forget all plans: another file."""
-    for kept in (_PLANS, _OLD, _WANTED):
+    for kept in (_PLANS, _READINGS, _OLD_PLANS, _OLD_READINGS, _WANTED):
         kept.clear()
 
 
 def warnings(scene):
     """What a person should know before baking: (text, operator that helps or None, its object)."""
     found = []
-    if not bpy.data.filepath and scene.prt.folder.startswith("//"):
+    if not bpy.data.filepath and (scene.prt.folder or "//").startswith("//"):
         found.append(
             ("File not saved: bakes are kept in a temporary folder", "wm.save_mainfile", None)
         )
     for item in scene.objects:
-        if item.type in GEOMETRY and item.prt.receives and not renders(item):
-            found.append((f"{item.name}: hidden in renders, not baked", "prt.unhide", item.name))
+        hidden = item.type in GEOMETRY and item.prt.receives and not renders(item)
+        if hidden and not is_kept(item):
+            helps = "prt.unhide" if item.library is None else None
+            found.append((f"{item.name}: hidden in renders, not baked", helps, item.name))
     made, _ = of(scene)
     if made is None:
         return found
     if made.cost is not None:
+        own = {item.name: item.type for item in scene.objects if item.library is None}
         for name, (distance, _) in made.cost.coarse.items():
-            item = scene.objects.get(name)
-            helps = "prt.subdivide" if item is not None and item.type == "MESH" else None
+            helps = "prt.subdivide" if own.get(name) == "MESH" else None
             text = f"{name}: a vertex every {distance:.2g}, too few for shadows"
             found.append((text, helps, name))
     return found + [(text, None, None) for text in made.messages]

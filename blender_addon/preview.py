@@ -1,6 +1,6 @@
 """The bake in memory, and its colours on the meshes of the scene."""
 
-import shutil
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,15 +9,18 @@ import numpy as np
 
 from prt_core import PRTError, load
 from prt_core.blender import colours, preview_look
+from prt_core.blender.identity import objects_by_place
 from prt_core.blender.lamps import read_lamps
+from prt_core.blender.realised import PREVIEW
+from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
 from prt_core.light import rotation_matrix
 from prt_core.progress import beside
 from prt_core.relighter import Relighter, lamp_signature
-from prt_core.scene import changes, mesh_digests
+from prt_core.scene import changes
 
-from . import plan
+from . import plan, views
 from .studio import studio_lights
 
 # One bake at a time: large ones fill the memory.
@@ -32,16 +35,38 @@ class Preview:
     path : str
     bake : prt_core.Bake
     relighter : prt_core.relighter.Relighter
-    renamed : dict of str -> str
-        Objects that have another name now.
     shown : Request
         What the colours on the meshes were made from, None where unknown.
+    warned : str
+        What was said last about how the scene differs from it.
     """
 
     def __init__(self, path, bake, caster):
         self.path, self.bake = path, bake
         self.relighter = Relighter(bake, caster)
-        self.renamed, self.shown = {}, None
+        self.shown, self.warned = None, ""
+        self._compared = None, None
+
+    def compare(self, read):
+        """`Changes` from the bake to a `plan.Reading`, and the places of its meshes now."""
+        if self._compared[0] is not read:
+            found, places, uids = changes(self.bake.source, read.digests), {}, {}
+            for item in self.items:
+                name = found.renamed.get(item.name, item.name)
+                there = read.places.get(name)
+                # Another mesh may have its name by now: then it is where it was, or nowhere.
+                same = item.name in found.renamed or (there and there[1] == item.library)
+                if same and item.name not in found.missing:
+                    places[item.name] = there
+                    if name in read.uids:
+                        uids[item.name] = read.uids[name]
+            self._compared = read, (found, places, uids)
+        return self._compared[1]
+
+    @property
+    def items(self):
+        """The bake's `SceneObject`s."""
+        return self.bake.scene.objects
 
 
 @dataclass(frozen=True)
@@ -67,13 +92,14 @@ def held(scene=None):
 
 def path_of(scene):
     """Absolute path of the bake a scene shows, empty where none."""
-    return str(Path(bpy.path.abspath(scene.prt.loaded))) if scene.prt.loaded else ""
+    return os.path.normpath(bpy.path.abspath(scene.prt.loaded)) if scene.prt.loaded else ""
 
 
-def relative(path):
-    """A path as the file keeps it: beside the file where it is."""
+def relative(path, file=None):
+    """A path as the file (default: the open one) keeps it: seen from there where it can be."""
+    file = bpy.data.filepath if file is None else file
     try:
-        return bpy.path.relpath(str(path)) if bpy.data.filepath else str(path)
+        return bpy.path.relpath(str(path), start=str(Path(file).parent)) if file else str(path)
     except ValueError:
         return str(path)
 
@@ -94,26 +120,10 @@ def forget():
         _HELD.pop().relighter.close()
 
 
-def follow(scene, path):
-    """Keep a scene's bake within reach of the file that is about to be saved as `path`.
-
-    A bake in the temporary folder moves beside the file; one beside a file of another folder is
-    named in full.
-    """
-    where, home = path_of(scene), Path(path).parent
-    if not where or not Path(where).is_dir():
-        return
-    if Path(bpy.app.tempdir) in Path(where).parents:
-        target = home / "prt" / Path(where).name
-        if target.exists():
-            return
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.move(where, target)
-        if _HELD and _HELD[0].path == where:
-            _HELD[0].path, _HELD[0].bake.path = str(target), target
-        scene.prt.loaded = f"//prt/{target.name}"
-    elif home != Path(bpy.data.filepath).parent:
-        scene.prt.loaded = where
+def relocated(old, new):
+    """A bake lies elsewhere now."""
+    if _HELD and _HELD[0].path == old:
+        _HELD[0].path, _HELD[0].bake.path = new, Path(new)
 
 
 def request(scene, samples=None, depsgraph=None):
@@ -181,24 +191,14 @@ def write(scene, preview, radiance, asked):
         An object is gone or has another mesh now; then nothing was written.
     """
     settings = scene.prt
-    found = preview.bake.colours(radiance)
+    found, places = preview.bake.colours(radiance), places_now(scene, preview)
+    baked = preview.bake.scene
     if settings.shown and settings.shown != settings.attribute:
         preview_look.restore(scene, [settings.shown])
     colours.write_all(
-        preview.bake.scene,
-        found,
-        settings.attribute,
-        settings.domain,
-        renamed=preview.renamed,
-        target=scene,
+        baked, found, settings.attribute, settings.domain, places=places, target=scene
     )
-    preview_look.show_colours(
-        preview.bake.scene,
-        settings.attribute,
-        settings.material,
-        preview.renamed,
-        scene,
-    )
+    preview_look.show_colours(baked, settings.attribute, settings.material, places)
     if settings.shown != settings.attribute:
         settings.shown = settings.attribute
     preview.shown = asked
@@ -214,20 +214,32 @@ def clear(scene):
     return changed
 
 
-def check_steps(scene, preview, pace=None):
-    """How the scene differs from the bake (`Changes`); follows objects that were renamed."""
-    meshes = yield from plan.read_steps(scene, [], pace)
-    digests = yield from beside("scene", mesh_digests, meshes)
-    found = changes(preview.bake.source, digests)
-    preview.renamed = found.renamed
-    return found
+def present(scene):
+    """Whether anything of a preview is in the file, or in how its windows show it."""
+    blocks = (*bpy.data.materials, *bpy.data.node_groups)
+    marked = any(block.get(PREVIEW) and block.users and not block.library for block in blocks)
+    return bool(scene.prt.loaded or scene.prt.shown or marked or views.shown())
 
 
-def missing(preview):
-    """Whether an object that the bake colours is not there under its name."""
-    return any(
-        item.own_mesh
-        and item.receives
-        and preview.renamed.get(item.name, item.name) not in bpy.data.objects
-        for item in preview.bake.scene.objects
-    )
+def behind_kept(scene):
+    """How many objects are hidden behind what was kept of them."""
+    return len({item[ORIGINAL] for item in scene.objects if is_kept(item) and item.get(ORIGINAL)})
+
+
+def places_now(scene, preview):
+    """Where the meshes of a bake are now, by the last reading; those unknown are left out."""
+    read, _ = plan.reading(scene)
+    return {} if read is None else preview.compare(read)[1]
+
+
+def missing(scene, preview):
+    """Whether an object that is coloured itself is not, under its name, the one last seen there."""
+    read, _ = plan.reading(scene)
+    _, places, uids = ({},) * 3 if read is None else preview.compare(read)
+    objects = objects_by_place()
+    for item in preview.items:
+        if item.own_mesh and item.receives:
+            there = objects.get(places.get(item.name, (item.owner, item.library)))
+            if there is None or uids.get(item.name, there.session_uid) != there.session_uid:
+                return True
+    return False

@@ -11,6 +11,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from prt_core.blender.compat import PATH_OPTIONS
+
 from . import live, studio
 
 
@@ -20,7 +22,7 @@ def _changed(settings, _context):
 
 
 def _plan_changed(settings, _context):
-    live.geometry_changed(settings.id_data)
+    live.settings_changed(settings.id_data)
 
 
 def _object_changed(settings, context):
@@ -80,9 +82,11 @@ class PRTScene(bpy.types.PropertyGroup):
     )
     folder: StringProperty(
         name="Folder", description="Where bakes are kept", default="//prt", subtype="DIR_PATH",
-        update=_plan_changed,
+        options=PATH_OPTIONS, update=_plan_changed,
     )  # fmt: skip
-    name: StringProperty(name="Name", description="Of the bake; empty: the scene's name")
+    name: StringProperty(
+        name="Name", description="Of the bake; empty: the names of the file and the scene"
+    )
     loaded: StringProperty(name="Bake", description="The bake that is shown", update=_changed)
 
     light: EnumProperty(
@@ -97,7 +101,7 @@ class PRTScene(bpy.types.PropertyGroup):
     )
     file: StringProperty(
         name="Image", description="Equirectangular .exr or .hdr", subtype="FILE_PATH",
-        update=_changed,
+        options=PATH_OPTIONS, update=_changed,
     )  # fmt: skip
     studio: EnumProperty(name="Studio Light", items=studio.items, update=_changed)
     rotation: FloatProperty(
@@ -198,6 +202,8 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     back_end: StringProperty()
     rate: FloatProperty()
     compressed: StringProperty()
+    origin: StringProperty()
+    notes: StringProperty()
     source: CollectionProperty(type=PRTSource)
 
 
@@ -211,6 +217,7 @@ class PRTStatus(bpy.types.PropertyGroup):
     done: FloatProperty(options={"SKIP_SAVE"}, subtype="FACTOR", min=0, max=1)
     message: StringProperty(options={"SKIP_SAVE"})
     failed: BoolProperty(options={"SKIP_SAVE"})
+    notes: StringProperty(options={"SKIP_SAVE"})
     active_object: IntProperty(options={"SKIP_SAVE"})
     bakes_folder: StringProperty(options={"SKIP_SAVE"})
     bakes: CollectionProperty(type=PRTBakeItem, options={"SKIP_SAVE"})

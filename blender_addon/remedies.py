@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from prt_core import PRTError, run
+from prt_core.blender.identity import find_object
 
 from . import live, plan, work
 from .buttons import Button
@@ -36,7 +37,7 @@ class PRT_OT_subdivide(Button, bpy.types.Operator):
                 return self.fail(error)
         done = 0
         for name in [self.object_name] if self.object_name else list(made.cost.coarse):
-            item, found = scene.objects.get(name), made.cost.coarse.get(name)
+            item, found = _own(scene, name), made.cost.coarse.get(name)
             if item is None or item.type != "MESH" or found is None:
                 self.report({"WARNING"}, f"{name}: no mesh of this scene that is too coarse")
                 continue
@@ -48,6 +49,12 @@ class PRT_OT_subdivide(Button, bpy.types.Operator):
             work.say(f"{name}: every edge halved {levels} times")
         live.geometry_changed(scene)
         return {"FINISHED"} if done else {"CANCELLED"}
+
+
+def _own(scene, name):
+    """The file's own object of that name, where it is in the scene."""
+    item = find_object(name)
+    return item if item in list(scene.objects) else None
 
 
 def _subdivide(context, item, levels, apply):
@@ -77,7 +84,7 @@ class PRT_OT_unhide(Button, bpy.types.Operator):
     object_name: StringProperty(name="Object")
 
     def execute(self, context):
-        item = context.scene.objects.get(self.object_name)
+        item = _own(context.scene, self.object_name)
         if item is None:
             return self.fail(f"{self.object_name}: no such object in this scene")
         item.hide_render = False

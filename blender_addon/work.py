@@ -4,7 +4,8 @@ import time
 
 import bpy
 
-from prt_core.errors import PRTError
+from prt_core.blender.identity import by_uid
+from prt_core.errors import PRTError, expect
 from prt_core.progress import run
 
 # Seconds: between two timer events, of work in one event, of one step, between redraws.
@@ -23,9 +24,11 @@ def status():
     return bpy.context.window_manager.prt
 
 
-def say(message, failed=False):
-    """Show a line in the panel."""
-    status().message, status().failed = message, failed
+def say(message, failed=False, notes=()):
+    """Show a line in the panel, and what else there is to say in lines below it."""
+    state = status()
+    state.message, state.failed = message, failed
+    state.notes = "\n".join(notes)
     redraw()
 
 
@@ -42,7 +45,25 @@ def redraw():
 def stop_all():
     """End whatever runs, before the file, or the add-on, goes away."""
     for operator in list(_RUNNING):
-        operator.end()
+        try:
+            operator.end()
+        except ReferenceError:
+            pass  # Blender has freed it without a word
+    _RUNNING.clear()
+    status().running = status().cancel = False
+
+
+def forget():
+    """Another file: nothing that was said or listed is of it."""
+    say("")
+    state = status()
+    state.bakes_folder = ""
+    state.active_bake = state.active_object = 0
+
+
+def _status_text(text):
+    if bpy.context.workspace is not None:
+        bpy.context.workspace.status_text_set(text)
 
 
 def _has_window(context):
@@ -55,8 +76,20 @@ class LongWork:
     A subclass has `title`, `steps(context, pace)` and `finish(context, result)`.
     """
 
-    _steps = _timer = _manager = None
-    _stage = ""
+    _steps = _timer = _manager = _uid = None
+    _stage, _drawn = "", 0.0
+
+    def begin(self, context):
+        """Remember the scene that the work is about; returns it."""
+        self._uid = context.scene.session_uid
+        return context.scene
+
+    @property
+    def scene(self):
+        """The scene that the work is about, whatever it is called by now."""
+        scene = by_uid(bpy.data.scenes, self._uid)
+        expect(scene is not None, f"{self.title}: its scene was removed meanwhile")
+        return scene
 
     def execute(self, context):
         """All at once: for scripts and without a window."""
@@ -96,8 +129,11 @@ class LongWork:
             return {"CANCELLED"}
         escape = event.type == "ESC" and event.value == "PRESS"
         if escape or status().cancel:
-            self.end()
-            self.stopped(context)
+            try:
+                self.end()
+                self.stopped(context)
+            except FAILURES as error:
+                return self._fail(error)
             say(f"{self.title} stopped; the same button goes on where it was")
             self.report({"INFO"}, f"{self.title} stopped")
             return {"CANCELLED"}
@@ -119,8 +155,8 @@ class LongWork:
             self.end()
             return self._fail(error)
         except Exception:
+            self._say_unknown()
             self.end()
-            say(f"{self.title} failed; the system console has the details", True)
             raise
         finally:
             turns.append((time.perf_counter() - start, self._stage))
@@ -136,9 +172,7 @@ class LongWork:
         elif progress.stage != state.stage:
             state.done = 0.0
         state.stage = progress.stage
-        bpy.context.workspace.status_text_set(
-            f"{self.title}: {state.stage} {state.done:.0%}   (Esc stops, nothing is lost)"
-        )
+        _status_text(f"{self.title}: {state.stage} {state.done:.0%}   (Esc stops, nothing is lost)")
         redraw()
 
     def _finish(self, context, result):
@@ -146,7 +180,13 @@ class LongWork:
             self.finish(context, result)
         except FAILURES as error:
             return self._fail(error)
+        except Exception:
+            self._say_unknown()
+            raise
         return {"FINISHED"}
+
+    def _say_unknown(self):
+        say(f"{self.title} failed; the system console has the details", True)
 
     def _fail(self, error):
         text = str(error) or type(error).__name__
@@ -168,14 +208,13 @@ class LongWork:
             if steps is not None:
                 steps.close()
         finally:
-            # Whatever the work says to that, the buttons are free again.
+            # Whatever goes wrong while it stops: no button may stay grey.
+            state = status()
+            state.running = state.cancel = False
+            if self in _RUNNING:
+                _RUNNING.remove(self)
             if self._timer is not None:
                 self._manager.event_timer_remove(self._timer)
                 self._timer = None
-            if self in _RUNNING:
-                _RUNNING.remove(self)
-            state = status()
-            state.running = state.cancel = False
-            if bpy.context.workspace is not None:
-                bpy.context.workspace.status_text_set(None)
+            _status_text(None)
             redraw()

@@ -1,5 +1,7 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
+from pathlib import Path
+
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps
@@ -122,19 +124,21 @@ def bake_blend_steps(
     else:
         open_blend(blend)
     from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
+    from prt_core.blender.identity import origin_of
     from prt_core.blender.lamps import read_lamps
     from prt_core.blender.world import read_world_steps
     from prt_core.light import CubeMap
 
     messages = []
-    name = (scene or import_bpy().context.scene).name
+    scene = scene or import_bpy().context.scene
+    uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     lamps, camera = read_lamps(scene, messages), read_camera(scene)
     try:
         world = yield from read_world_steps(CubeMap(settings.resolution), scene)
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
-    meshes = yield from read_meshes_steps(name, objects, two_sided, messages, strict, pace)
+    meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace)
     say_copies(meshes, messages)
     built = yield from beside("scene", Scene.from_meshes, meshes)
     built.messages[:0] = messages
@@ -146,7 +150,7 @@ def bake_blend_steps(
 
         probes = yield from studio_light_steps(cube_map)
     result = yield from bake_steps(
-        built, output, settings, lamps, world, camera, source, restart, pace, probes
+        built, output, settings, lamps, world, camera, source, restart, pace, probes, origin
     )
     return result
 

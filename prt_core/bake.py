@@ -99,6 +99,8 @@ class Bake:
         Digests of the meshes the bake was made from.
     path : Path, or None
         Where it was loaded from.
+    origin : dict of str -> str
+        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
     """
 
     scene: Scene
@@ -110,6 +112,7 @@ class Bake:
     report: dict
     source: dict = field(default_factory=dict)
     path: Path | None = None
+    origin: dict = field(default_factory=dict)
 
     @property
     def cube_map(self):
@@ -175,6 +178,7 @@ def bake_steps(
     restart=False,
     pace=None,
     lights=None,
+    origin=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `progress.run`).
 
@@ -201,6 +205,8 @@ def bake_steps(
     lights : dict of str -> (n_directions, 3) float32, optional
         Under which the sampled visibility must be within the tolerance; default: an even sky and
         two soft suns.
+    origin : dict of str -> str, optional
+        Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
 
     Returns
     -------
@@ -217,7 +223,7 @@ def bake_steps(
     settings = BakeSettings() if settings is None else settings
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
-    given = lamps, world, camera, source, restart, pace, lights
+    given = lamps, world, camera, source, restart, pace, lights, origin
     world = expect_bake_input(scene, path, cube_map, *given)
     made = []
 
@@ -225,7 +231,7 @@ def bake_steps(
         made.append(scene.make_caster(settings.caster))
         return made[0]
 
-    parts = (lamps, world, camera, source)
+    parts = (lamps, world, camera, source, origin)
     try:
         with system_errors(path), unless_begun(path):
             if pace is None:

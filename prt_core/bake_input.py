@@ -22,12 +22,14 @@ from prt_core.scene import Scene, expect_camera
 _POINT_BYTES = 400
 
 
-def expect_bake_input(scene, path, cube_map, lamps, world, camera, source, restart, pace, lights):
+def expect_bake_input(
+    scene, path, cube_map, lamps, world, camera, source, restart, pace, lights, origin
+):
     """Raise `PRTError` unless `bake_steps` can bake this, and `load` will read it.
 
     Parameters
     ----------
-    scene, path, lamps, world, camera, source, restart, pace, lights
+    scene, path, lamps, world, camera, source, restart, pace, lights, origin
         See `bake_steps`.
     cube_map : CubeMap
 
@@ -44,8 +46,9 @@ def expect_bake_input(scene, path, cube_map, lamps, world, camera, source, resta
     expect_all("lamps", lamps, Lamp, "lamps")
     if camera is not None:
         expect_camera(camera)
-    if source is not None:
-        expect_named("source", source, str, "digests")
+    for name, given, what in (("source", source, "digests"), ("origin", origin, "names")):
+        if given is not None:
+            expect_named(name, given, str, what)
     if lights is not None:
         expect(expect_named("lights", lights, object, "lights"), "lights: expected at least one")
         for name, light in lights.items():

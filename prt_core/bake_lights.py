@@ -15,12 +15,12 @@ from prt_core.store import damage_said
 _WORLD = "world"
 
 
-def light_facts(lamps=(), world=None, camera=None, source=None):
-    """Facts of lamps, camera and source, and the light of the world, as `keep_lights` takes them.
+def light_facts(lamps=(), world=None, camera=None, source=None, origin=None):
+    """What `keep_lights` takes: facts of lamps, camera, source and origin, and the world's light.
 
     Parameters
     ----------
-    lamps, world, camera, source
+    lamps, world, camera, source, origin
         See `bake_steps`.
 
     Returns
@@ -28,7 +28,12 @@ def light_facts(lamps=(), world=None, camera=None, source=None):
     facts : dict
     world : (n_directions, 3) float32, or None
     """
-    facts = {"lamps": [asdict(lamp) for lamp in lamps], "camera": camera, "source": source or {}}
+    facts = {
+        "lamps": [asdict(lamp) for lamp in lamps],
+        "camera": camera,
+        "source": source or {},
+        "origin": origin or {},
+    }
     return facts, world
 
 
@@ -46,6 +51,8 @@ def keep_lights(store, facts, world):
     if store.is_complete:
         arrays = {key: value for key, value in store.facts["arrays"].items() if key != old}
         facts["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
+    # Whoever began a bake has it.
+    facts["origin"] = store.facts.get("origin") or facts["origin"]
     store.update(world=name, **facts)
     # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
     for other in store.names():
@@ -54,7 +61,7 @@ def keep_lights(store, facts, world):
 
 
 def read_lights(store, cube_map):
-    """Lamps, world, camera and source of a store, as `Bake` has them.
+    """Lamps, world, camera, source and origin of a store, as `Bake` has them.
 
     Raises
     ------
@@ -68,12 +75,13 @@ def read_lights(store, cube_map):
         if camera is not None:
             expect_camera(camera)
         expect_named("source", source, str, "digests")
+        origin = expect_named("origin", facts["origin"], str, "names")
         expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
         world = None
         if name is not None:
             shape = cube_map.n_directions, 3
             world = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
-    return lamps, world, camera, source
+    return lamps, world, camera, source, origin
 
 
 def _is_same(store, name, world):

@@ -44,7 +44,7 @@ def load(path):
             type(rounds) is int and 0 <= rounds <= MOST_ROUNDS and isinstance(report, dict),
             "the number of its rounds or its report is damaged",
         )
-    lamps, world, camera, source = read_lights(store, cube_map)
+    lamps, world, camera, source, origin = read_lights(store, cube_map)
     points = scene.points
     n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
     bits = store.read("visibility", (n_points, n_bytes), "uint8")
@@ -58,7 +58,8 @@ def load(path):
         settings.bounces,
         None if (points.mean_albedo == points.albedo).all() else points.mean_albedo,
     )
-    return Bake(scene, transport, lamps, world, camera, asdict(settings), report, source, path)
+    parts = lamps, world, camera, asdict(settings), report, source, path, origin
+    return Bake(scene, transport, *parts)
 
 
 def _read_gather(store, n_points, rounds):

@@ -5,8 +5,9 @@
 
 A zip holds blender_addon/, prt_core as a wheel, and the wheels of scripts/extension_wheels/,
 unmodified, from PyPI: each platform's for every Python (3.11: Blender 4.2 to 5.0; 3.13: 5.1 and
-5.2). Blender installs those that fit it. numpy is Blender's own. Downloads are kept in
-build/wheels and checked against the hashes; Blender's own tool builds and validates the zips.
+5.2; 3.14: builds of 5.2 by distributions). Blender installs those that fit it. numpy is Blender's
+own. Downloads are kept in build/wheels and checked against the hashes; Blender's own tool builds
+and validates the zips.
 """
 
 import argparse
@@ -23,7 +24,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PINS = Path(__file__).resolve().parent / "extension_wheels"
-PYTHONS = ("3.11", "3.13")
+PYTHONS = ("3.11", "3.13", "3.14")
 
 # What pip calls the systems that Blender's builds run on, the most demanding first.
 PLATFORMS = {
@@ -44,7 +45,7 @@ def main():
     parser.add_argument("--platforms", nargs="+", choices=PLATFORMS, default=list(PLATFORMS))
     parser.add_argument(
         "--pythons", nargs="+", default=list(PYTHONS), metavar="X.Y",
-        help=f"default: {' '.join(PYTHONS)}; 3.14 is for builds of Blender by distributions",
+        help=f"default: {' '.join(PYTHONS)}",
     )  # fmt: skip
     parser.add_argument("--addon", type=Path, default=ROOT / "blender_addon", help="its folder")
     parser.add_argument("--output", type=Path, default=ROOT / "build", help="folder of the zips")

@@ -7,9 +7,10 @@ image reader Blender's own for .exr, inside the program Blender.
 import bpy  # noqa: F401  (must come before mathutils)
 
 from prt_core.blender import casters, images
-from prt_core.blender.colours import build_objects, write_colours
+from prt_core.blender.colours import write_colours
 from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.lamps import read_lamps
+from prt_core.blender.realised import build_objects
 from prt_core.blender.world import read_world
 
 casters.register()

@@ -1,16 +1,18 @@
-"""Relit colours onto Blender meshes: colour attributes, and realised copies that carry them."""
+"""Relit colours onto Blender meshes, as colour attributes of their own or of realised objects."""
 
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from prt_core.blender.identity import objects_by_place
+from prt_core.blender.realised import build_objects, copies_there, kept_objects, stand_in_for
+from prt_core.blender.stand_ins import arrange
 from prt_core.errors import PRTError, expect, expect_array, expect_path
 from prt_core.files import written
 
-COLLECTION = "PRT"
-# Custom properties: on copies, on meshes whose active colours changed, on the preview's own blocks.
-_COPY, ACTIVE_BEFORE, PREVIEW = "prt_copy", "prt_active_before", "PRT preview"
+# Custom property of meshes whose active colours changed: what they were.
+ACTIVE_BEFORE = "prt_active_before"
 CHANNELS = "RGB"
 # A whole compressed .blend ends so: the magic number of Zstandard's seek table.
 _LAST_BYTES = b"\xb1\xea\x92\x8f"
@@ -111,89 +113,21 @@ def corners_to_vertices(colours, corner_vertex, n_vertices):
     return (np.stack(sums, axis=1) / count).astype(np.float32)
 
 
-def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", target=None):
-    """Realised copies of baked objects, in a collection of their own, in world space.
-
-    Parameters
-    ----------
-    scene : Scene
-        From a bake.
-    names : sequence of str, optional
-        Default: every object that receives.
-    collection, attribute : str
-        The collection's name; the colour attribute that the copies' material shows.
-    target : bpy.types.Scene, optional
-        Where a new collection goes; default: the current one.
-
-    Returns
-    -------
-    dict of str -> bpy.types.Object
-    """
-    home = bpy.data.collections.get(collection)
-    if home is None:
-        home = bpy.data.collections.new(collection)
-        (target or bpy.context.scene).collection.children.link(home)
-    # Copies of an earlier run are replaced, not stacked upon.
-    remove_copies(home)
-    material = emission_material(attribute)
-    made, first = {}, 0
-    for item in scene.objects:
-        vertices = scene.to_world(scene.vertices[first : first + item.n_vertices])
-        first += item.n_vertices
-        if not item.receives or (names is not None and item.name not in names):
-            continue
-        mesh = bpy.data.meshes.new(item.name)
-        mesh.vertices.add(len(vertices))
-        mesh.vertices.foreach_set("co", vertices.astype(np.float32).ravel())
-        mesh.loops.add(len(item.corner_vertex))
-        mesh.loops.foreach_set("vertex_index", item.corner_vertex)
-        mesh.polygons.add(len(item.face_sizes))
-        start = np.concatenate([[0], np.cumsum(item.face_sizes)[:-1]]).astype(np.int32)
-        mesh.polygons.foreach_set("loop_start", start)
-        mesh.update(calc_edges=True)
-        mesh.materials.append(material)
-        copy = bpy.data.objects.new(item.name, mesh)
-        copy[_COPY] = item.name
-        home.objects.link(copy)
-        made[item.name] = copy
-    return made
-
-
-def emission_material(attribute):
-    """Shows the colour attribute as it is, in every render engine."""
-    name = f"{attribute} colours"
-    material = bpy.data.materials.get(name)
-    if material is not None and material.get(PREVIEW):
-        return material
-    material = bpy.data.materials.new(name)
-    material[PREVIEW] = True
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    colour = tree.nodes.new("ShaderNodeVertexColor")
-    colour.layer_name = attribute
-    shader = tree.nodes.new("ShaderNodeEmission")
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(colour.outputs["Color"], shader.inputs["Color"])
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
-
-
 def write_all(
     scene,
     colours,
     attribute="PRT",
     domain="CORNER",
     all_copies=False,
-    renamed=None,
+    places=None,
     target=None,
     **options,
 ):
     """Colours of a bake onto the open Blender scene.
 
-    An object whose own mesh was baked gets them itself; what modifiers, curves or instances
-    made gets a realised copy in a collection of its own, which is kept while it fits.
+    An object whose own mesh was baked gets them itself; what modifiers, curves, instances or
+    libraries made gets a realised copy in a collection of its own, which is kept while it fits
+    and hides what it was made of.
 
     Parameters
     ----------
@@ -203,8 +137,8 @@ def write_all(
     domain : {"CORNER", "POINT"}
     all_copies : bool
         Build every object, as for an empty file.
-    renamed : dict of str -> str, optional
-        Objects that have another name now.
+    places : dict of str -> (str, str), optional
+        Name and library of the object that a mesh belongs to now; default: as baked.
     target : bpy.types.Scene, optional
         Where copies go; default: the current one.
     **options
@@ -215,63 +149,82 @@ def write_all(
     list of str
         Names of the realised copies.
     """
-    renamed = renamed or {}
-    own = [] if all_copies else [o for o in scene.objects if o.own_mesh and o.name in colours]
-    for item in own:
-        check_target(item, renamed)
-    copies = [name for name in colours if name not in {item.name for item in own}]
-    made = _copies_there(scene, copies)
+    target = target or bpy.context.scene
+    places = places_of(scene, places)
+    objects = objects_by_place()
+    own = {} if all_copies else _own(scene, colours, places, objects)
+    copies = [name for name in colours if name not in own]
+    made = copies_there(scene, copies, target)
     if copies and made is None:
         made = build_objects(scene, copies, attribute=attribute, target=target)
-    for item in own:
-        there = bpy.data.objects[renamed.get(item.name, item.name)]
-        write_colours(there, colours[item.name], attribute, domain, **options)
+    for name, there in own.items():
+        write_colours(there, colours[name], attribute, domain, **options)
     for name in copies:
         write_colours(made[name], colours[name], attribute, domain, **options)
+        stand_in_for(made[name], objects.get(places[name]))
+    if copies:
+        arrange(target)
     return copies
 
 
-def check_target(item, renamed=None):
-    """Raise `PRTError` unless the object that a `SceneObject` was made from can be coloured."""
-    name = (renamed or {}).get(item.name, item.name)
-    there = bpy.data.objects.get(name)
-    expect(
-        there is not None and there.type == "MESH",
-        f"{name}: the open scene has no such mesh object; was it renamed or deleted?",
-    )
-    expect(there.mode != "EDIT", f"{name}: leave Edit Mode before colours are written")
-    expect(
-        len(there.data.loops) == len(item.corner_vertex),
-        f"{name}: has {len(there.data.loops)} corners, the bake "
-        f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
-    )
+def keep_all(
+    scene, colours, attribute, domain="CORNER", places=None, target=None, byte=False,
+    channels=CHANNELS,
+):  # fmt: skip
+    """Colours of a bake as an attribute that stays when the preview goes.
+
+    As `write_all`, but what has no mesh of its own gets a realised object that is the user's: it
+    shows the attribute, lies in the collection `PRT Kept` and stands in for what it was made of.
+
+    Returns
+    -------
+    list of str
+        Names of the meshes that have such an object.
+    list of str
+        Names of objects that were kept earlier and are of another shape: they are hidden now.
+    """
+    target = target or bpy.context.scene
+    places = places_of(scene, places)
+    options = {"byte": byte, "channels": channels, "active": False}
+    objects = objects_by_place()
+    own = _own(scene, colours, places, objects)
+    realised = [name for name in colours if name not in own]
+    for name, there in own.items():
+        write_colours(there, colours[name], attribute, domain, **options)
+    if not realised:
+        return [], []
+    originals = {name: objects.get(places[name]) for name in realised}
+    made, left = kept_objects(scene, originals, attribute, target)
+    for name, there in made.items():
+        write_colours(there, colours[name], attribute, domain, **options)
+        activate(there.data, attribute)
+    arrange(target)
+    return realised, left
 
 
-def _copies_there(scene, names):
-    """The realised copies of an earlier write where they are these and fit, else None."""
-    home = bpy.data.collections.get(COLLECTION)
-    found = {o.get(_COPY): o for o in home.objects if is_copy(o)} if home else {}
-    sizes = {item.name: len(item.corner_vertex) for item in scene.objects}
-    fits = set(found) == set(names) and all(
-        len(found[name].data.loops) == sizes[name] for name in names
-    )
-    return found if fits else None
+def places_of(scene, places=None):
+    """Name and library of the object that each mesh of a bake belongs to: {name: (str, str)}."""
+    return {item.name: (item.owner, item.library) for item in scene.objects} | (places or {})
 
 
-def remove_copies(home):
-    """Remove the realised copies of a collection; how many there were."""
-    copies = [item for item in home.objects if is_copy(item)]
-    for copy in copies:
-        mesh = copy.data
-        bpy.data.objects.remove(copy)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
-    return len(copies)
-
-
-def is_copy(item):
-    """Whether an object is a realised copy that `build_objects` made."""
-    return bool(item.get(_COPY))
+def _own(scene, colours, places, objects):
+    """The objects whose own meshes get the colours, all looked at before any is written."""
+    found = {}
+    for item in scene.objects:
+        if item.own_mesh and item.name in colours:
+            found[item.name] = there = objects.get(places[item.name])
+            name = places[item.name][0]
+            expect(
+                there is not None and there.type == "MESH",
+                f"{name}: the open scene has no such mesh object; was it renamed or deleted?",
+            )
+            expect(there.mode != "EDIT", f"{name}: leave Edit Mode before colours are written")
+            expect(
+                len(there.data.loops) == len(item.corner_vertex),
+                f"{name}: has {len(there.data.loops)} corners, the bake "
+                f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
+            )
+    return found
 
 
 def save_scene(path):

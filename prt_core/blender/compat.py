@@ -2,6 +2,11 @@
 
 import bpy
 
+# Of properties that hold a path: since 4.5 one that may begin with // has to say so, else Blender
+# draws it in red.
+_RELATIVE = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
+PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _RELATIVE else set()
+
 
 def has_nodes(data):
     """Whether a material, world or lamp is described by nodes; since 5.0 all with a tree are."""

@@ -1,15 +1,24 @@
 """What Blender evaluates, as `Mesh`es: modifiers, curves, instances, normals and materials."""
 
+import math
 import time
 from itertools import islice
 
 import bpy
 import numpy as np
 
-from prt_core.blender.colours import is_copy
 from prt_core.blender.compat import view_layer_of
+from prt_core.blender.identity import by_uid, display_names, place_of
 from prt_core.blender.materials import corner_albedo
-from prt_core.blender.preview_look import hides_originals, is_shaded, originals_shown, renders
+from prt_core.blender.preview_look import is_shaded
+from prt_core.blender.stand_ins import (
+    hidden_in,
+    hides_originals,
+    is_copy,
+    originals_shown,
+    renders,
+    stands_in,
+)
 from prt_core.errors import PRTError
 from prt_core.progress import Progress, run
 from prt_core.scene.scene import Mesh, Scene
@@ -25,7 +34,8 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
     scene : bpy.types.Scene, optional
         Default: the current one.
     receivers : sequence of str, optional
-        Names of the objects that receive colours; default all. Others cast and bounce.
+        Names of the objects that receive colours (see `display_names`); default all. Others cast
+        and bounce.
     two_sided : sequence of str
         Objects whose back sides receive and bounce as well.
     messages : list of str, optional
@@ -42,139 +52,176 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
     PRTError
         A name belongs to no object that renders, or nothing renders.
     """
-    name = (scene or bpy.context.scene).name
-    return run(read_meshes_steps(name, receivers, two_sided, messages, strict))
+    uid = (scene or bpy.context.scene).session_uid
+    return run(read_meshes_steps(uid, receivers, two_sided, messages, strict))
 
 
-def read_meshes_steps(name, receivers=None, two_sided=(), messages=None, strict=True, pace=None):
+def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=True, pace=None):
     """`read_meshes` as a generator of `Progress`.
 
     Parameters
     ----------
-    name : str
-        Of the scene: references to Blender's data do not last from one step to the next.
+    uid : int
+        `session_uid` of the scene: references to Blender's data do not last from one step to the
+        next, and names may change.
     pace : float, optional
         Seconds a step may take; an object is never cut. What is changed between two steps may be
         read half old and half new: compare digests (`mesh_digests`) where that matters.
     """
     messages = [] if messages is None else messages
-    meshes, asked, read = [], set(), 0
+    reading = None
     while True:
-        scene = bpy.data.scenes.get(name)
+        scene = by_uid(bpy.data.scenes, uid)
         if scene is None:
-            raise PRTError(f"scene '{name}': was removed or renamed while it was read")
+            raise PRTError("scene: it was removed while it was read")
+        if reading is None:
+            reading = _Reading(scene, receivers, two_sided, messages)
         if hides_originals(scene):
             # They are shown while they are read; nobody shall see that.
             pace = None
-        read, ended = _read_some(
-            scene, receivers, set(two_sided), messages, meshes, asked, read, pace
-        )
-        if ended:
+        if reading.some(scene, pace):
             break
         yield Progress("scene", 0, 0)
     for wanted in (receivers, two_sided):
-        missing = sorted(set(wanted or ()) - asked)
+        missing = sorted(set(wanted or ()) - reading.asked)
         if missing and strict:
             raise PRTError(
                 f"objects: no geometry that renders is called {', '.join(map(repr, missing))}; "
-                f"there are {', '.join(sorted(asked)) or 'none'}"
+                f"there are {', '.join(sorted(reading.asked)) or 'none'}"
             )
-    if not meshes:
+    if not reading.meshes:
         raise PRTError(
             f"scene '{scene.name}': nothing that renders has faces; add a mesh, "
             "or show its collection in renders"
         )
-    rendered = _rendered_objects(scene)
+    _say_left_out(scene, messages)
+    return reading.whole()
+
+
+def _say_left_out(scene, messages):
+    rendered, view_layer = _rendered_objects(scene), view_layer_of(scene)
+    kept = []
     for item in scene.objects:
-        if item.type in _GEOMETRY and item.name in rendered and not _visible(item, scene):
+        if item.type not in _GEOMETRY or item.session_uid not in rendered or is_copy(item):
+            continue
+        if stands_in(item, rendered):
+            kept.append(item.name)
+        elif not hidden_in(item, view_layer) and not item.visible_get(view_layer=view_layer):
             messages.append(f"{item.name}: hidden in the viewport, so it was not baked")
-    return meshes
+    if kept:
+        some = ", ".join(kept[:4]) + (" …" if len(kept) > 4 else "")
+        messages.append(
+            f"{len(kept)} objects hold kept colours ({some}); not they, but the objects that "
+            "they were made of are baked"
+        )
 
 
-def _visible(item, scene):
-    return item.visible_get(view_layer=view_layer_of(scene))
+class _Reading:
+    """The meshes of a scene, read in several steps."""
 
-
-def _read_some(scene, receivers, two_sided, messages, meshes, asked, read, pace):
-    """Read instances from number `read` on until `pace` is spent; how far, and whether to the end.
-
-    The evaluated scene is asked for anew each time: nothing of it may be kept between steps.
-    """
-    start = time.perf_counter()
-    view_layer = view_layer_of(scene)
-    with (
-        bpy.context.temp_override(scene=scene, view_layer=view_layer),
-        originals_shown(scene, view_layer),
-    ):
-        depsgraph = bpy.context.evaluated_depsgraph_get()
+    def __init__(self, scene, receivers, two_sided, messages):
+        self.receivers = None if receivers is None else set(receivers)
+        self.two_sided, self.messages = set(two_sided), messages
         rendered = _rendered_objects(scene)
-        # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
-        as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
-        for instance in islice(depsgraph.object_instances, read, None):
-            if read and pace is not None and time.perf_counter() - start > pace:
-                return read, False
-            read += 1
-            if instance.object.type != "MESH" and _key(instance) in as_mesh:
-                continue
-            mesh, owners = _read_instance(
-                instance, rendered, receivers, two_sided, messages, meshes
-            )
-            asked |= owners
-            if mesh is not None:
-                meshes.append(mesh)
-    return read, True
+        there = [item for item in scene.objects if not stands_in(item, rendered)]
+        self.display, self.names = display_names(there)
+        self.local = {item.name for item in there if item.library is None}
+        self.meshes, self.asked, self.read = [], set(), 0
+        self.named, self.instancers = set(), set()
+
+    def some(self, scene, pace):
+        """Read on until `pace` is spent; whether that was to the end.
+
+        The evaluated scene is asked for anew each time: nothing of it may be kept between steps.
+        """
+        start = time.perf_counter()
+        view_layer = view_layer_of(scene)
+        with (
+            bpy.context.temp_override(scene=scene, view_layer=view_layer),
+            originals_shown(scene, view_layer),
+        ):
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+            rendered = _rendered_objects(scene)
+            # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
+            as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
+            # As long again as it took to get here, or many instances would never be read.
+            ready, first = time.perf_counter(), self.read
+            end = math.inf if pace is None else ready + max(pace, ready - start)
+            for instance in islice(depsgraph.object_instances, first, None):
+                if self.read > first and time.perf_counter() > end:
+                    return False
+                self.read += 1
+                if instance.object.type == "MESH" or _key(instance) not in as_mesh:
+                    self._read(instance, rendered)
+        return True
+
+    def whole(self):
+        """All meshes, when the end is reached."""
+        for mesh in self.meshes:
+            # It hides behind the realised copies of what it instances, and its own part with it.
+            if (mesh.owner, mesh.library) in self.instancers:
+                mesh.own_mesh = False
+        return self.meshes
+
+    def _read(self, instance, rendered):
+        source, parent = instance.object, instance.parent
+        owner = (parent or source).original
+        hidden = owner.session_uid not in rendered or not renders(source.original)
+        hidden = hidden or stands_in(source.original, rendered)
+        if hidden or not instance.show_self or source.type not in _GEOMETRY:
+            return
+        data = source.data if source.type == "MESH" else source.to_mesh()
+        try:
+            if data is None or not len(data.polygons):
+                return
+            name = self._name(owner, source.original)
+            mesh = _to_mesh(name, source, data, np.array(instance.matrix_world), self.messages)
+        finally:
+            if source.type != "MESH":
+                source.to_mesh_clear()
+        called = self._called(owner) | self._called(source.original)
+        self.asked |= called
+        mesh.receives = self.receivers is None or bool(called & self.receivers)
+        mesh.two_sided = bool(called & self.two_sided)
+        mesh.owner, mesh.library = place_of(owner)
+        mesh.own_mesh = parent is None and _own_mesh(source, mesh)
+        if parent is not None and mesh.receives:
+            self.instancers.add((mesh.owner, mesh.library))
+        self.meshes.append(mesh)
+
+    def _called(self, item):
+        """What a person may call an object; a name that the file has as well is the file's."""
+        if item.library is None:
+            return {item.name}
+        return {item.name_full} if item.name in self.local else {item.name, item.name_full}
+
+    def _name(self, owner, source):
+        """A name of its own for the mesh of an object, or of an instance."""
+        shown = self.display.get(owner.session_uid, owner.name)
+        if owner != source:
+            return self.names.give(f"{shown}/{source.name}")
+        if owner.session_uid not in self.display or owner.session_uid in self.named:
+            return self.names.give(shown)
+        self.named.add(owner.session_uid)
+        return shown
 
 
 def _key(instance):
-    return instance.object.original.name, np.array(instance.matrix_world).tobytes()
+    return instance.object.original.session_uid, np.array(instance.matrix_world).tobytes()
 
 
 def _rendered_objects(scene):
-    """Names of the objects whose collections and own switch let them render."""
-    names = set()
+    """`session_uid` of the objects whose collections and own switch let them render."""
+    found = set()
 
     def visit(collection):
         if not collection.hide_render:
-            names.update(o.name for o in collection.objects if renders(o))
+            found.update(o.session_uid for o in collection.objects if renders(o))
             for child in collection.children:
                 visit(child)
 
     visit(scene.collection)
-    return names
-
-
-def _read_instance(instance, rendered, receivers, two_sided, messages, meshes):
-    """One `Mesh` (or None), and the names by which the user may call it."""
-    source = instance.object
-    parent = instance.parent
-    hidden = (parent or source).original.name not in rendered or not renders(source.original)
-    hidden = hidden or is_copy(source.original)
-    if hidden or not instance.show_self or source.type not in _GEOMETRY:
-        return None, set()
-    owner = source.original.name if parent is None else parent.original.name
-    owners = {owner, source.original.name}
-    data = source.data if source.type == "MESH" else source.to_mesh()
-    try:
-        if data is None or not len(data.polygons):
-            return None, set()
-        name = owner
-        if parent is not None and owner != source.original.name:
-            name = f"{owner}/{source.original.name}"
-        taken = {mesh.name for mesh in meshes}
-        if name in taken:
-            count = 1
-            while f"{name}.{count:03d}" in taken:
-                count += 1
-            name = f"{name}.{count:03d}"
-        mesh = _to_mesh(name, source, data, np.array(instance.matrix_world), messages)
-    finally:
-        if source.type != "MESH":
-            source.to_mesh_clear()
-    mesh.receives = receivers is None or bool(owners & set(receivers))
-    mesh.two_sided = bool(owners & two_sided)
-    mesh.owner = owner
-    mesh.own_mesh = parent is None and _own_mesh(source, mesh)
-    return mesh, owners
+    return found
 
 
 def _own_mesh(evaluated, mesh):
@@ -269,8 +316,8 @@ def say_copies(meshes, messages):
     if copies:
         some = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
         messages.append(
-            f"{len(copies)} objects are made by modifiers, curves or instances ({some}); "
-            "their colours go to realised copies in the collection 'PRT'"
+            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({some});"
+            " their colours go to realised copies in the collection 'PRT'"
         )
 
 

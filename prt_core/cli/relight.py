@@ -294,5 +294,22 @@ def _write_blend(baked, colours, options):
         elif not options.in_blender:
             bpy.ops.wm.read_factory_settings(use_empty=True)
         fresh = not options.scene and not options.in_blender
+        differs = "" if fresh else _differs(baked)
         write_all(baked.scene, colours, options.attribute, options.domain.upper(), all_copies=fresh)
         save_scene(options.blend)
+    if differs:
+        print(f"  note    the scene is not the one that was baked ({differs}); bake again")
+
+
+def _differs(baked):
+    """How the open scene differs from the one that was baked, in words; empty where it does not."""
+    from prt_core.blender.depsgraph import read_meshes
+    from prt_core.scene import changes, mesh_digests
+
+    baked_as = {item.name: item for item in baked.scene.objects}
+    meshes = read_meshes()
+    for mesh in meshes:
+        item = baked_as.get(mesh.name, mesh)
+        mesh.receives, mesh.two_sided = item.receives, item.two_sided
+    found = changes(baked.source, mesh_digests(meshes))
+    return "" if found.fresh else str(found)

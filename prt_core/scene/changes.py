@@ -68,17 +68,23 @@ def changes(source, digests):
     """`Changes` from the digests `source` of a bake to the digests of now."""
     for name, given in (("source", source), ("digests", digests)):
         expect_named(name, given, str, "digests")
-    gone = [name for name in source if name not in digests]
-    new = [name for name in digests if name not in source]
+    old = [name for name in source if digests.get(name) != source[name]]
+    new = {name: None for name in digests if digests[name] != source.get(name)}
+    by_digest = {}
+    for name in new:
+        by_digest.setdefault(digests[name], []).append(name)
+    # A mesh is the same one whatever it is called, even where two have changed their names.
     renamed = {}
-    for name in gone:
-        same = [other for other in new if digests[other] == source[name]]
+    for name in old:
+        same = by_digest.get(source[name])
         if same:
-            renamed[name] = same[0]
-            new.remove(same[0])
+            renamed[name] = same.pop(0)
+            del new[renamed[name]]
+    rest = [name for name in old if name not in renamed]
+    changed = tuple(name for name in rest if name in new)
     return Changes(
         renamed,
-        tuple(name for name in gone if name not in renamed),
-        tuple(name for name in source if name in digests and source[name] != digests[name]),
-        tuple(new),
+        tuple(name for name in rest if name not in new),
+        changed,
+        tuple(name for name in new if name not in changed),
     )

@@ -61,6 +61,8 @@ class Mesh:
         Whether colours can go to the object's own mesh (see `blender.colours`).
     owner : str, optional
         The object a person knows it by: that of the instances, or itself.
+    library : str
+        Of the owner, where it is linked; names of objects are unique in their library only.
     corner_uv : (n_corners, 2) float, optional
         For geometry images.
     paint : Paint, optional
@@ -79,12 +81,14 @@ class Mesh:
     face_sizes: np.ndarray | None = None
     own_mesh: bool = False
     owner: str | None = None
+    library: str = ""
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
         self.owner = expect_kind(f"{self.name}: owner", self.owner or self.name, str, "text")
+        expect_kind(f"{self.name}: library", self.library, str, "text")
         for flag in ("receives", "two_sided", "own_mesh"):
             setattr(self, flag, expect_flag(f"{self.name}: {flag}", getattr(self, flag)))
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
@@ -173,6 +177,7 @@ class SceneObject:
     two_sided: bool
     own_mesh: bool
     owner: str
+    library: str = ""
 
 
 @dataclass
@@ -269,6 +274,7 @@ class Scene:
                 mesh.two_sided,
                 mesh.own_mesh,
                 mesh.owner,
+                mesh.library,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True

@@ -35,6 +35,7 @@ _OBJECT = {
     "two_sided": bool,
     "own_mesh": bool,
     "owner": str,
+    "library": str,
 }
 # How far weighted means of float32 may leave their range, and unit vectors a length of 1.
 _ROUNDING = 1e-5
@@ -77,6 +78,7 @@ def write_scene(store, scene):
                 "two_sided": bool(item.two_sided),
                 "own_mesh": bool(item.own_mesh),
                 "owner": item.owner,
+                "library": item.library,
             }
             for item in scene.objects
         ],

@@ -15,39 +15,22 @@ from prt_core import PRTError
 from prt_core.blender.compat import fcurve_of
 from prt_core.progress import Progress
 from prt_core.store import BakeStore
+from tests.blender.conftest import FLOOR, colours_on
 
-SCENE = Path(__file__).resolve().parents[2] / "blend_scenes" / "08_two_triangle_floor.blend"
 OPTIONS = {"resolution": 8, "tolerance": 0.05, "caster": "blender"}
 
 
-@pytest.fixture(autouse=True)
-def addon():
-    blender_addon.register()
-    yield
-    blender_addon.unregister()
+pytestmark = pytest.mark.usefixtures("addon")
 
 
 @pytest.fixture
-def scene(tmp_path):
-    """The open scene of a saved file, with settings for a quick bake."""
-    shutil.copy(SCENE, tmp_path / "scene.blend")
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    scene = bpy.context.scene
-    scene.prt.resolution, scene.prt.tolerance, scene.prt.caster = "8", 0.05, "blender"
-    return scene
+def scene(floor_scene):
+    return floor_scene
 
 
 @pytest.fixture
-def baked(scene):
-    assert bpy.ops.prt.bake() == {"FINISHED"}
-    return scene
-
-
-def colours_on(name, attribute="PRT"):
-    data = bpy.data.objects[name].data.color_attributes[attribute].data
-    values = np.empty(len(data) * 4, np.float32)
-    data.foreach_get("color", values)
-    return values.reshape(-1, 4)[:, :3]
+def baked(baked_floor):
+    return baked_floor
 
 
 def check_colours(wanted, attribute="PRT"):
@@ -77,7 +60,7 @@ def test_register_and_unregister_leave_nothing():
 
 def test_the_bake_button_is_the_api(baked, tmp_path):
     path = plan.output_path(baked)
-    prt_core.bake(SCENE, tmp_path / "api.prt", **OPTIONS)
+    prt_core.bake(FLOOR, tmp_path / "api.prt", **OPTIONS)
     one, two = BakeStore(path), BakeStore(tmp_path / "api.prt")
     for name in ("visibility", "gather", "point_positions", "world1"):
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
@@ -459,7 +442,7 @@ def test_a_stopped_bake_goes_on_to_the_same_bytes(scene, tmp_path):
     bpy.ops.prt.refresh()
     assert blender_addon.bakes.state(scene, work.status().bakes[0])[0] == "stopped"
     bpy.ops.prt.bake()
-    prt_core.bake(SCENE, tmp_path / "api.prt", **OPTIONS)
+    prt_core.bake(FLOOR, tmp_path / "api.prt", **OPTIONS)
     one, two = BakeStore(path), BakeStore(tmp_path / "api.prt")
     for name in ("visibility", "gather"):
         np.testing.assert_array_equal(one.read(name), two.read(name))
@@ -548,7 +531,7 @@ def test_a_bake_of_an_unsaved_file_moves_beside_it(tmp_path):
     bpy.ops.prt.bake()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "new.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "new.blend"))
-    assert preview.path_of(bpy.context.scene) == str(tmp_path / "prt" / "Scene.prt")
+    assert preview.path_of(bpy.context.scene) == str(tmp_path / "prt" / "new_Scene.prt")
     assert bpy.ops.prt.relight() == {"FINISHED"}
 
 
@@ -556,7 +539,7 @@ def test_scenes_are_apart(baked):
     other = bpy.data.scenes.new("Other")
     bpy.context.window.scene = other
     assert "Bake the scene" in why_not("relight")
-    assert plan.output_path(other).name == "Other.prt"
+    assert plan.output_path(other).name == "scene_Other.prt"
     bpy.ops.mesh.primitive_cube_add()
     other.prt.resolution, other.prt.caster, other.prt.tolerance = "8", "blender", 0.05
     bpy.ops.prt.bake()
@@ -648,7 +631,7 @@ def test_a_sampled_bake_shows_what_it_is_worth(scene, tmp_path):
     assert (item.method, report["method"]) == ("agreement", "agreement")
     assert 0 < item.entries < 50 and item.entries == pytest.approx(report["entries_percent"])
     assert item.visibility_error == pytest.approx(report["visibility_error"])
-    prt_core.bake(SCENE, tmp_path / "api.prt", **OPTIONS, method="agreement")
+    prt_core.bake(FLOOR, tmp_path / "api.prt", **OPTIONS, method="agreement")
     one, two = BakeStore(item.path), BakeStore(tmp_path / "api.prt")
     np.testing.assert_array_equal(one.read("visibility"), two.read("visibility"))
 

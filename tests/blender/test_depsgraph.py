@@ -4,7 +4,7 @@ import pytest
 
 import build
 from prt_core import PRTError
-from prt_core.blender.depsgraph import read_meshes, read_scene
+from prt_core.blender.depsgraph import read_meshes, read_meshes_steps, read_scene
 
 
 def by_name(**options):
@@ -54,6 +54,19 @@ def test_modifiers_curves_and_instances_are_evaluated_and_said():
     np.testing.assert_allclose(heights[0] / heights[1], 1.3, rtol=1e-3)
     read_scene(messages=messages)
     assert any("realised copies" in text for text in messages)
+
+
+def test_a_scene_is_read_however_short_the_steps():
+    build.SCENES["06_instances"]()
+    whole = read_meshes()
+    steps = read_meshes_steps(bpy.context.scene.session_uid, pace=1e-9)
+    for _ in range(100):
+        try:
+            next(steps)
+        except StopIteration as end:
+            assert [mesh.name for mesh in end.value] == [mesh.name for mesh in whole]
+            return
+    raise AssertionError("reading does not end")
 
 
 def test_what_is_hidden_in_renders_is_not_baked():

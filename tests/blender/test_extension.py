@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import prt_core
+from scripts import build_extension
 
 ROOT = Path(__file__).resolve().parents[2]
 BLEND = ROOT / "blend_scenes" / "08_two_triangle_floor.blend"
@@ -35,6 +36,19 @@ def zip_path(tmp_path_factory):
     assert done.returncode == 0, done.stdout + done.stderr
     (path,) = folder.glob("*.zip")
     return path
+
+
+def test_every_python_that_a_blender_runs_is_in_the_zips():
+    """3.14 is that of Debian's Blender 5.2; a zip without it is refused there."""
+    assert build_extension.PYTHONS == ("3.11", "3.13", "3.14")
+    for python in build_extension.PYTHONS:
+        pins = build_extension.read_pins(build_extension.PINS / f"{python}.txt")
+        hashes = {name: found for name, _, found in pins}
+        assert BRINGS - {"prt_core", "yaml"} <= set(hashes) and "pyyaml" in hashes
+        for name in ("scipy", "numcodecs", "embreex", "crc32c", "pyyaml"):
+            assert len(hashes[name]) == len(build_extension.PLATFORMS), (python, name)
+    source = build_extension.__doc__
+    assert all(f"{python}:" in source for python in build_extension.PYTHONS)
 
 
 @pytest.fixture(scope="module")

@@ -17,14 +17,13 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PLATFORM = {"linux": "linux-x64", "win32": "windows-x64", "darwin": "macos-arm64"}[sys.platform]
 _PROBE = """
-import json, os, sys, bpy
-open("probe.json", "w").write(json.dumps([os.getcwd(), "%d.%d" % sys.version_info[:2],
-                                          bpy.app.version_string]))
+import json, os, bpy
+open("probe.json", "w").write(json.dumps([os.getcwd(), bpy.app.version_string]))
 """
 
 
 class RealBlender:
-    """One of the commands, in a folder that holds the extension's zip for its Python."""
+    """One of the commands, in a folder that holds the extension's zip as it is given away."""
 
     def __init__(self, command, folder):
         self.command, self.folder = shlex.split(command), folder
@@ -32,9 +31,9 @@ class RealBlender:
         self.run("-b", "--factory-startup", "-P", "probe.py")
         probe = folder / "probe.json"
         assert probe.is_file(), f"{command}: it does not run a Blender in the current folder"
-        self.inside, self.python, self.version = json.loads(probe.read_text())
+        self.inside, self.version = json.loads(probe.read_text())
         build = [sys.executable, ROOT / "scripts" / "build_extension.py", "--platforms", PLATFORM]
-        build += ["--pythons", self.python, "--output", folder / "zip"]
+        build += ["--output", folder / "zip"]
         done = subprocess.run([str(part) for part in build], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
         (built,) = (folder / "zip").glob("*.zip")

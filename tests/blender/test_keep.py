@@ -152,7 +152,7 @@ def test_keep_again_under_the_same_and_another_name(scene):
 
 
 def of_meshes(path):
-    """How many points a bake has on its meshes, without those in gaps, which move with the floor."""
+    """How many points a bake has on its meshes: those in gaps move with the floor."""
     report = prt_core.load(path).report
     return report["points"] - report["details"]
 

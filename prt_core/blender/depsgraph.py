@@ -128,6 +128,7 @@ class _Reading:
         self.local = {item.name for item in there if item.library is None}
         self.meshes, self.asked, self.read = [], set(), 0
         self.named, self.instancers = set(), set()
+        self.pictures = {}
 
     def some(self, scene, pace):
         """Read on until `pace` is spent; whether that was to the end.
@@ -175,7 +176,8 @@ class _Reading:
             if data is None or not len(data.polygons):
                 return
             name = self._name(owner, source.original)
-            mesh = _to_mesh(name, source, data, np.array(instance.matrix_world), self.messages)
+            matrix = np.array(instance.matrix_world)
+            mesh = _to_mesh(name, source, data, matrix, self.messages, self.pictures)
         finally:
             if source.type != "MESH":
                 source.to_mesh_clear()
@@ -238,7 +240,7 @@ def _own_mesh(evaluated, mesh):
     )
 
 
-def _to_mesh(name, source, data, matrix, messages):
+def _to_mesh(name, source, data, matrix, messages, pictures):
     n_corners = len(data.loops)
     vertices = np.empty(len(data.vertices) * 3, np.float32)
     data.vertices.foreach_get("co", vertices)
@@ -287,7 +289,7 @@ def _to_mesh(name, source, data, matrix, messages):
         data.uv_layers.active.data.foreach_get("uv", uv)
         uv = uv.reshape(-1, 2)
     corner_slot = np.repeat(slots, sizes)
-    albedo, paint = corner_albedo(materials, data, corner_slot, corner_vertex, messages)
+    albedo, paint = corner_albedo(materials, data, corner_slot, corner_vertex, messages, pictures)
     return Mesh(
         name=name,
         vertices=world,

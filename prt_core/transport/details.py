@@ -4,10 +4,10 @@ K hands what a ray meets to bake points around that place (see `transport.sharin
 places are not told by those:
 
 *Hidden places*, which see none of them: the floor of a room that stands inside one large face.
-*Near places*, met from nearer than the nearest of them, where they differ: the rim of a gap below a
-box. There radiosity changes over the width of the gap, not over that of the cell. How much the
-corners differ is told by a coarse solution from the same rays, in which all that is open for some
-distance brings light, so that rooms without a sky count as well.
+*Near places*, met from nearer than the nearest of them, that look otherwise than those tell: a gap
+below a box. There radiosity changes over the width of the gap, not over that of the cell. How a
+place looks is told by rays of its own, in a coarse solution from the rays of the points in which
+all that is open for some distance brings light, so that rooms without a sky count as well.
 
 Both get points of their own, as far apart as the rays that met them were long.
 """
@@ -23,8 +23,8 @@ from prt_core.transport.sharing import MISS, Places, Sharing
 
 # Rays of every point, and more of those that met such a place.
 _FEW, _MORE = 8, 24
-# Corners differ where their light does by so much of an open sky's.
-_DIFFER = 0.12
+# A place looks otherwise where its light differs by so much of an open sky's, by so many rays.
+_DIFFER, _JUDGES = 0.04, 32
 # Light comes from what is this share of the object's size away, and less from what is nearer.
 _OPEN = 0.1
 _BOUNCES = 3
@@ -55,9 +55,10 @@ def detail_steps(scene, caster, seed):
     probe = _Probe(scene, caster, seed)
     ends, ambient, found = yield from probe.cast_all(np.arange(len(scene.points)), _FEW, 0)
     light = _light(scene, ends, ambient)
-    found = _told_apart(found, light)
+    found = yield from probe.told_apart(found, light, 0)
     _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 1)
-    found = _spread(scene, _Found.joined([found, _told_apart(more, light)]), light)
+    more = yield from probe.told_apart(more, light, 1)
+    found = _spread(scene, _Found.joined([found, more]))
     detailed = with_details(scene, found.triangle, found.barycentric, found.back)
     return detailed, probe.n_rays
 
@@ -70,15 +71,16 @@ class _Found:
     asked_by : (n,) int64
         The bake points whose rays met them.
     triangle, barycentric, back : (n,), (n, 2), (n,)
-    around : (n, 3) int32
     distance : (n,) float64
         How long the ray was.
     hidden : (n,) bool
         Whether no corner is seen.
+    differs : (n,) float64
+        How much its light differs from what is between the corners.
     """
 
     _NAMES = (
-        "asked_by", "triangle", "barycentric", "back", "around", "distance", "hidden",
+        "asked_by", "triangle", "barycentric", "back", "distance", "hidden", "differs",
     )  # fmt: skip
 
     def __init__(self, *arrays):
@@ -139,79 +141,160 @@ class _Probe:
         self.n_rays += sum(n_rays)
         return np.concatenate(ends), np.concatenate(ambient), _Found.joined(found)
 
+    def told_apart(self, found, light, turn):
+        """Those that are hidden, or look otherwise than their corners; yields `Progress`.
+
+        Parameters
+        ----------
+        found : _Found
+        light : (n_points,) float64
+            See `_light`.
+        turn : int
+
+        Returns
+        -------
+        _Found
+        """
+        if not len(found):
+            return found
+        # One of each cube of space speaks for all.
+        _, first, which = np.unique(
+            _cubes(self._scene, found), axis=0, return_index=True, return_inverse=True
+        )
+        blocks = [first[f : f + _BLOCK] for f in range(0, len(first), _BLOCK)]
+        together, parts = max(1, self._caster.threads), []
+        for start in range(0, len(blocks), together):
+            some = blocks[start : start + together]
+            parts += on_all_cores(lambda block: self._judge(found[block], light, turn), some)
+            yield Progress("details", sum(len(part) for part, _ in parts), len(first))
+        self.n_rays += sum(n_rays for _, n_rays in parts)
+        differs = np.concatenate([part for part, _ in parts])[which.reshape(-1)]
+        found.differs = np.where(found.hidden, 1.0, differs)
+        return found[found.differs > _DIFFER]
+
+    def _judge(self, found, light, turn):
+        """How much places differ from what is between their corners, and the rays it took."""
+        scene = self._scene
+        front = scene.triangle_normals[found.triangle]
+        facing = np.where(found.back[:, None], -front, front)
+        places = Places(scene, found.triangle, found.barycentric, -facing)
+        rng = generator(self._seed, Stage.DETAILS, 2 + turn, found.asked_by[0])
+        start = places.start.astype(scene.ray_origins.dtype)
+        rays = start, facing, facing, self._open[found.asked_by]
+        ends, ambient, _, n_rays = self._shoot(*rays, _JUDGES, rng)
+        own = ambient + _sent(scene, light)[np.maximum(ends, -1)].mean(axis=1)
+        between = np.einsum("mk,mk->m", places.weights.astype(np.float64), light[places.around])
+        return np.abs(own - between), n_rays
+
     def _cast(self, points, count, turn):
-        scene, caster = self._scene, self._caster
+        all_points = self._scene.points
         rng = generator(self._seed, Stage.DETAILS, turn, points[0] if len(points) else 0)
-        shift = rng.random((len(points), 2), np.float32)
-        ways = cosine_directions(scene.points.normals[points], shift, count).reshape(-1, 3)
-        geometric = np.repeat(scene.points.geometric_normals[points], count, axis=0)
-        above = np.flatnonzero(np.einsum("rx,rx->r", ways, geometric) > 0)
-        origin = np.repeat(np.arange(len(points)), count)[above]
-        ways = ways[above]
-        pick = rng.random(len(above), np.float32)
-        hits = caster.intersect(scene.ray_origins[points[origin]], ways)
-        met = np.flatnonzero(hits.triangle >= 0)
-        places = Places(scene, hits.triangle[met], hits.barycentric[met], ways[met])
-        chosen, short = self._sharing.choose(caster, places, pick[met])
-        ends = np.full(len(points) * count, MISS, np.int32)
-        ends[above[met]] = chosen
-        # Light that reaches the point from this ray: all where it leaves, less where it is short.
-        brings = np.minimum(hits.distance / self._open[points[origin]], 1)
-        ambient = np.bincount(origin, brings, len(points)) / count
+        ends, ambient, met, n_rays = self._shoot(
+            self._scene.ray_origins[points],
+            all_points.normals[points],
+            all_points.geometric_normals[points],
+            self._open[points],
+            count,
+            rng,
+        )
+        origin, places, chosen, distance = met
         lit = places.around[:, 0] >= 0
         away = np.where(lit[:, None], self._sharing.corner_distances(places), 0)
-        distance = hits.distance[met].astype(np.float64)
         hidden = lit & (chosen < 0)
-        wanted = np.flatnonzero(hidden | (lit & (distance < away.min(axis=1))))
+        some = np.flatnonzero(hidden | (lit & (distance < away.min(axis=1))))
         found = _Found(
-            points[origin[met[wanted]]],
-            hits.triangle[met[wanted]],
-            hits.barycentric[met[wanted]],
-            places.back[wanted],
-            places.around[wanted],
-            distance[wanted],
-            hidden[wanted],
+            points[origin[some]],
+            places.triangle[some],
+            places.barycentric[some],
+            places.back[some],
+            distance[some],
+            hidden[some],
+            np.zeros(len(some)),
         )
-        n_rays = len(ways) + int(short.sum(dtype=np.int64))
-        return ends.reshape(len(points), count), ambient, found, n_rays
+        return ends, ambient, found, n_rays
+
+    def _shoot(self, starts, normals, geometric, is_open, count, rng):
+        """`count` rays from each of n places.
+
+        Parameters
+        ----------
+        starts, normals, geometric : (n, 3)
+        is_open : (n,) float64
+            Length from which on a ray brings all light.
+        count : int
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ends : (n, count) int32
+        ambient : (n,) float64
+        met : tuple
+            Of the rays that met something: place that they are of, `Places`, what they were
+            handed to, length.
+        n_rays : int
+        """
+        scene, n = self._scene, len(starts)
+        shift = rng.random((n, 2), np.float32)
+        ways = cosine_directions(normals, shift, count).reshape(-1, 3)
+        up = np.einsum("rx,rx->r", ways, np.repeat(geometric, count, axis=0))
+        above = np.flatnonzero(up > 0)
+        origin = np.repeat(np.arange(n), count)[above]
+        ways = ways[above]
+        pick = rng.random(len(above), np.float32)
+        hits = self._caster.intersect(starts[origin], ways)
+        met = np.flatnonzero(hits.triangle >= 0)
+        places = Places(scene, hits.triangle[met], hits.barycentric[met], ways[met])
+        chosen, short = self._sharing.choose(self._caster, places, pick[met])
+        ends = np.full(n * count, MISS, np.int32)
+        ends[above[met]] = chosen
+        # Light that reaches the place from this ray: all where it leaves, less where it is short.
+        brings = np.minimum(hits.distance / is_open[origin], 1)
+        ambient = np.bincount(origin, brings, n) / count
+        met = origin[met], places, chosen, hits.distance[met].astype(np.float64)
+        return ends.reshape(n, count), ambient, met, len(ways) + int(short.sum(dtype=np.int64))
 
 
 def _light(scene, ends, ambient):
     """(n_points,) received light where all that is open brings some, with a few bounces."""
-    albedo = scene.points.mean_albedo.mean(axis=1).astype(np.float64)
     received = ambient
     for _ in range(_BOUNCES):
-        sent = np.append(albedo * received, 0.0)
-        received = ambient + sent[np.maximum(ends, -1)].mean(axis=1)
+        received = ambient + _sent(scene, received)[np.maximum(ends, -1)].mean(axis=1)
     return received
 
 
-def _told_apart(found, light):
-    """Those that are hidden, or whose corners differ."""
-    return found[found.hidden | (np.ptp(light[found.around], axis=1) > _DIFFER)]
+def _sent(scene, received):
+    """(n_points + 1,) what points send on; the last is nothing."""
+    return np.append(scene.points.mean_albedo.mean(axis=1).astype(np.float64) * received, 0.0)
 
 
-def _spread(scene, found, light):
-    """As many of them as have to be, apart from each other as their rays were long."""
-    if not len(found):
-        return found
-    apart = np.where(found.hidden, _HIDDEN_APART, _APART) * found.distance
-    level = np.ceil(np.log2(np.maximum(apart, 1e-12)))
+def _cubes(scene, found):
+    """(n, 6) which cube of space each lies in, as large as they have to be apart."""
+    level = np.ceil(np.log2(np.maximum(_apart(found), 1e-12)))
     second, third = found.barycentric.astype(np.float64).T[:, :, None]
     a, b, c = np.moveaxis(scene.vertices[scene.triangles[found.triangle]], 1, 0)
     place = a + second * (b - a) + third * (c - a)
     facing = scene.triangle_normals[found.triangle] * np.where(found.back, -1, 1)[:, None]
-    key = np.column_stack(
+    return np.column_stack(
         [level, np.floor(place / np.exp2(level)[:, None]), np.rint(4 * facing),
          scene.triangle_object[found.triangle]]
     )  # fmt: skip
-    matters = np.where(found.hidden, 1.0, np.ptp(light[found.around], axis=1))
+
+
+def _apart(found):
+    return np.where(found.hidden, _HIDDEN_APART, _APART) * found.distance
+
+
+def _spread(scene, found):
+    """As many of them as have to be, apart from each other as their rays were long."""
+    if not len(found):
+        return found
     # Of each cube of space the one that matters most, then the first.
-    order = np.lexsort((np.arange(len(found)), -matters))
+    key = _cubes(scene, found)
+    order = np.lexsort((np.arange(len(found)), -found.differs))
     _, first = np.unique(key[order], axis=0, return_index=True)
     kept = np.sort(order[first])
     most = max(_LEAST_MOST, int(_MOST * len(scene.points)))
     if len(kept) > most:
-        weight = (matters * apart**2)[kept]
+        weight = (found.differs * _apart(found) ** 2)[kept]
         kept = np.sort(kept[np.argsort(-weight, kind="stable")[:most]])
     return found[kept]

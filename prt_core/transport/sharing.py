@@ -46,7 +46,7 @@ class Places:
 
     def __init__(self, scene, triangle, barycentric, directions):
         front = scene.triangle_normals[triangle]
-        self.triangle = triangle
+        self.triangle, self.barycentric = triangle, barycentric
         self.back = np.einsum("mx,mx->m", directions, front) > 0
         self.normal = np.where(self.back[:, None], -front, front)
         self.around, self.weights = scene.hit_points(triangle, barycentric, self.back)

@@ -121,6 +121,27 @@ def test_a_lit_room_within_one_face_bounces_off_its_floor():
     np.testing.assert_allclose(coarse, fine, rtol=0.1)
 
 
+@pytest.mark.parametrize("far", [None, 500.0])
+def test_a_gap_below_one_large_face_is_dark(far):
+    """Its corners are all at the lit rim: that they agree tells nothing of the middle.
+
+    In a scene that reaches far its face has no other points.
+    """
+    floor = plane(25, -1, 1, name="floor", albedo=0.8)
+    slab = plane(2, -0.5, 0.5, z=0.006, name="slab", albedo=0.8)
+    slab.triangle_corners = slab.triangle_corners[:, ::-1]
+    slab.corner_normal = -slab.corner_normal
+    lid = plane(2, -0.5, 0.5, z=0.006, name="lid", albedo=0.8)
+    speck = [] if far is None else [plane(2, far, far + 1, name="far")]
+    scene, radiance, _ = relit(Scene.from_meshes([floor, slab, lid, *speck]))
+    place = scene.to_world(scene.points.positions)
+    under = (scene.points.object_index == 0) & (np.abs(place[:, :2]).max(axis=1) < 0.4)
+    assert under.sum() > 50
+    assert radiance[under].max() < 0.05
+    level = scene.triangle_level[scene.triangle_object == 1]
+    assert (level.max() == 1) == (far is not None)
+
+
 def test_a_hit_is_shared_in_proportion_among_the_corners_it_sees():
     """A screen hides one corner of a triangle: the other two share what it would have had."""
     floor = plane(2, 0, 1, name="floor")

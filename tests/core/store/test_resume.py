@@ -246,6 +246,56 @@ def test_what_was_baked_of_other_details_is_baked_again(
     expect_same(baked, tmp_path / "b.prt")
 
 
+@pytest.mark.parametrize("restart", [False, True])
+@pytest.mark.parametrize("name", [f"detail_{n}" for n in ("point", "triangle", "barycentric")])
+def test_a_kill_between_the_arrays_of_details_costs_their_rays(
+    scene, baked, finished, counted, monkeypatch, name, restart
+):
+    """In a new bake, and in one that will replace another."""
+    if not restart:
+        shutil.rmtree(baked)
+    keep = BakeStore.keep
+
+    def killed(store, key, array):
+        keep(store, key, array)
+        if key == name:
+            raise Cut
+
+    monkeypatch.setattr(BakeStore, "keep", killed)
+    with pytest.raises(Cut):
+        run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD, restart=restart))
+    monkeypatch.setattr(BakeStore, "keep", keep)
+    if restart:
+        expect_same(baked, finished)
+    counted.rays = 0
+    report = run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD, restart=restart))
+    assert counted.rays == report["rays"] and report["details"] > 0
+    assert report["rays_details"] == load(finished).report["rays_details"]
+    expect_same(baked, finished)
+    assert [p.name for p in baked.parent.glob("*.prt*")] == ["a.prt"]
+
+
+def test_a_bake_knows_whose_it_is_from_its_first_facts_on(scene, tmp_path):
+    path, origin = tmp_path / "b.prt", {"file": "../x.blend", "scene": "Scene"}
+    steps = bake_steps(scene, path, SETTINGS, LAMPS, origin=origin)
+    while next(steps).stage != "details":
+        pass
+    steps.close()
+    assert BakeStore(path).facts["origin"] == origin and "details" not in BakeStore(path).facts
+
+
+def test_facts_that_were_forged_are_not_gone_on_with(baked, finished, bake_again):
+    for facts in ({"seconds": 7}, {"seconds": {"error": "long"}}, {"rays_details": "many"}):
+        broken = shutil.copytree(finished, baked.with_name("b.prt"))
+        forge_facts(unfinished(broken), **facts)
+        with pytest.raises(PRTError, match="again with --restart") as caught:
+            bake_again(broken)
+        assert "\n" not in str(caught.value) and str(broken) in str(caught.value)
+        bake_again(broken, restart=True)
+        expect_same(broken, finished)
+        shutil.rmtree(broken)
+
+
 def test_details_that_were_forged_are_found_again(scene, baked, finished, counted):
     """Digests and all, in a bake that goes on."""
     store = BakeStore(unfinished(baked), "r+")

@@ -242,7 +242,7 @@ def _changed(index, value):
         ("blocked", _changed(1, 2), "'blocked' is out of range"),
         ("blocked", _changed(1, np.nan), "'blocked' is out of range"),
         ("point_positions", _changed((2, 0), 0.6), "'positions' are not finite"),
-        ("point_ray_offset", _changed((7, 1), 0.1), "'ray_offset' are not finite"),
+        ("point_ray_offset", lambda a: 100 * a, "'ray_offset' are not finite"),
         ("point_ray_offset", lambda a: -a, "'ray_offset' are not finite"),
         ("point_ray_offset", lambda a: 0 * a, "'ray_offset' are not finite"),
         ("point_ray_offset", _changed((7, 1), np.nan), "'ray_offset' are not finite"),

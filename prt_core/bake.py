@@ -254,7 +254,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
-    parts = light_facts(*parts)
+    facts, world = light_facts(*parts)
     identity = {
         "scene": scene.fingerprint(),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
@@ -263,7 +263,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     store = begin_bake(path, identity, restart)
     if store.is_complete:
         if store.is_sound():
-            keep_lights(store, *parts)
+            keep_lights(store, facts, world)
             with damage_said(path):
                 return finish_bake(store, path).facts["report"]
         # What is damaged is made again, as if the bake had been stopped before.
@@ -272,10 +272,14 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     caster = new_caster()
     went_on = "identity" in store.facts
     if not went_on:
-        store.update(identity=identity, settings=asdict(settings))
-    keep_lights(store, *parts)
-    seconds = dict(store.facts.get("seconds", {}))
+        store.update(identity=identity, settings=asdict(settings), **facts)
+    with damage_said(path):
+        seconds = {
+            stage: expect_number(f"seconds of {stage}", value, least=0)
+            for stage, value in store.facts.get("seconds", {}).items()
+        }
     scene = yield from _detailed(store, scene, caster, settings, seconds)
+    keep_lights(store, facts, world)
     yield Progress("scene", 0, 0)
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
@@ -283,7 +287,8 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     bounced = Bounced()
     if settings.bounces != 0:
         bounced = yield from bounce_steps(store, scene, cube_map, caster, settings, seconds)
-    report = _report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
+    with damage_said(path):
+        report = _report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
     if went_on:
         report["messages"].append("the bake was stopped and went on: times are those since then")
         # Some of the rays were cast before the clock was started.
@@ -304,7 +309,8 @@ def _detailed(store, scene, caster, settings, seconds):
             start = time.perf_counter()
             scene, rays = yield from detail_steps(scene, caster, settings.seed)
             seconds["details"] = time.perf_counter() - start
-            store.update(rays_details=rays)
+            # What was baked of a scene with other details is no part of this bake any more.
+            store.update(details=scene.details.digest(), rays_details=rays)
         else:
             scene = with_details(scene, *places)
     store.update(seconds=seconds, **write_scene(store, scene))

@@ -8,13 +8,13 @@ import scipy.sparse as sp
 
 from prt_core import bake_visibility
 from prt_core.bake_visibility import add_seconds, blocks
-from prt_core.errors import expect
 from prt_core.progress import Progress
 from prt_core.sampling import open_points
 from prt_core.sampling.dilate import dilate
+from prt_core.store import damage_said
 from prt_core.threads import on_all_cores
-from prt_core.transport import Sharing, all_bounces, gather_operator, gather_parts, ray_ends
-from prt_core.transport.gather import DARK, ROUND, STAND
+from prt_core.transport import Sharing, all_bounces, gather_operator, gather_parts
+from prt_core.transport.gather import ROUND
 from prt_core.transport.visibility import received_light
 
 MOST_ROUNDS = 64
@@ -114,7 +114,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
                 add_seconds(seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", parts[some[-1]].stop, n_points)
         start = time.perf_counter()
-        error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
+        with damage_said(store.path, "'gather'"):
+            error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
     # What is left of rounds that were not needed goes, so that both arrays are whole.
@@ -223,18 +224,18 @@ def read_gather(hits, rounds, blocked):
     rounds : iterable of int
     blocked : (n_points,) float32
         See `gather_operator`.
+
+    Raises
+    ------
+    PRTError
+        A hit names a point that does not exist, or stands for a ray that was not cast.
     """
     rounds, n_points = list(rounds), len(blocked)
 
     def one(block):
         chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
         chunk = chunk[:, rounds].reshape(len(chunk), -1)
-        ends = ray_ends(chunk) if chunk.min() > STAND - ROUND else chunk
-        expect(
-            ends.min() >= DARK and ends.max() < n_points,
-            "gather: a hit names a point that does not exist; the bake is damaged",
-        )
-        return gather_operator(ends, n_points, blocked[block])
+        return gather_operator(chunk, n_points, blocked[block])
 
     parts = on_all_cores(one, blocks(n_points))
     return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]

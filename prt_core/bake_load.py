@@ -72,7 +72,7 @@ def _read_gather(store, n_points, rounds):
     hits = store.array("gather")
     store.expect_shape(hits, (n_points, rounds * ROUND), "int32")
     hits.expect_whole()
-    with damage_said(store.path):
+    with damage_said(store.path, "'gather'"):
         gather = read_gather(hits, range(rounds), blocked)
     store.expect_sealed(hits)
     return gather

@@ -4,7 +4,7 @@ import numpy as np
 
 from prt_core.rays import BruteForceCaster
 from prt_core.rays.caster import known_casters
-from prt_core.scene import Mesh
+from prt_core.scene import Mesh, Scene
 
 
 def caster_of(scene):
@@ -12,6 +12,24 @@ def caster_of(scene):
     if "embree" in known_casters():
         return scene.make_caster("embree")
     return BruteForceCaster(scene.vertices, scene.triangles)
+
+
+class Stripes:
+    """Red where x < edge, else green; told by the corners of a mesh."""
+
+    def __init__(self, mesh, edge=0.5):
+        self._x = mesh.vertices[mesh.corner_vertex, 0]
+        self.edge = edge
+
+    def albedo(self, corners, weights):
+        x = (self._x[corners] * weights).sum(axis=1)
+        return np.where((x < self.edge)[:, None], [0.8, 0.1, 0.0], [0.0, 0.6, 0.2])
+
+    def texels(self, corners):
+        return np.full(len(corners), 4000.0)
+
+    def digest(self):
+        return np.float64(self.edge).tobytes()
 
 
 def plane(n=5, low=-1.0, high=1.0, name="plane", albedo=0.5, z=0.0, **settings):
@@ -79,3 +97,10 @@ def sphere(n=16, radius=1.0, centre=(0, 0, 0), inside=False, name="sphere", albe
         np.arange(len(corner_vertex)).reshape(-1, 3),
         np.broadcast_to(np.asarray(albedo, float), (len(corner_vertex), 3)),
     )
+
+
+def ball_on_paint(**options):
+    """A scene with all that a bake may hold: a painted floor, and details below a ball."""
+    ball, floor = sphere(6, 0.5, (0, 0, 0.52), name="ball", albedo=(0.9, 0.3, 0.1)), plane(9)
+    floor.paint = Stripes(floor, 0.4)
+    return Scene.from_meshes([ball, floor], **options)

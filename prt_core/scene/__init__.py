@@ -16,6 +16,7 @@ from prt_core.scene.point_images import (
     with_camera_image,
 )
 from prt_core.scene.points import BakePoints
+from prt_core.scene.ray_offset import MOST_OFFSET
 from prt_core.scene.scene import Mesh, Scene, SceneObject
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Changes",
     "Details",
     "Layout",
+    "MOST_OFFSET",
     "Mesh",
     "PARAMETRISATIONS",
     "PointImage",

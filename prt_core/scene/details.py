@@ -1,5 +1,6 @@
 """Hidden points inside triangles, where those around a hit do not tell what it looks like."""
 
+import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,13 @@ class Details:
 
     def __len__(self):
         return len(self.point)
+
+    def digest(self):
+        """Hexadecimal digest of where they lie."""
+        state = hashlib.blake2b(digest_size=16)
+        for array in (self.triangle, self.barycentric, self.back):
+            state.update(np.ascontiguousarray(array))
+        return state.hexdigest()
 
 
 def no_details():

@@ -14,6 +14,8 @@ import numpy as np
 
 _STEP = 2.0**-24
 _ALONG, _OVERALL, _SIDEWAYS = 8 * _STEP, 4 * _STEP, 16 * _STEP
+# The longest offset of a scene, in its frame: there no coordinate is larger than 1.
+MOST_OFFSET = 3**0.5 * _ALONG + _OVERALL + _SIDEWAYS
 
 
 def ray_lifts(corners, normals):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.scene import BakePoints, Details, PointImage, Scene, SceneObject
+from prt_core.scene import MOST_OFFSET, BakePoints, Details, PointImage, Scene, SceneObject
 from prt_core.store.facts import damage_said
 
 _POINTS = {
@@ -160,13 +160,14 @@ def read_details(store, scene):
     Returns
     -------
     triangle, barycentric, back
-        As `with_details` takes them; None where they are not there, or not whole.
+        As `with_details` takes them; None where they are not those that the bake began with.
     """
     try:
         found = _read_details(store)
     except PRTError:
         return None
-    return (found.triangle, found.barycentric, found.back) if _lie_on(found, scene) else None
+    same = found.digest() == store.facts.get("details") and _lie_on(found, scene)
+    return (found.triangle, found.barycentric, found.back) if same else None
 
 
 def _read_details(store):
@@ -180,12 +181,14 @@ def _read_details(store):
 
 
 def _lie_on(details, scene):
-    """Whether they are places on its triangles."""
+    """Whether they are places on its triangles, on sides that receive light."""
+    places = details.triangle, details.barycentric, details.back
     return (
         _inside(details.triangle, 0, len(scene.triangles))
         and _finite(details.barycentric, -_ROUNDING, 1 + _ROUNDING)
         and _finite(1 - details.barycentric.sum(axis=1), -_ROUNDING)
         and bool((details.back.view(np.uint8) <= 1).all())
+        and _inside(scene.hit_points(*places)[0], 0, len(scene.points))
     )
 
 
@@ -206,14 +209,17 @@ def check_scene(scene):
     points = scene.points
     finite = {name: array for name, array in points.arrays().items() if array.dtype.kind == "f"}
     finite |= {"vertices": scene.vertices, "centre": scene.centre}
+    most = 0.5 + _ROUNDING
     for name, good in (
         *((name, _finite(array)) for name, array in finite.items()),
+        ("positions", _finite(points.positions, -most, most)),
         ("areas", _finite(points.areas, -_ROUNDING)),
         ("visible", bool((points.visible.view(np.uint8) <= 1).all())),
         ("albedo", _finite(points.albedo, 0, 1 + _ROUNDING)),
         ("mean_albedo", _finite(points.mean_albedo, 0, 1 + _ROUNDING)),
         ("normals", _unit(points.normals)),
         ("geometric_normals", _unit(points.geometric_normals)),
+        ("ray_offset", _off_surface(points)),
         ("size", isinstance(scene.size, int | float) and 0 < scene.size < np.inf),
         ("objects", len({item.name for item in scene.objects}) == len(scene.objects)),
     ):
@@ -236,6 +242,15 @@ def _unit(vectors):
     with np.errstate(all="ignore"):
         squares = np.einsum("ij,ij->i", vectors, vectors)
     return bool(((abs(squares - 1) < 2 * _LENGTH) | (squares < _LENGTH**2)).all())
+
+
+def _off_surface(points):
+    """Whether rays start as near above the surface as rounding asks for."""
+    offset, normals = points.ray_offset, points.geometric_normals
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(offset.astype(np.float64), axis=1)
+        outward = np.einsum("ij,ij->i", offset, normals) > 0
+    return bool((length <= 2 * MOST_OFFSET).all() and (outward | ~normals.any(axis=1)).all())
 
 
 def _inside(array, low, high):

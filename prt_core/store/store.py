@@ -258,5 +258,6 @@ class BakeStore:
 
     @property
     def _binding(self):
-        """What chunks belong to: the scene and settings."""
-        return digest(json.dumps(self._facts.get("identity"), sort_keys=True).encode())
+        """What chunks belong to: the scene, the settings, and where its details lie."""
+        bound = [self._facts.get(name) for name in ("identity", "details")]
+        return digest(json.dumps(bound, sort_keys=True).encode())

@@ -271,13 +271,24 @@ def ray_ends(hits):
     -------
     (n, n_rounds * ROUND) int32
         Bake points, MISS or DARK.
+
+    Raises
+    ------
+    PRTError
+        A ray stands for one that does so itself, or for none.
     """
     silent = hits <= STAND
-    if not silent.any():
-        return hits
-    slot = np.arange(hits.shape[1])
-    speaker = np.where(silent, slot - slot % ROUND + STAND - hits, slot)
-    return np.take_along_axis(hits, speaker, axis=1)
+    if silent.any():
+        slot = np.arange(hits.shape[1])
+        speaker = np.where(silent, slot - slot % ROUND + STAND - hits.astype(np.int64), slot)
+        good = hits.min() > STAND - ROUND and hits.shape[1] % ROUND == 0
+        hits = np.take_along_axis(hits, speaker, axis=1) if good else hits
+    expect(
+        not hits.size or hits.min() >= DARK,
+        f"hits: expected points, {MISS}, {DARK}, or {STAND} and less for the slot of a ray of the "
+        f"same {ROUND} that was cast, got something else",
+    )
+    return hits
 
 
 def gather_operator(hits, n_points, blocked=None):

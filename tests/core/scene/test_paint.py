@@ -14,25 +14,7 @@ from prt_core.transport import (
     visibility_bits,
 )
 from tests.core.scene.test_scene import quad
-from tests.meshes import caster_of, plane
-
-
-class Stripes:
-    """Red where x < edge, else green; told by the corners of a quad that spans -2 to 2."""
-
-    def __init__(self, mesh, edge=0.5):
-        self._x = mesh.vertices[mesh.corner_vertex, 0]
-        self.edge = edge
-
-    def albedo(self, corners, weights):
-        x = (self._x[corners] * weights).sum(axis=1)
-        return np.where((x < self.edge)[:, None], [0.8, 0.1, 0.0], [0.0, 0.6, 0.2])
-
-    def texels(self, corners):
-        return np.full(len(corners), 4000.0)
-
-    def digest(self):
-        return np.float64(self.edge).tobytes()
+from tests.meshes import Stripes, caster_of, plane
 
 
 def painted(edge=0.5, **options):

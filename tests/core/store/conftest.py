@@ -10,9 +10,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, Lamp, Scene, bake_steps, run
+from prt_core import BakeSettings, Lamp, bake_steps, run
 from prt_core.store import BakeStore
-from tests.meshes import plane, sphere
+from prt_core.transport import detail_steps
+from tests.meshes import ball_on_paint, caster_of
 
 SETTINGS = BakeSettings(resolution=4, tolerance=0.05, caster="auto")
 LAMPS = [Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")]
@@ -26,8 +27,17 @@ def small_blocks(monkeypatch):
 
 @pytest.fixture(scope="session")
 def scene():
-    ball = sphere(6, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
-    return Scene.from_meshes([ball, plane(9, albedo=0.7)])
+    return ball_on_paint()
+
+
+@pytest.fixture(scope="session")
+def detailed(scene):
+    """The scene as it is baked."""
+    caster = caster_of(scene)
+    found, _ = run(detail_steps(scene, caster, SETTINGS.seed))
+    caster.close()
+    assert len(found.details) > 1
+    return found
 
 
 @pytest.fixture(scope="session")

@@ -252,8 +252,6 @@ def fuzz(folder, count, seed=0, methods=("cpca", "haar", "harmonics"), report=No
         for number in range(count):
             mutation = MUTATIONS[number % len(MUTATIONS)]
             kind = kinds[number // len(MUTATIONS) % len(kinds)]
-            if mutation in FORGED and "stopped" in kind:
-                kind = "compressed"
             verdict, text = fuzzer.judge(kind, mutation, [seed, number])
             table.setdefault((mutation.__name__, kind), Counter())[verdict] += 1
             if verdict not in GOOD:

@@ -14,17 +14,18 @@ import traceback
 
 import numpy as np
 
-from prt_core import BakeSettings, PRTError, Scene, bake_steps, compress_bake, load, run
+from prt_core import BakeSettings, PRTError, bake_steps, compress_bake, load, run
 from prt_core.cli import main
 from prt_core.compressed import standing_lights
 from prt_core.machine import peak_bytes, reset_peak
 from prt_core.relighter import Relighter
 from tests.core.store.conftest import LAMPS
-from tests.meshes import plane, sphere
+from tests.meshes import ball_on_paint
 
 # Points that are stored together, so that there are several blocks of few.
 BLOCK = 128
 MEMORY = 2 << 30
+ORIGIN = {"file": "../scene.blend", "scene": "Scene"}
 SETTINGS = {
     "exhaustive": BakeSettings(resolution=4, tolerance=0.05, caster="auto"),
     "sampled": BakeSettings(resolution=4, tolerance=0.05, caster="auto", method="agreement"),
@@ -32,8 +33,7 @@ SETTINGS = {
 
 
 def scene():
-    ball = sphere(6, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
-    return Scene.from_meshes([ball, plane(9, albedo=0.7)], max_hidden=300)
+    return ball_on_paint(max_hidden=300)
 
 
 def world():
@@ -47,7 +47,7 @@ def small_blocks():
 
 def steps(path, settings, **options):
     """The steps of the bake that every subject is one of."""
-    return bake_steps(scene(), path, SETTINGS[settings], LAMPS, world(), **options)
+    return bake_steps(scene(), path, SETTINGS[settings], LAMPS, world(), origin=ORIGIN, **options)
 
 
 def compressed(path, method):

@@ -147,6 +147,10 @@ class Kills:
         fuzz_worker.small_blocks()
         self.folder, self._writes = folder, writes
         self.events, self.seconds = {}, {}
+        # The first process waits for the imports, which is no moment of a work.
+        idle = _SERVER.Process(target=time.sleep, args=(0,))
+        idle.start()
+        idle.join()
         for kind in kinds:
             path = self._prepared(kind, folder / f"whole {kind}")
             begun = time.perf_counter()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from prt_core.errors import PRTError
 from prt_core.store import BakeStore
 from prt_core.store.facts import write_facts
 
@@ -367,32 +368,65 @@ def forge_facts(rng, path, canary):
     write_facts(store.files, {**facts, "format": "prt bake", "version": 3})
 
 
-def forge_array(rng, path, canary):
-    store = BakeStore(path, "r+")
-    facts = store.facts
-    form = facts.get("compressed")
-    folder = form["folder"] + "/" if form and rng.random() < 0.7 else ""
-    name = folder + pick(rng, sorted((form if folder else facts)["arrays"]))
-    values = store.array(name).read()
-    if not values.size:
-        return
-    low, high = (0, 1) if values.dtype.kind == "b" else (-3, 1 << 31)
-    if values.dtype.kind == "f":
-        wrong = [np.nan, np.inf, -1, 2, 1e30, -1e38, 1e-38]
-        values.ravel()[int(rng.integers(values.size))] = pick(rng, wrong)
-    elif rng.random() < 0.5:
-        values.ravel()[int(rng.integers(values.size))] = np.int64(
-            pick(rng, [low, high, 255])
-        ).astype(values.dtype)
-    else:
-        values = pick(rng, [values[:-1], np.concatenate([values, values]), values[::-1].copy()])
-    made = store.create(name, values.shape, values.dtype)
-    made[...] = values
-    digests = {**(form if folder else facts)["arrays"], name.removeprefix(folder): made.digest()}
+# Arrays that lead to others, and what rays start from; and hits that mean something else than a
+# point (see `transport.gather`).
+_LEAD = "detail_", "point_ray_offset", "point_mean_albedo", "gather"
+_CODES = -2, -3, -4, -20, -35, -36, -(1 << 31), (1 << 31) - 1, 0, 1, 255
+_WRONG = np.nan, np.inf, -1, 2, 1e30, -1e38, 1e-38, 0.4, -1e-3
+
+
+def _some_array(rng, store):
+    """Its name, in the compressed form as well; every other time one that leads to others."""
+    form = store.facts.get("compressed")
+    if form and rng.random() < 0.7:
+        return f"{form['folder']}/{pick(rng, sorted(form['arrays']))}"
+    names = store.names()
+    leading = [name for name in names if name.startswith(_LEAD)]
+    return pick(rng, leading if rng.random() < 0.5 else names)
+
+
+def _seal(store, name):
+    """Note the digest of an array that was forged, where one is noted."""
+    facts, (folder, _, name) = store.facts, name.rpartition("/")
     if folder:
-        store.update(compressed={**form, "arrays": digests})
-    else:
-        store.update(arrays=digests)
+        form, digest = facts["compressed"], store.array(f"{folder}/{name}").digest()
+        store.update(compressed={**form, "arrays": {**form["arrays"], name: digest}})
+    elif "arrays" in facts:
+        store.update(arrays={**facts["arrays"], name: store.array(name).digest()})
+
+
+def forge_array(rng, path, canary):
+    """More or less of it, or in another order."""
+    store = BakeStore(path, "r+")
+    name = _some_array(rng, store)
+    array = store.array(name)
+    try:
+        values = array.read()
+    except PRTError as error:
+        # Of a bake that was stopped not all parts are there.
+        raise Nothing from error
+    if not values.size:
+        raise Nothing
+    values = pick(rng, [values[:-1], np.concatenate([values, values]), values[::-1].copy()])
+    store.create(name, values.shape, values.dtype, array._layout.chunks)[...] = values
+    _seal(store, name)
+
+
+def forge_values(rng, path, canary):
+    """One in a chunk."""
+    store = BakeStore(path, "r+")
+    name = _some_array(rng, store)
+    array, file = store.array(name), pick(rng, chunks(path / name))
+    place = map(int, file.relative_to(path / name / "c").parts)
+    part = tuple(
+        slice(index * size, min(whole, (index + 1) * size))
+        for index, size, whole in zip(place, array._layout.chunks, array.shape, strict=True)
+    )
+    values = array[part]
+    value = pick(rng, _WRONG) if values.dtype.kind == "f" else np.int64(pick(rng, _CODES))
+    values.ravel()[int(rng.integers(values.size))] = np.asarray(value).astype(values.dtype)
+    array[part] = values
+    _seal(store, name)
 
 
 BYTES = [flip, truncate, extend, overwrite, delete, delete_folder]
@@ -400,5 +434,5 @@ PLACES = [swap_files, swap_chunks, copy_chunk, swap_arrays, swap_alike, rename, 
           add_file, add_part]  # fmt: skip
 JSON = [edit_facts, edit_description, edit_shape, malformed, huge_text, consolidated]
 PLANTED = [plant, plant_beside, plant_sibling, links_to_itself, permissions, bomb]
-FORGED = [forge_facts, forge_array]
+FORGED = [forge_facts, forge_array, forge_values]
 MUTATIONS = [*BYTES, *PLACES, *JSON, *PLANTED, *FORGED]

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -154,7 +155,7 @@ def _shorter(name):
 
 
 # What is done to a bake, and the share of its rays that is cast again at most.
-BLOCK, NONE, ALL = 0.2, 0.0, 1.0
+BLOCK, DETAILS, NONE, ALL = 0.2, 0.1, 0.0, 1.0
 DAMAGE = [
     (_unlink("visibility/c/1/0"), BLOCK),
     (_flip("visibility/c/1/0"), BLOCK),
@@ -173,6 +174,18 @@ DAMAGE = [
     (_shorter("gather"), NONE),
     (_unlink("blocked/c/0"), NONE),
     (_flip("point_albedo/c/0/0"), NONE),
+    (_flip("point_mean_albedo/c/0/0"), NONE),
+    (write_zeros("point_mean_albedo"), NONE),
+    (_swap("point_mean_albedo", "point_albedo"), NONE),
+    (_unlink("point_ray_offset/c/0/0"), NONE),
+    (write_zeros("point_ray_offset"), NONE),
+    (_flip("scene_vertices/c/0/0"), NONE),
+    (_cut("detail_triangle/c/0"), DETAILS),
+    (_flip("detail_barycentric/c/0/0"), DETAILS),
+    (write_zeros("detail_barycentric"), DETAILS),
+    (_unlink("detail_back/zarr.json"), DETAILS),
+    (_shorter("detail_point"), DETAILS),
+    (_unlink("detail_point/c/0"), DETAILS),
     (_swap("point_normals/c/0/0", "point_geometric_normals/c/0/0"), NONE),
     (_swap("point_normals", "point_areas"), NONE),
     (write_zeros("point_albedo"), NONE),
@@ -205,9 +218,91 @@ def test_what_is_damaged_is_made_again_and_nothing_else(
 
 
 def test_arrays_without_facts_are_gone_on_with(scene, baked, finished, counted):
+    """Once it is known where the details are."""
     (baked / "zarr.json").unlink()
-    run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
-    assert counted.rays == 0
+    report = run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    assert counted.rays == report["rays_details"] > 0
+    expect_same(baked, finished)
+
+
+@pytest.mark.parametrize("finish", [True, False])
+def test_what_was_baked_of_other_details_is_baked_again(
+    scene, baked, finished, counted, tmp_path, monkeypatch, finish
+):
+    """Another caster, or another version, may find others where those stored are damaged."""
+    bake = sys.modules["prt_core.bake"]
+
+    def other(scene, caster, seed, steps=bake.detail_steps):
+        return steps(scene, caster, seed + 1)
+
+    monkeypatch.setattr(bake, "detail_steps", other)
+    run(bake_steps(scene, tmp_path / "b.prt", SETTINGS, LAMPS, WORLD))
+    assert load(tmp_path / "b.prt").scene.fingerprint() != load(finished).scene.fingerprint()
+    if not finish:
+        unfinished(baked)
+    _flip("detail_triangle/c/0")(baked)
+    report = run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    assert counted.rays == report["rays"]
+    expect_same(baked, tmp_path / "b.prt")
+
+
+@pytest.mark.parametrize("restart", [False, True])
+@pytest.mark.parametrize("name", [f"detail_{n}" for n in ("point", "triangle", "barycentric")])
+def test_a_kill_between_the_arrays_of_details_costs_their_rays(
+    scene, baked, finished, counted, monkeypatch, name, restart
+):
+    """In a new bake, and in one that will replace another."""
+    if not restart:
+        shutil.rmtree(baked)
+    keep = BakeStore.keep
+
+    def killed(store, key, array):
+        keep(store, key, array)
+        if key == name:
+            raise Cut
+
+    monkeypatch.setattr(BakeStore, "keep", killed)
+    with pytest.raises(Cut):
+        run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD, restart=restart))
+    monkeypatch.setattr(BakeStore, "keep", keep)
+    if restart:
+        expect_same(baked, finished)
+    counted.rays = 0
+    report = run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD, restart=restart))
+    assert counted.rays == report["rays"] and report["details"] > 0
+    assert report["rays_details"] == load(finished).report["rays_details"]
+    expect_same(baked, finished)
+    assert [p.name for p in baked.parent.glob("*.prt*")] == ["a.prt"]
+
+
+def test_a_bake_knows_whose_it_is_from_its_first_facts_on(scene, tmp_path):
+    path, origin = tmp_path / "b.prt", {"file": "../x.blend", "scene": "Scene"}
+    steps = bake_steps(scene, path, SETTINGS, LAMPS, origin=origin)
+    while next(steps).stage != "details":
+        pass
+    steps.close()
+    assert BakeStore(path).facts["origin"] == origin and "details" not in BakeStore(path).facts
+
+
+def test_facts_that_were_forged_are_not_gone_on_with(baked, finished, bake_again):
+    for facts in ({"seconds": 7}, {"seconds": {"error": "long"}}, {"rays_details": "many"}):
+        broken = shutil.copytree(finished, baked.with_name("b.prt"))
+        forge_facts(unfinished(broken), **facts)
+        with pytest.raises(PRTError, match="again with --restart") as caught:
+            bake_again(broken)
+        assert "\n" not in str(caught.value) and str(broken) in str(caught.value)
+        bake_again(broken, restart=True)
+        expect_same(broken, finished)
+        shutil.rmtree(broken)
+
+
+def test_details_that_were_forged_are_found_again(scene, baked, finished, counted):
+    """Digests and all, in a bake that goes on."""
+    store = BakeStore(unfinished(baked), "r+")
+    triangle = store.read("detail_triangle")
+    store.write("detail_triangle", triangle[::-1].copy())
+    report = run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
+    assert counted.rays == report["rays_details"]
     expect_same(baked, finished)
 
 

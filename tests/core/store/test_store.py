@@ -24,13 +24,17 @@ from tests.core.store.conftest import (
 from tests.meshes import plane
 
 
-def test_what_is_loaded_is_what_was_baked(scene, finished):
-    bake = load(finished)
+def test_what_is_loaded_is_what_was_baked(detailed, finished):
+    bake, scene = load(finished), detailed
     for name, array in scene.points.arrays().items():
         np.testing.assert_array_equal(bake.scene.points.arrays()[name], array)
     for name in ("vertices", "triangles", "lattice", "lattice_back", "triangle_level"):
         np.testing.assert_array_equal(getattr(bake.scene, name), getattr(scene, name))
+    for name in ("point", "triangle", "barycentric", "back"):
+        found, wanted = (getattr(one.details, name) for one in (bake.scene, scene))
+        np.testing.assert_array_equal(found, wanted)
     assert bake.scene.fingerprint() == scene.fingerprint()
+    assert bake.transport.mean_albedo is not None
     assert bake.lamps[0].name == "bulb"
     np.testing.assert_array_equal(bake.world, WORLD)
     report = bake.report
@@ -114,10 +118,10 @@ def test_direct_only_bakes_no_gather(scene, tmp_path):
     assert load(tmp_path / "d.prt").transport.gather is None
 
 
-def test_a_scene_reads_back_bit_by_bit(scene, tmp_path):
+def test_a_scene_reads_back_bit_by_bit(detailed, tmp_path):
     store = BakeStore(tmp_path / "s.prt", "a")
-    store.update(**write_scene(store, scene))
-    assert read_scene(BakeStore(tmp_path / "s.prt")).fingerprint() == scene.fingerprint()
+    store.update(**write_scene(store, detailed))
+    assert read_scene(BakeStore(tmp_path / "s.prt")).fingerprint() == detailed.fingerprint()
 
 
 def _truncate(path):
@@ -237,7 +241,28 @@ def _changed(index, value):
         ("object_face_sizes", _changed(0, -3), "indices do not fit"),
         ("blocked", _changed(1, 2), "'blocked' is out of range"),
         ("blocked", _changed(1, np.nan), "'blocked' is out of range"),
-        ("gather", _changed((4, 2), 10**8), "names a point that does not exist"),
+        ("point_positions", _changed((2, 0), 0.6), "'positions' are not finite"),
+        ("point_ray_offset", lambda a: 100 * a, "'ray_offset' are not finite"),
+        ("point_ray_offset", lambda a: -a, "'ray_offset' are not finite"),
+        ("point_ray_offset", lambda a: 0 * a, "'ray_offset' are not finite"),
+        ("point_ray_offset", _changed((7, 1), np.nan), "'ray_offset' are not finite"),
+        ("point_mean_albedo", _changed((3, 1), 1.1), "'mean_albedo' are not finite"),
+        ("point_mean_albedo", _changed((3, 1), -0.1), "'mean_albedo' are not finite"),
+        ("detail_triangle", _changed(1, 248), "indices do not fit"),
+        ("detail_triangle", _changed(1, -1), "indices do not fit"),
+        ("detail_barycentric", _changed((1, 0), -0.1), "indices do not fit"),
+        ("detail_barycentric", _changed(1, 0.6), "indices do not fit"),
+        ("detail_barycentric", _changed((1, 1), np.nan), "indices do not fit"),
+        ("detail_back", _changed(1, True), "indices do not fit"),
+        ("detail_point", _changed(1, 10**6), "indices do not fit"),
+        ("detail_point", lambda a: a[:-1], "'detail_triangle' is \\("),
+        ("gather", _changed((4, 2), 10**8), "hits: expected values <= 1903"),
+        ("gather", _changed((4, 2), -3), "hits: expected points"),
+        # Of the 32 rays of a round only those are stood for that were cast.
+        ("gather", _changed((4, 2), -4 - 31 - 1), "hits: expected points"),
+        ("gather", _changed((4, 2), -4 - 2), "hits: expected points"),
+        ("gather", _changed((4, [2, 3]), [-4 - 3, -4 - 5]), "hits: expected points"),
+        ("gather", _changed((4, 2), -(1 << 31)), "hits: expected points"),
         ("world1", _changed((4, 2), np.inf), "world: 1 values are NaN or infinite"),
         ("visibility", lambda a: a[:-1], "'visibility' is \\("),
     ],

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from prt_core.errors import PRTError
 from prt_core.scene import Mesh, Scene
-from prt_core.transport import gather_hits, gather_operator
-from prt_core.transport.gather import DARK, MISS, ROUND
+from prt_core.transport import gather_hits, gather_operator, ray_ends
+from prt_core.transport.gather import DARK, MISS, ROUND, STAND
 from tests.meshes import caster_of
 
 
@@ -103,3 +104,17 @@ def test_rows_of_k_are_shares_of_the_rays():
         scale = 1 if few or not met else blocked[x] / met
         np.testing.assert_allclose(scaled[x], np.array(row) * scale, rtol=1e-6)
     assert (hits == DARK).any()
+
+
+@pytest.mark.parametrize(
+    "slot, code", [(3, STAND + 1), (3, STAND - 3), (3, STAND - ROUND), (6, STAND - 7)]
+)
+def test_a_ray_that_stands_for_none_that_was_cast_is_refused(slot, code):
+    """Of no meaning, for itself, for one of another round, for one that stands for another."""
+    hits = np.full((5, 2 * ROUND), 2, np.int32)
+    hits[1, 3] = STAND - 6
+    assert ray_ends(hits)[1, 3] == 2
+    hits[1, slot] = code
+    for call in (ray_ends, lambda hits: gather_operator(hits, 7)):
+        with pytest.raises(PRTError, match="hits: expected points"):
+            call(hits)

@@ -34,9 +34,9 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             column.progress(factor=state.done, text=label)
             column.operator("prt.cancel", icon="CANCEL")
         else:
+            path = str(plan.output_path(scene))
             going_on = any(
-                item.path == str(plan.output_path(scene)) and not item.complete
-                for item in state.bakes
+                item.path == path and not (item.complete or item.unreadable) for item in state.bakes
             )
             text = "Go On Baking" if going_on else "Bake"
             column.operator("prt.bake", text=text, icon="RENDER_STILL")

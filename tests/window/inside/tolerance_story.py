@@ -42,7 +42,7 @@ def said():
     return {
         "message": state.message,
         "notes": state.notes.split("\n"),
-        "listed": [item.notes.split("\n") for item in state.bakes],
+        "listed": {item.name: item.notes.split("\n") for item in state.bakes},
         "met": held.bake.report["tolerance_met"] if held else None,
         "error": held.bake.report["error"] if held else None,
     }

@@ -48,9 +48,12 @@ def test_a_bake_that_was_stopped_goes_on_to_the_same_bytes(
 
 def test_whose_a_bake_is_stands_in_its_first_facts(scene, tmp_path, monkeypatch):
     written, update = [], BakeStore.update
-    monkeypatch.setattr(
-        BakeStore, "update", lambda s, **f: (update(s, **f), written.append(s.facts))
-    )
+
+    def noted(store, **facts):
+        update(store, **facts)
+        written.append(store.facts)
+
+    monkeypatch.setattr(BakeStore, "update", noted)
     origin = {"file": "../a.blend", "scene": "S"}
     for _ in bake_steps(scene, tmp_path / "a.prt", SETTINGS, LAMPS, WORLD, origin=origin):
         if any("identity" in facts for facts in written):

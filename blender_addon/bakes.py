@@ -8,13 +8,14 @@ from prt_core import BakeStore, PRTError
 from prt_core.blender.identity import origin_of
 from prt_core.errors import expect
 from prt_core.scene import changes
-from prt_core.store import compressed_facts
+from prt_core.store import compressed_facts, is_removable
 
 from . import plan, preview
 
 
 def refresh(scene, select=""):
-    """Read the folder again; what is no bake is passed over.
+    """Read the folder again; what is no bake is passed over, one that cannot be read is listed
+    with the reason, so that it can be deleted.
 
     Parameters
     ----------
@@ -31,7 +32,10 @@ def refresh(scene, select=""):
         try:
             store = BakeStore(path)
             facts, n_bytes = store.facts, store.nbytes()
-        except (PRTError, OSError):
+        except (PRTError, OSError) as error:
+            if is_removable(path):
+                item = status.bakes.add()
+                item.name, item.path, item.unreadable = path.stem, str(path), str(error)
             continue
         report = facts.get("report") or {}
         item = status.bakes.add()
@@ -91,9 +95,10 @@ def expect_ours(scene, path):
             f"{path.name}: is shown by the scene '{other.name}'; {remedy}",
         )
     try:
-        facts = BakeStore(path).facts if path.exists() else {}
-    except PRTError:
-        return  # not a bake that can be read: the bake itself says what to do
+        # To be written: what was stopped in its first moments is nobody's.
+        facts = BakeStore(path, "a").facts
+    except PRTError as error:
+        raise PRTError(f"{error}; {remedy}") from error
     # What has no identity yet was stopped before it held anything.
     known = not facts.get("identity") or facts.get("origin")
     known = known or preview.path_of(scene) == str(path)
@@ -110,14 +115,17 @@ def _compressed_line(store):
         return "damaged; compress again"
     if facts is None:
         return ""
+    as_asked = "" if facts["tolerance_met"] is not False else " (NOT as asked)"
     return (
-        f"{facts['method']}, error {facts['error']:.2%}, {facts['bytes'] / 1e6:.1f} MB, "
-        f"{facts['milliseconds']:.1f} ms"
+        f"{facts['method']}, error {facts['error']:.2%}{as_asked}, "
+        f"{facts['bytes'] / 1e6:.1f} MB, {facts['milliseconds']:.1f} ms"
     )
 
 
 def state(scene, item):
     """(text, icon) of a bake: stopped, fresh, stale, or not known yet."""
+    if item.unreadable:
+        return item.unreadable, "ERROR"
     if not item.complete:
         return "stopped", "PAUSE"
     read, holds = plan.reading(scene)

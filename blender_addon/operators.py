@@ -14,6 +14,7 @@ from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.progress import run
+from prt_core.report import missed
 from prt_core.store import remove_bake
 
 from . import bakes, freshness, live, plan, preview, saving, views, work
@@ -35,7 +36,8 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
 
     def steps(self, context, pace):
         scene = self.begin(context)
-        path, caster = plan.output_path(scene), scene.prt.caster
+        self.path = path = plan.output_path(scene)
+        caster = scene.prt.caster
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
@@ -67,6 +69,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         return there, asked, radiance
 
     def stopped(self, context):
+        saving.settle(self.scene, self.path)
         bakes.refresh(context.scene)
 
     def finish(self, context, result):
@@ -167,9 +170,11 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
             f"Compressed by {facts['method']} to {facts['bytes'] / 1e6:.1f} MB, "
             f"{facts['milliseconds']:.1f} ms a light, error {facts['error']:.2%}"
         )
-        kept = facts["tolerance_met"]
-        self.report({"INFO" if kept else "WARNING"}, text + ("" if kept else ", NOT as asked"))
-        work.say(text)
+        notes = list(missed(facts))
+        for note in notes:
+            self.report({"WARNING"}, note)
+        self.report({"INFO"}, text)
+        work.say(text, notes=notes)
 
 
 class PRT_OT_load(LongWork, Button, bpy.types.Operator):

@@ -34,9 +34,9 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             column.progress(factor=state.done, text=label)
             column.operator("prt.cancel", icon="CANCEL")
         else:
+            path = str(plan.output_path(scene))
             going_on = any(
-                item.path == str(plan.output_path(scene)) and not item.complete
-                for item in state.bakes
+                item.path == path and not (item.complete or item.unreadable) for item in state.bakes
             )
             text = "Go On Baking" if going_on else "Bake"
             column.operator("prt.bake", text=text, icon="RENDER_STILL")
@@ -220,20 +220,18 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
             _lines(layout, f"of another: {item.origin}", "INFO", context)
         if item.complete:
             if item.method != "exhaustive":
-                layout.label(
-                    text=f"{item.entries:.1f} % traced by {item.method}, "
-                    f"error at most {item.visibility_error:.2%}"
-                )
+                text = f"{item.entries:.1f} % traced by {item.method}, "
+                text += f"error at most {item.visibility_error:.2%}"
+                _lines(layout, text, "BLANK1", context)
             if item.compressed:
                 row = layout.row()
-                row.label(text=f"compressed: {item.compressed}")
+                _lines(row, f"compressed: {item.compressed}", "BLANK1", context)
                 if preview.path_of(scene) == item.path:
                     row.operator("prt.compress", text="", icon="X").method = "none"
             error = "" if item.error < 0 else f", bounces {item.error:.2%}"
-            layout.label(
-                text=f"{item.points:,} points, {item.megabytes:.1f} MB, "
-                f"{_seconds(item.seconds)} with {item.back_end}{error}"
-            )
+            text = f"{item.points:,} points, {item.megabytes:.1f} MB, "
+            text += f"{_seconds(item.seconds)} with {item.back_end}{error}"
+            _lines(layout, text, "BLANK1", context)
             _notes(layout, item.notes, context)
 
 

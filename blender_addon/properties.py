@@ -204,6 +204,7 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     compressed: StringProperty()
     origin: StringProperty()
     notes: StringProperty()
+    unreadable: StringProperty()
     source: CollectionProperty(type=PRTSource)
 
 

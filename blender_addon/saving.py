@@ -13,6 +13,7 @@ import bpy
 
 from prt_core import BakeStore
 from prt_core.blender.identity import by_uid, origin_of
+from prt_core.store.places import beside
 
 from . import plan, preview, work
 
@@ -34,7 +35,7 @@ def before(file):
         _take_along(file)
     except BaseException:
         for _, new in _COPIED:
-            shutil.rmtree(new, ignore_errors=True)
+            _remove(new)
         after()
         raise
 
@@ -59,7 +60,7 @@ def after(file=None):
     """It is done; `file` is None where it failed."""
     if file is not None and Path(bpy.data.filepath) == Path(file):
         for old, new in _COPIED:
-            shutil.rmtree(old, ignore_errors=True)
+            _remove(old)
             preview.relocated(old, new)
     else:
         for uid, loaded in _SHOWN.items():
@@ -71,25 +72,37 @@ def after(file=None):
 
 
 def settle(scene, path):
-    """Where a bake that is done lies: beside the file, where that got a name meanwhile."""
+    """Where a bake lies that is done or was stopped: beside the file, if that got a name
+    meanwhile."""
     if not bpy.data.filepath or not plan.is_temporary(path):
         return Path(path)
     home = _copy(scene, Path(path), bpy.data.filepath)
-    shutil.rmtree(path, ignore_errors=True)
+    for each in bpy.data.scenes:
+        if preview.path_of(each) == str(path):
+            each.prt.loaded = preview.relative(home)
+    _remove(path)
     preview.relocated(str(path), str(home))
     return home
 
 
 def _copy(scene, path, file):
-    """Copy a bake to where those of `file` are, under a name that nothing there has."""
+    """Copy a bake to where those of `file` are, under a name that nothing there has; with it
+    the stopped one that is to replace it."""
     target = plan.output_path(scene, file)
     names = (target.with_name(f"{target.stem}.{n:03d}.prt") for n in count(1))
-    while target.exists():
+    while target.exists() or beside(target).exists():
         target = next(names)
     try:
-        shutil.copytree(path, target)
-        BakeStore(target, "a").update(origin=origin_of(scene, target.parent, file))
+        for old, new in ((path, target), (beside(path), beside(target))):
+            if old.is_dir():
+                shutil.copytree(old, new)
+                BakeStore(new, "a").update(origin=origin_of(scene, target.parent, file))
     except BaseException:
-        shutil.rmtree(target, ignore_errors=True)
+        _remove(target)
         raise
     return target
+
+
+def _remove(path):
+    for each in (Path(path), beside(Path(path))):
+        shutil.rmtree(each, ignore_errors=True)

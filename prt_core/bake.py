@@ -272,6 +272,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     caster = new_caster()
     went_on = "identity" in store.facts
     if not went_on:
+        # Whose it is at once: one of an unknown file is never replaced unasked.
         store.update(identity=identity, settings=asdict(settings), **facts)
     with damage_said(path):
         seconds = {
@@ -332,7 +333,8 @@ def _spared(scene, cube_map, seen):
 
 def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
     rounds, error = bounced.rounds, bounced.error
-    messages = list(scene.messages)
+    # The gravest first: of many lines a panel shows only the first ones.
+    messages = [*_missed(seen, bounced, settings.tolerance), *scene.messages]
     for item, count in zip(scene.objects, bounced.backs, strict=False):
         share = count / (len(scene.points) * rounds * ROUND)
         if share > 0.02:
@@ -348,7 +350,6 @@ def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
         "rays_short": bounced.short_rays,
     }
     rays = sum(by_kind.values())
-    messages += _missed(seen, bounced, settings.tolerance)
     met = seen["tolerance_met"] and (error is None or error <= settings.tolerance)
     return {
         "points": len(scene.points),

@@ -10,7 +10,7 @@ from prt_core.store.compressed import (
 )
 from prt_core.store.facts import damage_said
 from prt_core.store.journal import JournalMismatch, RayJournal
-from prt_core.store.places import remove_bake
+from prt_core.store.places import is_removable, remove_bake
 from prt_core.store.scenes import check_scene, read_details, read_scene, write_scene
 from prt_core.store.store import BakeStore
 
@@ -24,6 +24,7 @@ __all__ = [
     "compressed_facts",
     "damage_said",
     "finish_bake",
+    "is_removable",
     "read_compressed",
     "read_details",
     "read_scene",

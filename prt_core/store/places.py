@@ -117,6 +117,15 @@ def expect_removable(path):
     expect_only_arrays(path)
 
 
+def is_removable(path):
+    """Whether a folder is there and holds nothing but what bakes consist of."""
+    try:
+        expect_removable(path)
+    except PRTError:
+        return False
+    return True
+
+
 def expect_only_arrays(path):
     """Raise `PRTError` where a folder holds files that no bake does."""
     try:

@@ -2,14 +2,17 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import bakes, live, naming, plan, preview, saving, work
+from blender_addon import bakes, live, naming, operators, plan, preview, saving, work
 from prt_core import BakeStore
+from prt_core.store.facts import write_facts
+from prt_core.store.places import beside
 from tests.blender.conftest import colours_on, cube, quick
 
 pytestmark = pytest.mark.usefixtures("addon")
@@ -41,6 +44,19 @@ def error_of(operator, **options):
 
 def identity(path):
     return BakeStore(path).facts["identity"]
+
+
+def stop_at_visibility(scene, close=True):
+    """A bake as the button makes it, stopped (or not yet) while its rays are cast."""
+    from prt_core.api import bake_blend_steps
+
+    path, settings = plan.output_path(scene), plan.bake_settings(scene)
+    steps = bake_blend_steps(None, path, settings, restart="changed", pace=0.001, scene=scene)
+    while next(steps).stage != "visibility":
+        pass
+    if close:
+        steps.close()
+    return steps
 
 
 def test_two_files_of_a_folder_have_bakes_of_their_own(baked_floor, tmp_path):
@@ -186,14 +202,10 @@ def test_a_bake_that_cannot_go_along_stays_where_it_is(tmp_path):
 
 
 def test_a_stopped_bake_gets_its_name_with_the_file(tmp_path):
-    from prt_core.api import bake_blend_steps
-
     scene = quick(bpy.context.scene)
     cube("cube", scene.collection)
-    settings, path = plan.bake_settings(scene), plan.output_path(scene)
-    steps = bake_blend_steps(None, path, settings, pace=0.001, scene=scene)
-    while next(steps).stage != "visibility":
-        pass
+    path = plan.output_path(scene)
+    steps = stop_at_visibility(scene, close=False)
     # While it is made it stays where it is.
     work.status().running = True
     save_as(tmp_path / "early.blend")
@@ -202,10 +214,7 @@ def test_a_stopped_bake_gets_its_name_with_the_file(tmp_path):
     steps.close()
     scene = new_file()
     cube("cube", scene.collection)
-    steps = bake_blend_steps(None, plan.output_path(scene), settings, pace=0.001, scene=scene)
-    while next(steps).stage != "visibility":
-        pass
-    steps.close()
+    stop_at_visibility(scene)
     save_as(tmp_path / "late.blend")
     assert not BakeStore(tmp_path / "prt" / "late_Scene.prt").facts.get("complete")
     assert bpy.ops.prt.bake() == {"FINISHED"} and shown().name == "late_Scene.prt"
@@ -220,9 +229,104 @@ def test_a_bake_goes_beside_the_file_that_was_saved_meanwhile(tmp_path):
     shutil.copytree(path, moved)
     save_as(tmp_path / "late.blend")
     shutil.copytree(moved, path)
+    bpy.context.scene.prt.loaded = str(path)
     home = saving.settle(bpy.context.scene, path)
     assert home == tmp_path / "prt" / "late_Scene.001.prt" and not path.exists()
-    assert saving.settle(bpy.context.scene, home) == home
+    assert saving.settle(bpy.context.scene, home) == home == shown()
+
+
+def test_a_bake_that_is_stopped_goes_beside_the_file_that_was_saved_meanwhile(tmp_path):
+    scene = quick(bpy.context.scene)
+    cube("cube", scene.collection)
+    path = plan.output_path(scene)
+    steps = stop_at_visibility(scene, close=False)
+    work.status().running = True
+    save_as(tmp_path / "late.blend")
+    work.status().running = False
+    steps.close()
+    operators.PRT_OT_bake.stopped(SimpleNamespace(scene=scene, path=path), bpy.context)
+    assert not path.exists() and [b.name for b in work.status().bakes] == ["late_Scene"]
+    assert bpy.ops.prt.bake() == {"FINISHED"} and shown().name == "late_Scene.prt"
+    assert any("went on" in text for text in preview.held(scene).bake.report["messages"])
+
+
+def test_a_stopped_bake_that_is_to_replace_another_goes_with_the_file_too(tmp_path):
+    scene = quick(bpy.context.scene)
+    item = cube("cube", scene.collection)
+    bpy.ops.prt.bake()
+    old, before = shown(), identity(shown())
+    item.location.x += 0.5
+    stop_at_visibility(scene)
+    assert beside(old).is_dir()
+    save_as(tmp_path / "new.blend")
+    path = tmp_path / "prt" / "new_Scene.prt"
+    assert shown() == path and identity(path) == before and beside(path).is_dir()
+    assert not old.exists() and not beside(old).exists()
+    assert bpy.ops.prt.bake() == {"FINISHED"} and identity(path) != before
+    assert any("went on" in text for text in preview.held(scene).bake.report["messages"])
+    assert BakeStore(path).facts["origin"]["file"] == "../new.blend"
+
+
+def test_a_changed_scene_leaves_the_old_bake_until_the_new_one_is_finished(baked_floor):
+    path, before = shown(), identity(shown())
+    baked_floor.objects["ball"].location.x += 0.5
+    stop_at_visibility(baked_floor)
+    bpy.ops.prt.refresh()
+    (item,) = work.status().bakes
+    assert item.complete and bakes.state(baked_floor, item)[0] == "stale: ball changed"
+    preview.forget()
+    assert bpy.ops.prt.load(filepath=str(path)) == {"FINISHED"} and identity(path) == before
+    assert bpy.ops.prt.bake() == {"FINISHED"} and identity(path) != before
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
+    (item,) = work.status().bakes
+    assert bakes.state(baked_floor, item)[0] == "fresh"
+    # How fast the rays were is not known where some were cast before; the plan goes without.
+    assert any("went on" in text for text in item.notes.split("\n"))
+    assert item.rate == 0 and bakes.rate(item.back_end) is None
+    assert bpy.ops.prt.refresh() == {"FINISHED"}
+
+
+def test_a_bake_is_deleted_with_what_was_to_replace_it(baked_floor):
+    path = shown()
+    baked_floor.objects["ball"].location.x += 0.5
+    stop_at_visibility(baked_floor)
+    assert beside(path).is_dir()
+    assert bpy.ops.prt.remove(filepath=str(path)) == {"FINISHED"}
+    assert not list(path.parent.iterdir()) and not work.status().bakes
+
+
+def older(path):
+    store = BakeStore(path)
+    write_facts(store.files, {**store.facts, "version": 2})
+
+
+def edited(path):
+    file = path / "zarr.json"
+    file.write_text(file.read_text().replace('"complete": true', '"complete": false'))
+
+
+@pytest.mark.parametrize(("damage", "why"), [(older, "older version"), (edited, "edited")])
+def test_a_bake_that_cannot_be_read_is_listed_with_the_way_out(baked_floor, damage, why):
+    path = shown()
+    (path.parent / "foreign.prt").mkdir()
+    (path.parent / "foreign.prt" / "letter.txt").write_text("not a bake")
+    damage(path)
+    said = error_of(bpy.ops.prt.bake)
+    assert why in said and "delete that one under Bakes" in said
+    bpy.ops.prt.refresh()
+    (item,) = work.status().bakes
+    text, icon = bakes.state(baked_floor, item)
+    assert why in text and icon == "ERROR" and not item.complete
+    assert bpy.ops.prt.remove(filepath=item.path) == {"FINISHED"}
+    assert bpy.ops.prt.bake() == {"FINISHED"} and shown() == path
+    assert (path.parent / "foreign.prt" / "letter.txt").is_file()
+
+
+def test_a_bake_that_was_killed_in_its_first_moments_is_begun_again(floor_scene):
+    path = plan.output_path(floor_scene)
+    path.mkdir(parents=True)
+    (path / f"zarr.json.{'0a' * 8}.part").write_bytes(b'{"zarr_')
+    assert bpy.ops.prt.bake() == {"FINISHED"} and shown() == path
 
 
 def test_saving_a_copy_elsewhere_changes_nothing_here(baked_floor, tmp_path):

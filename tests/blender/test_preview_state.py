@@ -1,6 +1,7 @@
 """What the panel and the views show is what the data are: after undo, files, scenes, failures."""
 
 import shutil
+import sys
 import time
 from types import SimpleNamespace
 
@@ -187,6 +188,37 @@ def test_what_a_bake_has_to_say_reaches_the_panel(floor_scene, capfd):
     assert set(messages) <= set(drawn(panels.PRT_PT_bakes))
     bpy.ops.prt.relight()
     assert not set(messages) & set(main()) and set(messages) <= set(drawn(panels.PRT_PT_bakes))
+
+
+def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, monkeypatch, capfd):
+    monkeypatch.setattr(sys.modules["prt_core.bake_bounces"], "MOST_ROUNDS", 2)
+    # Of many lines the first are shown; here but one.
+    monkeypatch.setattr(panels, "_MOST_WARNINGS", 1)
+    floor_scene.prt.tolerance = 0.001
+    cube("fine", floor_scene.collection).modifiers.new("Subdivision", "SUBSURF")
+    floor_scene.prt.method = "exhaustive"
+    bpy.ops.prt.bake()
+    report = preview.held(floor_scene).bake.report
+    assert report["error"] > 0.001 and report["tolerance_met"] is False
+    missed = report["messages"][0]
+    assert f"the bounces may be {report['error']:.2%} off" in missed and "of 0.10%" in missed
+    assert len(report["messages"]) > 1
+    assert missed in main() and missed in drawn(panels.PRT_PT_bakes)
+    assert f"Warning: {missed}" in capfd.readouterr().out
+    path = preview.path_of(floor_scene)
+    bpy.ops.prt.clear()
+    assert missed not in main() and missed in drawn(panels.PRT_PT_bakes)
+    bpy.ops.prt.load(filepath=path)
+    assert missed in main()
+
+
+def test_a_compressed_form_that_misses_its_tolerance_says_so(baked_floor, monkeypatch, capfd):
+    monkeypatch.setattr(sys.modules["prt_core.compressed"], "met", lambda *_: False)
+    baked_floor.prt.compress_tolerance = 0.5
+    assert bpy.ops.prt.compress(method="harmonics") == {"FINISHED"}
+    (missed,) = [text for text in main() if text.startswith("NOT within the tolerance of 50.00%")]
+    assert f"Warning: {missed}" in capfd.readouterr().out
+    assert any("(NOT as asked)" in text for text in drawn(panels.PRT_PT_bakes))
 
 
 def test_what_the_preview_hides_is_not_said_to_be_hidden(floor_scene):

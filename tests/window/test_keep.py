@@ -29,4 +29,6 @@ def test_kept_colours_stay_and_nothing_is_there_twice(report, moment, preview):
 
 def test_it_is_said_and_the_second_bake_is_of_the_originals_alone(report):
     assert "5 of them realised in the collection 'PRT Kept'" in report["said"]
-    assert report["left"] == [] and len(set(report["points"])) == 1
+    first, second = report["baked objects"]
+    assert report["left"] == [] and first == second
+    assert {name for name, _ in first} == REALISED | {"floor"}

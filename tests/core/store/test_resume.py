@@ -47,6 +47,22 @@ def test_a_bake_that_was_stopped_goes_on_to_the_same_bytes(
     assert load(finished).report["rays_per_second"] > 0
 
 
+def test_whose_a_bake_is_stands_in_its_first_facts(scene, tmp_path, monkeypatch):
+    written, update = [], BakeStore.update
+
+    def noted(store, **facts):
+        update(store, **facts)
+        written.append(store.facts)
+
+    monkeypatch.setattr(BakeStore, "update", noted)
+    origin = {"file": "../a.blend", "scene": "S"}
+    for _ in bake_steps(scene, tmp_path / "a.prt", SETTINGS, LAMPS, WORLD, origin=origin):
+        if any("identity" in facts for facts in written):
+            break
+    named = [facts.get("origin") for facts in written if "identity" in facts]
+    assert named and all(found == origin for found in named)
+
+
 def _remove_all_but(*kept):
     def change(path):
         for entry in list(path.iterdir()):

@@ -118,7 +118,8 @@ class Hand:
         raise AssertionError(f"no button {name} in the sidebar; there are {sorted(set(seen))}")
 
     def wheel(self, kind, notches):
-        yield from self.move(self.sidebar.x + self.sidebar.width / 2, self.sidebar.y + 100)
+        # Beside the lists, which take the wheel for themselves.
+        yield from self.move(self.sidebar.x + self.sidebar.width * 0.83, self.sidebar.y + 100)
         for _ in range(notches):
             self.event(kind, "PRESS")
             yield _TICK

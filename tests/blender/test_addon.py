@@ -181,7 +181,8 @@ def test_a_bake_that_is_gone_is_said(baked, tmp_path):
     preview.forget()
     path.rename(tmp_path / "moved")
     assert "there is no such bake" in why_not("relight")
-    (path.parent / "broken.prt").mkdir()
+    (path.parent / "foreign.prt").mkdir()
+    (path.parent / "foreign.prt" / "letter.txt").write_text("not a bake")
     bpy.ops.prt.refresh()
     assert len(work.status().bakes) == 0
     with pytest.raises(RuntimeError, match="broken.prt"):

@@ -169,6 +169,8 @@ def _largest(of_triangle, columns, n_points):
 
 
 def _ray_offset(normals, inward, lift, sideways):
+    # Along the surface alone: where it curves the middle of its triangles lies below the point.
+    inward = inward - normals * np.einsum("nx,nx->n", normals, inward)[:, None]
     length = np.linalg.norm(inward, axis=1)
     share = np.minimum(0.25, sideways / np.maximum(length, 1e-30))
     return lift[:, None] * normals + share[:, None] * inward

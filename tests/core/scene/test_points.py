@@ -62,6 +62,20 @@ def test_the_geometric_normal_is_that_of_the_faces_by_their_angles():
     assert not sideways(scene.points)[tip].any()
 
 
+@pytest.mark.parametrize("bulge", [-0.1, -0.05, 0.05, 0.1])
+def test_rays_of_a_gently_curved_surface_start_above_it(bulge):
+    """The middle of the triangles around a point of a dome lies below it."""
+    dome = plane(33)
+    dome.vertices[:, 2] = bulge * (dome.vertices[:, :2] ** 2).sum(axis=1)
+    scene = Scene.from_meshes([dome], max_hidden=0)
+    points = scene.points
+    above = np.einsum("nx,nx->n", points.ray_offset, points.geometric_normals)
+    # As high as the lowest of the triangles of the scene asks for, and no higher than the highest.
+    lifts = scene.triangle_lifts
+    assert (above >= 0.99 * lifts.min()).all() and (above <= 1.01 * lifts.max()).all()
+    assert np.mean(sideways(points)) > 0.9
+
+
 def test_a_point_has_a_third_of_each_triangle_around_it():
     scene = Scene.from_meshes([mesh(TIP, FACES, np.array([(0, 0, 1.0)] * 5))], max_hidden=0)
     areas = dict.fromkeys(range(5), 0.0)

@@ -15,10 +15,10 @@ from prt_core.blender.realised import PREVIEW
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
-from prt_core.light import rotation_matrix
 from prt_core.progress import beside
 from prt_core.relighter import Relighter, lamp_signature
 from prt_core.scene import changes
+from prt_core.sphere import rotation_matrix
 
 from . import plan, views
 from .studio import studio_lights

@@ -5,9 +5,9 @@ python examples/arrays.py
 
 import numpy as np
 
-from prt_core.light import CubeMap
 from prt_core.rays import BruteForceCaster
 from prt_core.scene import Mesh, Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import all_bounces, gather_hits, gather_operator, visibility_bits
 from prt_core.transport.visibility import received_light
 

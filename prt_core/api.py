@@ -127,7 +127,7 @@ def bake_blend_steps(
     from prt_core.blender.identity import origin_of
     from prt_core.blender.lamps import read_lamps
     from prt_core.blender.world import read_world_steps
-    from prt_core.light import CubeMap
+    from prt_core.sphere import CubeMap
 
     messages = []
     scene = scene or import_bpy().context.scene

@@ -22,11 +22,11 @@ from prt_core.errors import (
     expect_whole,
     system_errors,
 )
-from prt_core.light import CubeMap
 from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
 from prt_core.rays import RelayCaster
 from prt_core.scene import Scene, with_details
+from prt_core.sphere import CubeMap
 from prt_core.store import (
     begin_bake,
     check_scene,

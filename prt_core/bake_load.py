@@ -6,7 +6,7 @@ from prt_core.bake import Bake, BakeSettings
 from prt_core.bake_bounces import MOST_ROUNDS, read_gather
 from prt_core.bake_lights import read_lights
 from prt_core.errors import expect, expect_path
-from prt_core.light import CubeMap
+from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_said, read_scene
 from prt_core.transport import Transport
 from prt_core.transport.gather import ROUND

@@ -8,8 +8,8 @@ from prt_core.bake import BakeSettings
 from prt_core.bake_bounces import MOST_ROUNDS
 from prt_core.bake_visibility import chosen_method
 from prt_core.errors import expect_kind, expect_number
-from prt_core.light import CubeMap
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport.gather import ROUND
 
 # Rays a second where nothing was measured yet: two cores of a desktop machine.

@@ -89,7 +89,7 @@ def shown(bake, rays, environment, turn):
     start = time.perf_counter()
     radiance = bake.transport.relight(light)
     seconds = time.perf_counter() - start
-    turned = prt_core.light.rotation_matrix(turn)
+    turned = prt_core.sphere.rotation_matrix(turn)
     return radiance, rays.picture(radiance, lambda d: environment.sample(d @ turned)), seconds
 
 

@@ -116,11 +116,11 @@ def _surface_shader(material):
     output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node(
         "ALL"
     )
-    link = _source(output.inputs["Surface"]) if output else None
+    link = linked_to(output.inputs["Surface"]) if output else None
     return link.node if link else None
 
 
-def _source(socket):
+def linked_to(socket):
     """The output socket that feeds an input, past reroutes; None when nothing does."""
     while socket.is_linked:
         output = socket.links[0].from_socket
@@ -137,7 +137,7 @@ def _constant(socket, what, messages):
 
 
 def _colour(socket, data, corner_vertex, which, what, messages, pictures):
-    source = _source(socket)
+    source = linked_to(socket)
     if source is None:
         return np.array(socket.default_value[:3])
     node = source.node
@@ -181,7 +181,7 @@ def _attribute_colour(data, name, corner_vertex, which):
 
 def _texture_coordinates(node, data, what, messages):
     """(n_corners, 2) float32, or None where they are not understood."""
-    source = _source(node.inputs["Vector"])
+    source = linked_to(node.inputs["Vector"])
     name = None
     if source is not None:
         if source.node.type == "UVMAP":

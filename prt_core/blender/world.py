@@ -9,12 +9,12 @@ import numpy as np
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import pixels_of
 from prt_core.blender.lamps import read_lamps
-from prt_core.blender.materials import _source
+from prt_core.blender.materials import linked_to
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
-from prt_core.light.rotation import rotation_matrix
 from prt_core.light.sun import sun_light
 from prt_core.progress import beside, run
+from prt_core.sphere import rotation_matrix
 
 _MOST_MAPS = 4
 _MAPS = {}
@@ -94,7 +94,7 @@ def read_environment(scene=None):
     if not has_nodes(world):
         return _even(world.color, 1.0, what)
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-    shader = _source(output.inputs["Surface"]) if output else None
+    shader = linked_to(output.inputs["Surface"]) if output else None
     if shader is None:
         return None
     if output.inputs["Volume"].is_linked:
@@ -109,7 +109,7 @@ def read_environment(scene=None):
         f"{what}: a texture on the background's strength is not understood; set a number",
     )
     strength = float(node.inputs["Strength"].default_value)
-    colour = _source(node.inputs["Color"])
+    colour = linked_to(node.inputs["Color"])
     if colour is None:
         return _even(node.inputs["Color"].default_value, strength, what)
     texture = colour.node
@@ -156,7 +156,7 @@ def _kept(key, make):
 
 def _turn(texture, what):
     """The rotation matrix that the texture's vector input applies to the light."""
-    source = _source(texture.inputs["Vector"])
+    source = linked_to(texture.inputs["Vector"])
     if source is None:
         return np.eye(3)
     matrix = np.eye(3)
@@ -179,7 +179,7 @@ def _turn(texture, what):
         # The mapping turns the direction that is looked up; the light turns the other way.
         if mapping.vector_type != "TEXTURE":
             matrix = matrix.T
-        source = _source(mapping.inputs["Vector"])
+        source = linked_to(mapping.inputs["Vector"])
     expect(
         source is None or (source.node.type == "TEX_COORD" and source.name == "Generated"),
         f"{what}: texture coordinates other than Generated are not understood",

@@ -6,7 +6,7 @@ from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import open_scene
 from prt_core.cli.show import Hushed
 from prt_core.errors import expect_whole
-from prt_core.light import CubeMap
+from prt_core.sphere import CubeMap
 
 
 def add_bench_rays(kinds, in_blender):

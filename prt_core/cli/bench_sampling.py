@@ -3,8 +3,8 @@
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
-from prt_core.light import CubeMap
 from prt_core.progress import run
+from prt_core.sphere import CubeMap
 
 _METHODS = ("agreement", "huang")
 

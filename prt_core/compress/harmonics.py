@@ -7,9 +7,8 @@ from prt_core.compress.base import Compressor
 from prt_core.compress.parallel import in_parallel
 from prt_core.compress.state import array_of, expect_state
 from prt_core.errors import expect, expect_array, expect_whole
-from prt_core.light import rotation_matrix
-from prt_core.light.cubemap import _FACES, CubeMap
 from prt_core.progress import Progress
+from prt_core.sphere import FACES, CubeMap, rotation_matrix
 
 
 class Harmonics(Compressor):
@@ -39,7 +38,7 @@ class Harmonics(Compressor):
         )
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
-        self._integrals = texel_harmonics(rows.resolution, order, _FACES)
+        self._integrals = texel_harmonics(rows.resolution, order, FACES)
         # A light of one harmonic is its mean over each texel.
         means = self._integrals / CubeMap(rows.resolution).solid_angles[:, None]
         coded = rows.code.light(means.astype(np.float32))
@@ -86,7 +85,7 @@ class Harmonics(Compressor):
         order = expect_whole("order", self.order, 1)
         shape = self.n_points_, order**2, self.n_channels_
         self.coefficients_ = array_of(state, "coefficients", shape, "float32")
-        self._integrals = texel_harmonics(self.resolution_, order, _FACES)
+        self._integrals = texel_harmonics(self.resolution_, order, FACES)
 
 
 class Irradiance(Compressor):
@@ -106,7 +105,7 @@ class Irradiance(Compressor):
         yield Progress("irradiance", 0, rows.n_points)
         normals = rows.transport.normals
         self.weights_ = (harmonics(normals, 3) * (self._FACTORS / np.pi)).astype(np.float32)
-        self._integrals = texel_harmonics(rows.resolution, 3, _FACES)
+        self._integrals = texel_harmonics(rows.resolution, 3, FACES)
         return self._fitted(rows)
 
     @property
@@ -126,7 +125,7 @@ class Irradiance(Compressor):
     def _restore(self, state):
         _expect_cube_map(self)
         self.weights_ = array_of(state, "weights", (self.n_points_, 9), "float32")
-        self._integrals = texel_harmonics(self.resolution_, 3, _FACES)
+        self._integrals = texel_harmonics(self.resolution_, 3, FACES)
 
 
 def _expect_cube_map(model):

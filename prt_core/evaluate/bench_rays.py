@@ -5,9 +5,9 @@ import time
 import numpy as np
 
 from prt_core.errors import expect_kind, expect_seed, expect_whole
-from prt_core.light import CubeMap
 from prt_core.rays.caster import known_casters
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 
 # One ray a call: a smaller share of the rays is enough to know its speed.

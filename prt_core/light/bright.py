@@ -6,7 +6,7 @@ import numpy as np
 
 from prt_core.errors import expect, expect_array, expect_kind, expect_numbers, expect_pair
 from prt_core.light.environment import EnvironmentMap, expect_strength
-from prt_core.light.rotation import rotation_matrix
+from prt_core.sphere import rotation_matrix
 
 # A pixel is part of a sun when it is so many times brighter than the mean of the map.
 _TIMES_MEAN = 50.0

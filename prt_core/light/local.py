@@ -12,7 +12,7 @@ from prt_core.errors import (
     expect_number,
 )
 from prt_core.light.environment import BRIGHTEST
-from prt_core.sobol import sobol_points
+from prt_core.sphere import sobol_points, square_to_cone, square_to_disc, tangents
 
 KINDS = ("point", "spot", "area", "sun")
 
@@ -122,8 +122,8 @@ class Lamp:
         # A disc of the lamp's radius that faces the receiver, of intensity power / 4 pi.
         to_lamp = self.position - positions
         towards, _ = _unit(to_lamp)
-        u, v = _tangents(towards)
-        disc = _disc(uv) * self.radius
+        u, v = tangents(towards)
+        disc = square_to_disc(uv) * self.radius
         offset = disc[:, :1] * u + disc[:, 1:] * v
         direction, distance = _unit(to_lamp + offset)
         facing = np.einsum("ij,ij->i", direction, towards)
@@ -138,8 +138,9 @@ class Lamp:
         inside = away <= self.radius
         # 1 - cos of the half angle, without the difference of two numbers that are nearly one.
         cap = np.where(inside, 2.0, sine**2 / (1 + np.sqrt(1 - sine**2)))
-        direction, cosine = _in_cone(uv, cap, *_tangents(towards), towards)
-        along = away * cosine
+        local = square_to_cone(uv, cap)
+        direction = _turned(local, *tangents(towards), towards)
+        along = away * local[:, 2]
         half = np.sqrt(np.maximum(self.radius**2 - away**2 + along**2, 0))
         distance = np.where(inside, along + half, along - half)
         # Radiance power / (4 pi^2 r^2) times the solid angle.
@@ -159,7 +160,7 @@ class Lamp:
         return direction, distance, irradiance * (t * t * (3 - 2 * t))[:, None]
 
     def _sample_area(self, positions, uv):
-        local = _disc(uv) / 2 if self.ellipse else uv - 0.5
+        local = square_to_disc(uv) / 2 if self.ellipse else uv - 0.5
         local = local * np.asarray(self.size)
         target = self.position + local[:, :1] * self.axes[:, 0] + local[:, 1:] * self.axes[:, 1]
         direction, distance = _unit(target - positions)
@@ -171,7 +172,7 @@ class Lamp:
     def _sample_sun(self, positions, uv):
         # Evenly over the disc's solid angle, of the radiance that gives `power` where it is faced.
         cap = np.full(len(uv), 2 * np.sin(self.angle / 4) ** 2)
-        direction, _ = _in_cone(uv, cap, *self.axes.T)
+        direction = _turned(square_to_cone(uv, cap), *self.axes.T)
         count = len(positions)
         irradiance = self.power / np.cos(self.angle / 4) ** 2
         return direction, np.full(count, np.inf), np.broadcast_to(irradiance, (count, 3))
@@ -189,28 +190,6 @@ def _unit(vectors):
     return vectors / np.maximum(length, 1e-30)[:, None], length
 
 
-def _disc(uv):
-    radius, angle = np.sqrt(uv[:, 0]), 2 * np.pi * uv[:, 1]
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-
-
-def _in_cone(uv, cap, u, v, axis):
-    """Directions evenly spread over a cone about `axis`, and their cosine with it.
-
-    `cap` is 1 - cos of the cone's half angle.
-    """
-    cosine = 1 - uv[:, 0] * cap
-    sine = np.sqrt(np.maximum(1 - cosine**2, 0))
-    turn = 2 * np.pi * uv[:, 1]
-    x, y, z = (part[:, None] for part in (sine * np.cos(turn), sine * np.sin(turn), cosine))
-    return x * u + y * v + z * axis, cosine
-
-
-def _tangents(axis):
-    """Two unit vectors at right angles to each unit vector (Duff et al. 2017)."""
-    x, y, z = axis.T
-    sign = np.where(z >= 0, 1.0, -1.0)
-    a = -1 / (sign + z)
-    b = x * y * a
-    u = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
-    return u, np.stack([b, sign + y * y * a, -y], axis=1)
+def _turned(local, u, v, axis):
+    """Local directions (m, 3) along the axes (m, 3), or (3,), of a frame."""
+    return local[:, :1] * u + local[:, 1:2] * v + local[:, 2:] * axis

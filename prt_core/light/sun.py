@@ -3,8 +3,8 @@
 import numpy as np
 
 from prt_core.errors import expect, expect_array, expect_kind, expect_number
-from prt_core.light.cubemap import CubeMap
 from prt_core.light.environment import BRIGHTEST
+from prt_core.sphere import CubeMap
 
 _SAMPLES = 1 << 16
 # Half a turn, as float32 knows it: Blender's is a little more.

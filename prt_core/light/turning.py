@@ -3,9 +3,8 @@
 import numpy as np
 
 from prt_core.errors import expect_kind
-from prt_core.light.cubemap import CubeMap
 from prt_core.light.environment import EnvironmentMap, pixel_parts, sums_on_texels
-from prt_core.light.rotation import rotation_matrix
+from prt_core.sphere import CubeMap, rotation_matrix
 
 # How much finer than the texels the parts are that are turned: of what is even, what is bright.
 _EVEN, _BRIGHT, _SAMPLES = 3, 8, 16

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.progress import Progress
+from prt_core.sphere import FACES
 from prt_core.transport.visibility import horizon_bits, unpack
 
 # Points whose directions are chosen at once.
@@ -113,7 +114,7 @@ def windows(cube_map, window):
     folded = np.stack([1 - over_u - over_v, np.clip(u, -1, 1), np.clip(v, -1, 1)], axis=-1)
     result = np.empty((6, n, n, 2 * reach + 1, 2 * reach + 1), np.int64)
     for face in range(6):
-        texels = cube_map.texel_of(folded.reshape(-1, 3) @ cube_map.face_axes[face])
+        texels = cube_map.texel_of(folded.reshape(-1, 3) @ FACES[face])
         wide = np.where(outside, -1, texels.reshape(outside.shape))
         result[face] = np.lib.stride_tricks.sliding_window_view(wide, (2 * reach + 1,) * 2)
     return result.reshape(cube_map.n_directions, -1)

@@ -29,7 +29,7 @@ from prt_core.sampling.sampled import Sampled, expect_sampled, register_sampler
 from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.sampling.votes import Asked, coin, on_rows
 from prt_core.seeds import Stage, generator
-from prt_core.transport.gather import _frames
+from prt_core.sphere import square_to_cosine, tangent_frames
 from prt_core.transport.visibility import horizon_bits
 
 # Points worked on together: their random numbers are drawn together too.
@@ -358,11 +358,8 @@ class _Work:
         mask = np.zeros((len(points), self.above.shape[1]), np.uint8)
         if not n_checks:
             return mask
-        radius, angle = rng.random((2, len(points), n_checks))
-        radius, angle = np.sqrt(radius), 2 * np.pi * angle
-        height = np.sqrt(np.maximum(0, 1 - radius**2))
-        local = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
-        ways = np.matmul(local, _frames(self._scene.points.normals[points]))
+        local = square_to_cosine(np.moveaxis(rng.random((2, len(points), n_checks)), 0, -1))
+        ways = np.matmul(local, tangent_frames(self._scene.points.normals[points]))
         texel = self._cube_map.texel_of(ways.reshape(-1, 3))
         row = np.repeat(np.arange(len(points)), n_checks)
         np.bitwise_or.at(mask, (row, texel >> 3), np.uint8(1) << (texel & 7).astype(np.uint8))

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from prt_core.light.cubemap import CubeMap
+from prt_core.sphere import CubeMap
 
 
 def dilate(bits, resolution, corners=True):

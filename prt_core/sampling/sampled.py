@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.errors import expect, expect_kind
-from prt_core.light.cubemap import CubeMap
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport.visibility import expect_bits
 
 _SAMPLERS = {}

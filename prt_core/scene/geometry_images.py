@@ -11,7 +11,6 @@ from scipy.ndimage import distance_transform_edt
 
 from prt_core.errors import expect, expect_caster, expect_kind, expect_offers, expect_one_of
 from prt_core.scene.closed_surface import closed_surface
-from prt_core.scene.octahedron import octahedral_directions
 from prt_core.scene.point_images import (
     PointImage,
     expect_size,
@@ -20,6 +19,7 @@ from prt_core.scene.point_images import (
     surface_points,
 )
 from prt_core.scene.spherical import evenness, spherical_positions
+from prt_core.sphere import octahedral_directions
 
 PARAMETRISATIONS = ("auto", "uv", "sphere")
 

@@ -10,6 +10,7 @@ import numpy as np
 from prt_core.errors import expect
 from prt_core.scene.closed_surface import triangle_areas
 from prt_core.scene.thinning import Edges, thin_out
+from prt_core.sphere import tangents
 
 # How much even areas count beside true angles.
 _EVEN = 2.0
@@ -201,7 +202,7 @@ class _Star:
 
     def _newton(self, here, a, b, far):
         """(3, k): steps in the tangent planes."""
-        one, two = _tangents(here)
+        one, two = (way.T for way in tangents(here.T))
         v, one_v, two_v, cross = here[:, self._of], one[:, self._of], two[:, self._of], _cross(a, b)
         va, vb = a - v, b - v
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -260,14 +261,6 @@ def _opposite(corners):
 
 
 # Vectors are columns from here on: (3, m).
-
-
-def _tangents(v):
-    """Two unit vectors at right angles to unit vectors and to each other."""
-    axis = np.zeros_like(v)
-    axis[np.abs(v).argmin(axis=0), np.arange(v.shape[1])] = 1
-    one = _unit(_cross(v, axis))
-    return one, _cross(v, one)
 
 
 def _cross(a, b):

@@ -25,11 +25,10 @@ from prt_core.errors import (
     expect_seed,
     expect_whole,
 )
-from prt_core.light import CubeMap
 from prt_core.rays import Hits
 from prt_core.scene import Scene
 from prt_core.seeds import Stage, generator
-from prt_core.sobol import sobol_points
+from prt_core.sphere import CubeMap, sobol_points, square_to_cosine, tangent_frames
 from prt_core.threads import on_all_cores
 from prt_core.transport.sharing import DARK, MISS, Sharing
 
@@ -241,22 +240,8 @@ def cosine_directions(normals, shift, count=ROUND, first=0):
     """
     base = sobol_points(int(np.ceil(np.log2(first + count))))[first : first + count]
     uv = (base.astype(np.float32)[None] + shift[:, None]) % np.float32(1)
-    radius = np.sqrt(uv[..., 0])
-    angle = np.float32(2 * np.pi) * uv[..., 1]
-    height = np.sqrt(np.maximum(0, 1 - uv[..., 0]))
-    local = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
-    return np.matmul(local, _frames(normals))
-
-
-def _frames(normals):
-    """(n, 3, 3) float32: rows are two tangents and the normal (Duff et al. 2017)."""
-    x, y, z = normals.astype(np.float64).T
-    sign = np.where(z >= 0, 1.0, -1.0)
-    a = -1 / (sign + z)
-    b = x * y * a
-    u = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
-    v = np.stack([b, sign + y * y * a, -y], axis=1)
-    return np.stack([u, v, np.stack([x, y, z], axis=1)], axis=1).astype(np.float32)
+    frames = tangent_frames(normals).astype(np.float32)
+    return np.matmul(square_to_cosine(uv), frames)
 
 
 def ray_ends(hits):

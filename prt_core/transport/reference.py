@@ -14,10 +14,9 @@ from prt_core.errors import (
     expect_seed,
     expect_whole,
 )
-from prt_core.light.cubemap import CubeMap
 from prt_core.scene import Scene
 from prt_core.seeds import Stage, generator
-from prt_core.transport.gather import _frames
+from prt_core.sphere import CubeMap, square_to_cosine, tangent_frames
 
 
 def reference_rows(scene, cube_map, caster, points, n_paths=256, max_bounces=8, seed=0):
@@ -82,12 +81,8 @@ def _direct(cube_map, caster, origins, normals, geometric):
 def _bounce(scene, caster, alive, state, rng):
     """Continue each path by one cosine-distributed ray; paths that meet no lit side end."""
     origins, normals, geometric, weight = state
-    u, v = rng.random((2, len(alive)))
-    local = np.stack(
-        [np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(u) * np.sin(2 * np.pi * v), np.sqrt(1 - u)],
-        axis=1,
-    )
-    directions = np.einsum("ij,ijk->ik", local, _frames(normals)).astype(np.float32)
+    local = square_to_cosine(rng.random((2, len(alive))).T)
+    directions = np.einsum("ij,ijk->ik", local, tangent_frames(normals)).astype(np.float32)
     found = caster.intersect(origins, directions)
     usable = (found.triangle >= 0) & ((directions * geometric).sum(axis=1) > 0)
     alive, directions, weight = alive[usable], directions[usable], weight[usable]

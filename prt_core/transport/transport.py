@@ -16,7 +16,7 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
-from prt_core.light.cubemap import CubeMap
+from prt_core.sphere import CubeMap
 from prt_core.transport.bounce import (
     MOST_ALBEDO,
     MOST_RECEIVED,

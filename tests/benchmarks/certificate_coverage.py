@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.sampling import Sampled, sampler_named
 from prt_core.sampling.certificate import CertificateSettings, certificate_steps, probe_lights
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import received_light, unpack
 from tests.meshes import plane, sphere

@@ -37,7 +37,8 @@ from prt_core.compress.haar_lighting import SELECTIONS  # noqa: E402
 from prt_core.compress.kmeans import kmeans_steps  # noqa: E402
 from prt_core.compress.lbg import lbg_steps  # noqa: E402
 from prt_core.compress.sketch import sketch_steps  # noqa: E402
-from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
+from prt_core.light import EnvironmentMap  # noqa: E402
+from prt_core.sphere import CubeMap  # noqa: E402
 from tests.benchmarks.sampling_scenes import (  # noqa: E402
     MODELS,
     data_folder,

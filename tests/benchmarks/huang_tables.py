@@ -20,13 +20,13 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
 from prt_core.evaluate.bench_sampling import matrix_errors  # noqa: E402
-from prt_core.light import CubeMap  # noqa: E402
 from prt_core.progress import run  # noqa: E402
 from prt_core.sampling.adaptive_angle import AngularGrid, spread_grid  # noqa: E402
 from prt_core.sampling.dense import dense_steps  # noqa: E402
 from prt_core.sampling.huang import HuangSettings, sample_huang  # noqa: E402
 from prt_core.sampling.sparse import SparsePoints, sparse_blocks  # noqa: E402
 from prt_core.sampling.tracer import Tracer, count_bits  # noqa: E402
+from prt_core.sphere import CubeMap  # noqa: E402
 from tests.benchmarks.sampling_scenes import (  # noqa: E402
     MODELS,
     exhaustive_bits,

@@ -32,9 +32,10 @@ from prt_core.evaluate.bench_sampling import (  # noqa: E402
     parse_method,
 )
 from prt_core.evaluate.sampling_report import error_plot  # noqa: E402
-from prt_core.light import CubeMap, EnvironmentMap  # noqa: E402
+from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.sampling import sampler_named  # noqa: E402
 from prt_core.sampling.tracer import count_bits  # noqa: E402
+from prt_core.sphere import CubeMap  # noqa: E402
 from tests.benchmarks.certificate_coverage import coverage, scene_named  # noqa: E402
 from tests.benchmarks.sampling_scenes import (  # noqa: E402
     GROUND,

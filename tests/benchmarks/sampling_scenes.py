@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from prt_core.light import CubeMap
 from prt_core.scene import Mesh, Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 
 MODELS = {

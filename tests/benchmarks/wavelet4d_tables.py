@@ -42,8 +42,8 @@ from prt_core.evaluate.view import auto_camera  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.progress import run  # noqa: E402
 from prt_core.scene.closed_surface import closed_surface  # noqa: E402
-from prt_core.scene.octahedron import octahedral_square  # noqa: E402
 from prt_core.scene.spherical import spherical_positions  # noqa: E402
+from prt_core.sphere import octahedral_square  # noqa: E402
 from tests.benchmarks.sampling_scenes import (  # noqa: E402
     GROUND,
     _grid,

@@ -7,7 +7,8 @@ import pytest
 import build
 from prt_core import PRTError
 from prt_core.blender import read_lamps, read_world
-from prt_core.light import CubeMap, EnvironmentMap, read_image
+from prt_core.light import EnvironmentMap, read_image
+from prt_core.sphere import CubeMap
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from pathlib import Path
 import prt_core
 
 ROOT = Path(prt_core.__file__).parent
-FLOORS = [{"rays", "basis", "light"}, {"scene"}, {"transport"}, {"reconstruct"}, {"sampling"},
-          {"compress"}, {"store"}, {"evaluate"}]  # fmt: skip
+FLOORS = [{"sphere"}, {"rays", "basis", "light"}, {"scene"}, {"transport"}, {"reconstruct"},
+          {"sampling"}, {"compress"}, {"store"}, {"evaluate"}]  # fmt: skip
 
 
 def imports():

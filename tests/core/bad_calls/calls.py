@@ -7,9 +7,10 @@ from dataclasses import dataclass, fields, is_dataclass
 import numpy as np
 
 from prt_core.errors import PRTError
-from prt_core.light import CubeMap, EnvironmentMap, write_image
+from prt_core.light import EnvironmentMap, write_image
 from prt_core.progress import run
 from prt_core.rays import BruteForceCaster
+from prt_core.sphere import CubeMap
 
 RNG = np.random.default_rng(5)
 RESOLUTION = 2

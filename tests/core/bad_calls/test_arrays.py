@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core import basis, light, reconstruct
+from prt_core import basis, reconstruct, sphere
 
 from .calls import RNG, Call, any_of, directions, faults_of, plain
 
@@ -21,7 +21,7 @@ CALLS = {
         basis.harmonics, ("directions another axis",), directions=directions(), order=3
     ),
     "texel_harmonics": plain(
-        basis.texel_harmonics, resolution=2, order=2, faces=light.CubeMap.face_axes, n_nodes=2
+        basis.texel_harmonics, resolution=2, order=2, faces=sphere.FACES, n_nodes=2
     ),
     "rotation_of_harmonics": plain(basis.rotation_of_harmonics, matrix=np.eye(3), order=2),
     "ImageWavelet": lambda t: Call(

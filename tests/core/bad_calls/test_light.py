@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from prt_core import light
+from prt_core import light, sphere
 
 from .calls import Call, directions, exr, faults_of, image, method, plain
 
 CALLS = {
-    "CubeMap": plain(light.CubeMap, resolution=3),
-    "CubeMap.texel_of": method(lambda t: light.CubeMap(3), "texel_of", directions=directions()),
+    "CubeMap": plain(sphere.CubeMap, resolution=3),
+    "CubeMap.texel_of": method(lambda t: sphere.CubeMap(3), "texel_of", directions=directions()),
     "CubeMap.on_faces": method(
-        lambda t: light.CubeMap(3), "on_faces", ("u", "v"), u=np.zeros(3), v=np.ones(3)
+        lambda t: sphere.CubeMap(3), "on_faces", ("u", "v"), u=np.zeros(3), v=np.ones(3)
     ),
-    "CubeMap.coarser": method(lambda t: light.CubeMap(4), "coarser", factor=2),
+    "CubeMap.coarser": method(lambda t: sphere.CubeMap(4), "coarser", factor=2),
     "EnvironmentMap": plain(
         light.EnvironmentMap,
         ("name other text", "name empty text"),
@@ -24,7 +24,7 @@ CALLS = {
     "EnvironmentMap.to_cube_map": method(
         lambda t: image(),
         "to_cube_map",
-        cube_map=lambda t: light.CubeMap(2),
+        cube_map=lambda t: sphere.CubeMap(2),
         rotation=30.0,
         strength=2.0,
     ),
@@ -33,17 +33,17 @@ CALLS = {
         lambda environment, cube_map, rotation: light.TurningLight(environment, cube_map).at(
             rotation
         ),
-        {"environment": image(), "cube_map": light.CubeMap(2), "rotation": 5.0},
+        {"environment": image(), "cube_map": sphere.CubeMap(2), "rotation": 5.0},
         ("rotation None",),
     ),
     "read_image": lambda t: Call(light.read_image, {"path": exr(t)}),
     "write_image": lambda t: Call(
         light.write_image, {"path": t.folder / "w.exr", "pixels": image().pixels}
     ),
-    "rotation_about_z": plain(light.rotation_about_z, degrees=30.0),
-    "rotation_matrix": plain(light.rotation_matrix, ("rotation None",), rotation=np.eye(3)),
+    "rotation_about_z": plain(sphere.rotation_about_z, degrees=30.0),
+    "rotation_matrix": plain(sphere.rotation_matrix, ("rotation None",), rotation=np.eye(3)),
     "rotation_matrix of angles": plain(
-        light.rotation_matrix, ("rotation None",), rotation=(1.0, 2.0, 3.0)
+        sphere.rotation_matrix, ("rotation None",), rotation=(1.0, 2.0, 3.0)
     ),
     "split_sun": lambda t: Call(
         light.split_sun, {"environment": image(), "rotation": 3.0, "strength": 1.0}
@@ -51,7 +51,7 @@ CALLS = {
     "sun_light": lambda t: Call(
         light.sun_light,
         {
-            "cube_map": light.CubeMap(2),
+            "cube_map": sphere.CubeMap(2),
             "direction": np.ones(3),
             "irradiance": np.ones(3),
             "angle": 0.1,

@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from prt_core import light, sampling, transport
+from prt_core import light, sampling, sphere, transport
 from prt_core.sampling.groups import certified_together
 
 from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scene
@@ -14,7 +14,7 @@ from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scen
 def sampled(there):
     """Every entry traced."""
     points = slice(0, len(there.scene.points))
-    bits = transport.visibility_bits(there.scene, light.CubeMap(RESOLUTION), caster(there), points)
+    bits = transport.visibility_bits(there.scene, sphere.CubeMap(RESOLUTION), caster(there), points)
     return sampling.Sampled(bits, np.full_like(bits, 255), 0)
 
 
@@ -94,7 +94,7 @@ CALLS = {
         {
             "bits": t.bake.transport.bits,
             "normals": t.bake.transport.normals,
-            "cube_map": light.CubeMap(RESOLUTION),
+            "cube_map": sphere.CubeMap(RESOLUTION),
             "light": t.light,
         },
     ),  # fmt: skip
@@ -149,7 +149,7 @@ CALLS = {
         wanted=lambda t: [0],
     ),
     "open_points": lambda t: Call(sampling.open_points, {"scene": t.scene}),
-    "probe_lights": lambda t: Call(sampling.probe_lights, {"cube_map": light.CubeMap(2)}),
+    "probe_lights": lambda t: Call(sampling.probe_lights, {"cube_map": sphere.CubeMap(2)}),
     "sampler_named": plain(sampling.sampler_named, name="agreement"),
 }
 

@@ -4,8 +4,7 @@ from scipy.special import sph_harm_y
 
 from prt_core import PRTError
 from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
-from prt_core.light import CubeMap, rotation_matrix
-from prt_core.light.cubemap import _FACES
+from prt_core.sphere import FACES, CubeMap, rotation_matrix
 
 RNG = np.random.default_rng(1)
 
@@ -39,7 +38,7 @@ def test_they_are_orthonormal_under_exact_quadrature():
 
 
 def test_texels_add_up_to_the_sphere():
-    integrals = texel_harmonics(8, 4, _FACES)
+    integrals = texel_harmonics(8, 4, FACES)
     total = np.zeros(16)
     total[0] = np.sqrt(4 * np.pi)
     np.testing.assert_allclose(integrals.sum(axis=0), total, atol=1e-7)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import Transport, gather_hits, gather_operator, visibility_bits
 from tests.meshes import caster_of, plane, sphere
 

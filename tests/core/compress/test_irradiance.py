@@ -5,7 +5,7 @@ import pytest
 
 from prt_core.basis import harmonics
 from prt_core.compress import ArrayRows, Harmonics, Irradiance, TransportRows
-from prt_core.light import CubeMap
+from prt_core.sphere import CubeMap
 from tests.core.compress.conftest import relative
 
 # Of Lambert's clamped cosine: 2 pi times the integral of P_l(t) t over 0..1.

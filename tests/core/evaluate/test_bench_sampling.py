@@ -13,10 +13,10 @@ from prt_core.evaluate.bench_sampling import (
     parse_method,
 )
 from prt_core.evaluate.sampling_report import _curve
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.sampling import HuangSettings, probe_lights
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import Transport, visibility_bits
 from prt_core.transport.visibility import horizon_bits, unpack
 from tests.meshes import caster_of, plane, sphere

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from prt_core.light import EnvironmentMap, rotation_matrix, split_sun
+from prt_core.light import EnvironmentMap, split_sun
+from prt_core.sphere import rotation_matrix
 
 TURN = (20.0, -50.0, 130.0)
 

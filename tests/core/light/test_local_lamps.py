@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap, Lamp, sun_light
+from prt_core.light import Lamp, sun_light
 from prt_core.light.local import lamp_samples
-from prt_core.light.rotation import rotation_matrix
+from prt_core.sphere import CubeMap, rotation_matrix
 
 POWER = np.array([100.0, 50.0, 7.0])
 TURNED = rotation_matrix((20.0, -35.0, 110.0))

@@ -5,7 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap, EnvironmentMap, TurningLight, rotation_matrix, sun_light
+from prt_core.light import EnvironmentMap, TurningLight, sun_light
+from prt_core.sphere import CubeMap, rotation_matrix
 
 TURN = (20.0, -50.0, 130.0)
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.sampling.adaptive_angle import AngularGrid, adaptive_steps, spread_grid, windows
 from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits, unpack
 from tests.meshes import caster_of, plane, sphere

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError, run
-from prt_core.light import CubeMap
 from prt_core.progress import Pace
 from prt_core.sampling import AgreementSettings, open_points, refine_agreement, sample_agreement
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.tracer import count_bits
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits
 from tests.meshes import caster_of, plane, sphere, wall

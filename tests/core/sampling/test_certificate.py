@@ -3,7 +3,6 @@ import pytest
 from scipy.stats import binom, poisson
 
 from prt_core import run
-from prt_core.light import CubeMap
 from prt_core.sampling import (
     AgreementSettings,
     CertificateSettings,
@@ -16,6 +15,7 @@ from prt_core.sampling import (
 from prt_core.sampling.certificate import _inclusion, _kept_share, matrix_estimate
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from tests.benchmarks.certificate_coverage import coverage, scene_named, true_errors
 from tests.meshes import caster_of, plane, sphere

@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import chi2, poisson
 
 from prt_core import run
-from prt_core.light import CubeMap
 from prt_core.sampling import CertificateSettings, Sampled, certificate_steps
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import unpack
 from tests.benchmarks.certificate_coverage import true_errors

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.sampling.dilate import chequer, dilate
 from prt_core.sampling.tracer import count_bits
+from prt_core.sphere import CubeMap
 
 
 def around(resolution):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, bake_steps, load, run
-from prt_core.light import CubeMap
 from prt_core.sampling import (
     AgreementSettings,
     CertificateSettings,
@@ -15,6 +14,7 @@ from prt_core.sampling import (
 from prt_core.sampling.groups import alike
 from prt_core.sampling.tracer import count_bits
 from prt_core.scene import Mesh, Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from tests.meshes import caster_of, plane, sphere
 

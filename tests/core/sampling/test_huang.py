@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from prt_core.errors import PRTError
-from prt_core.light import CubeMap
 from prt_core.progress import Pace, run
 from prt_core.sampling import sampler_named
 from prt_core.sampling.adaptive_angle import AngularGrid
@@ -12,6 +11,7 @@ from prt_core.sampling.dense import dense_steps, local_rank, sketch_matrix
 from prt_core.sampling.huang import HuangSettings, sample_huang
 from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits, unpack
 from tests.meshes import caster_of, plane, sphere

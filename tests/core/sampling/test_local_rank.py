@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.sampling.adaptive_angle import AdaptiveRows, AngularGrid
 from prt_core.sampling.dense import (
@@ -17,6 +16,7 @@ from prt_core.sampling.huang import HuangSettings
 from prt_core.sampling.sparse import sparse_blocks
 from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from tests.meshes import caster_of, plane, sphere
 
 

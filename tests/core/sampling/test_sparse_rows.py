@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from sklearn.linear_model import Lasso
 
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.sampling.adaptive_angle import AngularGrid, adaptive_steps, windows
 from prt_core.sampling.huang import HuangSettings, sample_huang
@@ -12,6 +11,7 @@ from prt_core.sampling.rivals import wang_columns
 from prt_core.sampling.sparse import sparse_blocks
 from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport.visibility import horizon_bits, unpack
 from tests.meshes import caster_of, plane, sphere
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from prt_core import Scene, run
-from prt_core.light import CubeMap
 from prt_core.sampling.tracer import Tracer
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import unpack
 from tests.meshes import caster_of, plane, sphere

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from prt_core import run
-from prt_core.light import CubeMap
 from prt_core.sampling import AgreementSettings, sample_agreement
 from prt_core.sampling.adaptive_angle import windows
 from prt_core.sampling.dilate import chequer
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.votes import Asked, coin
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from tests.meshes import caster_of, plane, sphere
 
 RESOLUTION, N_POINTS = 4, 23

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, bake_steps, load, run
-from prt_core.light import CubeMap
 from prt_core.scene import Scene, mesh_digests
+from prt_core.sphere import CubeMap
 from prt_core.transport import (
     Transport,
     gather_hits,

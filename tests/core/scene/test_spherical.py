@@ -13,8 +13,8 @@ from prt_core.progress import run
 from prt_core.rays import BruteForceCaster
 from prt_core.scene import Scene, geometry_layout, with_geometry_image
 from prt_core.scene.closed_surface import closed_surface
-from prt_core.scene.octahedron import octahedral_directions, octahedral_square
 from prt_core.scene.spherical import evenness, spherical_positions, turned
+from prt_core.sphere import octahedral_directions, octahedral_square
 from tests.meshes import plane, sphere
 
 

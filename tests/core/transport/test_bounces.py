@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.light import CubeMap, Lamp
+from prt_core.light import Lamp
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import (
     Transport,
     all_bounces,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.sampling import CertificateSettings, Sampled, certificate_steps, open_points
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import received_light, visibility_bits
 from prt_core.transport.visibility import horizon_bits
 from tests.meshes import caster_of, plane, sphere

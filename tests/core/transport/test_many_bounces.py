@@ -69,7 +69,7 @@ def test_light_that_never_settles_is_an_error_in_both_directions():
             all_bounces(ring, white, light, 1e-3, bounces)
     # What all receive grows by one with each bounce.
     assert all_bounces(ring, white, light, bounces=999)[0].max() == 1000
-    from prt_core.light import CubeMap
+    from prt_core.sphere import CubeMap
 
     cube_map = CubeMap(1)
     bits = np.full((N_POINTS, 1), 63, np.uint8)

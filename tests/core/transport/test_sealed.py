@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.progress import run
 from prt_core.scene import Mesh, Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import (
     Sharing,
     all_bounces,

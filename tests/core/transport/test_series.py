@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from prt_core.light import CubeMap
+from prt_core.sphere import CubeMap
 from prt_core.transport import Transport, all_bounces
 from prt_core.transport.visibility import unpack
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from prt_core.light import CubeMap
 from prt_core.scene import Scene
+from prt_core.sphere import CubeMap
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import received_light, unpack
 from tests.meshes import caster_of, plane, sphere, wall

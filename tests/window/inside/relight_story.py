@@ -97,8 +97,8 @@ def from_api():
     import prt_core
     from prt_core.blender.lamps import read_lamps
     from prt_core.blender.world import read_environment
-    from prt_core.light import rotation_matrix
     from prt_core.relighter import Relighter
+    from prt_core.sphere import rotation_matrix
 
     scene = bpy.context.scene
     loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))

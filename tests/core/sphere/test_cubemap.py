@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.light import CubeMap
+from prt_core.sphere import CubeMap
 
 
 @pytest.mark.parametrize("resolution", [1, 2, 3, 7, 32])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from prt_core.sobol import sobol_points
+from prt_core.sphere import sobol_points
 
 
 @pytest.mark.parametrize("power", [0, 1, 2, 5, 6, 13])

@@ -6,8 +6,9 @@ import numpy as np
 
 from prt_core.errors import expect, expect_array, expect_whole
 
-# Per face (+x, -x, +y, -y, +z, -z): the axis it looks along, and those of its columns and rows.
-_FACES = np.array(
+# Per face (+x, -x, +y, -y, +z, -z): the axis it looks along, and those of its columns and rows. A
+# place (1, u, v) of a face is `place @ FACES[face]` in the world.
+FACES = np.array(
     [
         [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
         [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
@@ -18,8 +19,7 @@ _FACES = np.array(
     ],
     np.float64,
 )
-
-
+# Texels along a tile of strata.
 _TILE = 8
 
 
@@ -48,9 +48,6 @@ class CubeMap:
         cosine-weighted solid angle of a texel above the horizon.
     """
 
-    # (6, 3, 3): see `_FACES`; a point (1, u, v) of a face is `point @ face_axes[face]`.
-    face_axes = _FACES
-
     def __init__(self, resolution):
         self.resolution = expect_whole("resolution", resolution, 1, 1024)
 
@@ -69,7 +66,7 @@ class CubeMap:
         v, u = np.meshgrid(centre, centre, indexing="ij")
         local = np.stack([np.ones_like(u), u, v], axis=-1).reshape(-1, 3)
         local /= np.linalg.norm(local, axis=1, keepdims=True)
-        return np.concatenate([local @ face for face in _FACES])
+        return np.concatenate([local @ face for face in FACES])
 
     @cached_property
     def samples(self):
@@ -77,7 +74,7 @@ class CubeMap:
         # are a random order of equal strata. The same for every bake of a resolution.
         n = self.resolution
         faces, tiles = [], -(-n // _TILE)
-        for index, face in enumerate(_FACES):
+        for index, face in enumerate(FACES):
             rng = np.random.default_rng([index, n])
             order = rng.permuted(np.tile(np.arange(_TILE), (2, tiles * tiles * _TILE, 1)), axis=-1)
             order = order.reshape(2, tiles, tiles, _TILE, _TILE)
@@ -102,7 +99,7 @@ class CubeMap:
         u = expect_array("u", u, (None,), np.float64)
         v = expect_array("v", v, (len(u),), np.float64)
         local = np.stack([np.ones_like(u), u, v], axis=-1)
-        return np.concatenate([local @ face for face in _FACES])
+        return np.concatenate([local @ face for face in FACES])
 
     @cached_property
     def solid_angles(self):
@@ -126,7 +123,7 @@ class CubeMap:
             length = np.linalg.norm(normal, axis=-1, keepdims=True)
             angle = np.arctan2(length, (p * q).sum(axis=-1, keepdims=True))
             local += angle / 2 * normal / length
-        return np.concatenate([local.reshape(-1, 3) @ face for face in _FACES])
+        return np.concatenate([local.reshape(-1, 3) @ face for face in FACES])
 
     def texel_of(self, directions):
         """The texel that each direction falls into.
@@ -154,7 +151,7 @@ class CubeMap:
         on_x, on_z = ax >= np.maximum(ay, az), az > np.maximum(ax, ay)
         along = np.where(on_x, x, np.where(on_z, z, y))
         scale = n / 2 / along
-        # What `_FACES` says: to divide by the signed axis turns the sides round as it should.
+        # What `FACES` says: to divide by the signed axis turns the sides round as it should.
         column = np.where(on_x, y * scale, x * np.where(on_z, np.abs(scale), -scale))
         row = np.where(on_z, y * scale, z * np.abs(scale))
         face = 2 - 2 * on_x.astype(np.int32) + 2 * on_z + (along < 0)

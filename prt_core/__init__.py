@@ -13,7 +13,8 @@ are the texels of a cube map, from the surface to the light, in Blender's world 
 *radiance* of a point is what it sends out. Lengths are Blender units.
 
 Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeStore`, `CubeMap`,
-`EnvironmentMap`, `Lamp`. Functions on arrays are in `prt_core.transport` and `prt_core.light`.
+`EnvironmentMap`, `Lamp`. Functions on arrays are in `prt_core.transport`, `prt_core.light` and
+`prt_core.sphere`.
 """
 
 __version__ = "0.1.0"

@@ -24,12 +24,12 @@ from prt_core.light import (
     EnvironmentMap,
     Lamp,
     TurningLight,
-    rotation_matrix,
     split_sun,
 )
 from prt_core.light.environment import BRIGHTEST, expect_radiance, expect_strength
 from prt_core.light.images import reads_in_threads
 from prt_core.progress import Pace, beside, maybe_beside, run
+from prt_core.sphere import rotation_matrix
 from prt_core.transport import lamp_steps
 
 # Images, and lights to be turned, that stay in memory at once.

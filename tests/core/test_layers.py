@@ -47,3 +47,16 @@ def test_only_the_doors_know_blender():
             assert folder in {"blender", "api.py", "cli"}, file
         if imported in {"bpy", "mathutils"}:
             assert folder in {"blender", "api.py"}, file
+
+
+def test_no_private_name_leaves_its_module():
+    checked = 0
+    for folder in (ROOT, ROOT.parent / "blender_addon", ROOT.parent / "scripts"):
+        for file in folder.rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.ImportFrom):
+                    checked += 1
+                    private = [a.name for a in node.names if a.name.startswith("_")]
+                    private = [name for name in private if not name.startswith("__")]
+                    assert not private, f"{file} imports {', '.join(private)}"
+    assert checked > 500

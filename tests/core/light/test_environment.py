@@ -4,15 +4,13 @@ from scipy.spatial.transform import Rotation
 
 from prt_core import PRTError
 from prt_core.light import (
-    CubeMap,
     EnvironmentMap,
     TurningLight,
-    rotation_about_z,
-    rotation_matrix,
     split_sun,
     sun_light,
 )
 from prt_core.light.environment import equirectangular
+from prt_core.sphere import CubeMap, rotation_about_z, rotation_matrix
 
 
 def power(light, cube_map):

@@ -318,14 +318,18 @@ class _Work:
         asked, n_points = Asked(points, checks, self._cube_map.resolution, reach), len(points)
         everyone = np.arange(n_points)
         self._timed(on_rows, asked.vote, n_points, around, self.above, self.traced, self.bits)
-        n_checks = int(count_bits(checks[checks != 0]))
+        # Few bytes of the rows hold checks.
+        places = np.flatnonzero(checks != 0)
+        checked = checks.reshape(-1)[places]
+        n_checks = int(count_bits(checked))
         yield from self.trace("disagree", asked, everyone, asked.wanted)
         self._counts["disagree"] -= n_checks
         self._counts["check"] += n_checks
-        wrong = count_bits(checks & (asked.bits ^ asked.said), axis=1)
-        for total, rows in zip(self._checked, (wrong, count_bits(checks & asked.bits, axis=1)),
-                               strict=True):  # fmt: skip
-            total += np.bincount(self.groups[points], rows, len(total)).astype(np.int64)
+        seen, said = (of.reshape(-1)[places] for of in (asked.bits, asked.said))
+        group = self.groups[points[places // checks.shape[1]]]
+        for total, found in zip(self._checked, (seen ^ said, seen), strict=True):
+            counts = count_bits((checked & found)[:, None], axis=1)
+            total += np.bincount(group, counts, len(total)).astype(np.int64)
         self._timed(on_rows, asked.settle, n_points)
         yield from self.trace("disagree", asked, everyone, asked.contested)
         rows, fresh, reason, some = everyone, None, "follow", None

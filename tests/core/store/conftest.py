@@ -1,6 +1,7 @@
 """A small bake to be damaged, and ways to damage it."""
 
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -159,3 +160,14 @@ def _counting(cast, count):
         return cast(origins, *rest)
 
     return counting
+
+
+def swapped(one, two):
+    """A change of a bake: two of its files, or folders, have changed places."""
+
+    def damage(path):
+        os.rename(path / one, path / "x")
+        os.rename(path / two, path / one)
+        os.rename(path / "x", path / two)
+
+    return damage

@@ -19,6 +19,7 @@ from tests.core.store.conftest import (
     edit_text,
     expect_same,
     forge_facts,
+    swapped,
     write_zeros,
 )
 
@@ -152,15 +153,6 @@ def _cut(name):
     return lambda path: os.truncate(path / name, (path / name).stat().st_size // 2)
 
 
-def _swap(one, two):
-    def damage(path):
-        os.rename(path / one, path / "x")
-        os.rename(path / two, path / one)
-        os.rename(path / "x", path / two)
-
-    return damage
-
-
 def _shorter(name):
     def damage(path):
         meta = json.loads((path / name / "zarr.json").read_text())
@@ -176,14 +168,14 @@ DAMAGE = [
     (_unlink("visibility/c/1/0"), BLOCK),
     (_flip("visibility/c/1/0"), BLOCK),
     (_cut("visibility/c/1/0"), BLOCK),
-    (_swap("visibility/c/1/0", "visibility/c/2/0"), BLOCK),
-    (_swap("visibility", "gather"), ALL),
+    (swapped("visibility/c/1/0", "visibility/c/2/0"), BLOCK),
+    (swapped("visibility", "gather"), ALL),
     (_unlink("visibility/zarr.json"), NONE),
     (_flip("visibility/zarr.json"), NONE),
     (_shorter("visibility"), NONE),
     (_unlink("visibility_rays/c/1"), BLOCK),
     (_flip("visibility_rays/c/1"), BLOCK),
-    (_swap("gather/c/1/0", "gather/c/1/1"), BLOCK),
+    (swapped("gather/c/1/0", "gather/c/1/1"), BLOCK),
     (_flip("gather/c/1/0"), BLOCK),
     (_unlink("gather_rays/c/1/2/0"), BLOCK),
     (_flip("gather_rays/c/1/2/0"), BLOCK),
@@ -192,7 +184,7 @@ DAMAGE = [
     (_flip("point_albedo/c/0/0"), NONE),
     (_flip("point_mean_albedo/c/0/0"), NONE),
     (write_zeros("point_mean_albedo"), NONE),
-    (_swap("point_mean_albedo", "point_albedo"), NONE),
+    (swapped("point_mean_albedo", "point_albedo"), NONE),
     (_unlink("point_ray_offset/c/0/0"), NONE),
     (write_zeros("point_ray_offset"), NONE),
     (_flip("scene_vertices/c/0/0"), NONE),
@@ -202,8 +194,8 @@ DAMAGE = [
     (_unlink("detail_back/zarr.json"), DETAILS),
     (_shorter("detail_point"), DETAILS),
     (_unlink("detail_point/c/0"), DETAILS),
-    (_swap("point_normals/c/0/0", "point_geometric_normals/c/0/0"), NONE),
-    (_swap("point_normals", "point_areas"), NONE),
+    (swapped("point_normals/c/0/0", "point_geometric_normals/c/0/0"), NONE),
+    (swapped("point_normals", "point_areas"), NONE),
     (write_zeros("point_albedo"), NONE),
     (_unlink("scene_lattice/zarr.json"), NONE),
     (_flip("object_corner_point/c/0"), NONE),

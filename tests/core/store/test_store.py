@@ -19,6 +19,7 @@ from tests.core.store.conftest import (
     expect_same,
     forge_array,
     forge_facts,
+    swapped,
     write_zeros,
 )
 from tests.meshes import plane
@@ -139,15 +140,6 @@ def _flip(name):
     return damage
 
 
-def _swap(one, two):
-    def damage(path):
-        os.rename(path / one, path / "x")
-        os.rename(path / two, path / one)
-        os.rename(path / "x", path / two)
-
-    return damage
-
-
 def _copy(source, target):
     return lambda path: shutil.copyfile(path / source, path / target)
 
@@ -185,9 +177,9 @@ def _old(path):
         (lambda p: (p / "point_albedo/c/0/0").unlink(), "'point_albedo' lacks 1 of its parts"),
         (lambda p: (p / "gather/c/1/1").unlink(), "'gather' lacks 1 of its parts"),
         (lambda p: (p / "blocked/c/0").unlink(), "'blocked' lacks 1 of its parts"),
-        (_swap("visibility/c/0/0", "visibility/c/1/0"), "'visibility' cannot be read"),
-        (_swap("point_normals", "point_geometric_normals"), "'point_normals' cannot be read"),
-        (_swap("gather/c/0/0", "gather/c/0/1"), "'gather' cannot be read"),
+        (swapped("visibility/c/0/0", "visibility/c/1/0"), "'visibility' cannot be read"),
+        (swapped("point_normals", "point_geometric_normals"), "'point_normals' cannot be read"),
+        (swapped("gather/c/0/0", "gather/c/0/1"), "'gather' cannot be read"),
         (_copy("gather/c/0/0", "gather/c/0/7"), "outside its shape"),
         (write_zeros("point_albedo"), "'point_albedo' is not what the bake was finished with"),
         (write_zeros("gather"), "'gather' is not what the bake was finished with"),

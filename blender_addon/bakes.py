@@ -9,6 +9,7 @@ from prt_core.blender.identity import origin_of
 from prt_core.errors import expect
 from prt_core.scene import changes
 from prt_core.store import compressed_facts, is_removable
+from prt_core.store.places import beside
 
 from . import plan, preview
 
@@ -41,6 +42,7 @@ def refresh(scene, select=""):
         item = status.bakes.add()
         item.name, item.path = path.stem, str(path)
         item.complete = bool(facts.get("complete"))
+        item.waiting = beside(path).is_dir()
         item.megabytes = n_bytes / 1e6
         item.seconds = sum((facts.get("seconds") or {}).values())
         item.error = -1.0 if report.get("error") is None else report["error"]
@@ -65,6 +67,15 @@ def refresh(scene, select=""):
 def listed(scene):
     """Whether the list is of the scene's folder; not so after another file or scene came."""
     return bpy.context.window_manager.prt.bakes_folder == str(plan.folder(scene))
+
+
+def goes_on(scene):
+    """Whether a bake of the scene, or the one that is to replace it, was stopped."""
+    path = str(plan.output_path(scene))
+    return any(
+        item.path == path and not item.unreadable and (item.waiting or not item.complete)
+        for item in bpy.context.window_manager.prt.bakes
+    )
 
 
 def of_another(scene, facts, path):

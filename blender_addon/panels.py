@@ -34,11 +34,7 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             column.progress(factor=state.done, text=label)
             column.operator("prt.cancel", icon="CANCEL")
         else:
-            path = str(plan.output_path(scene))
-            going_on = any(
-                item.path == path and not (item.complete or item.unreadable) for item in state.bakes
-            )
-            text = "Go On Baking" if going_on else "Bake"
+            text = "Go On Baking" if bakes.goes_on(scene) else "Bake"
             column.operator("prt.bake", text=text, icon="RENDER_STILL")
         if state.message:
             icon = "ERROR" if state.failed else "INFO"

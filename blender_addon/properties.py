@@ -205,6 +205,7 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     origin: StringProperty()
     notes: StringProperty()
     unreadable: StringProperty()
+    waiting: BoolProperty()
     source: CollectionProperty(type=PRTSource)
 
 

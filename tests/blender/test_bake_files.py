@@ -274,12 +274,13 @@ def test_a_changed_scene_leaves_the_old_bake_until_the_new_one_is_finished(baked
     bpy.ops.prt.refresh()
     (item,) = work.status().bakes
     assert item.complete and bakes.state(baked_floor, item)[0] == "stale: ball changed"
+    assert bakes.goes_on(baked_floor)
     preview.forget()
     assert bpy.ops.prt.load(filepath=str(path)) == {"FINISHED"} and identity(path) == before
     assert bpy.ops.prt.bake() == {"FINISHED"} and identity(path) != before
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
     (item,) = work.status().bakes
-    assert bakes.state(baked_floor, item)[0] == "fresh"
+    assert bakes.state(baked_floor, item)[0] == "fresh" and not bakes.goes_on(baked_floor)
     # How fast the rays were is not known where some were cast before; the plan goes without.
     assert any("went on" in text for text in item.notes.split("\n"))
     assert item.rate == 0 and bakes.rate(item.back_end) is None

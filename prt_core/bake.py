@@ -1,17 +1,15 @@
 """The bake: visibility and gather rays of a scene, block by block into a store."""
 
-import os
-import platform
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-import prt_core
 from prt_core.bake_bounces import Bounced, bounce_steps
 from prt_core.bake_input import expect_bake_input, unless_begun
 from prt_core.bake_lights import keep_lights, light_facts
+from prt_core.bake_report import bake_report
 from prt_core.bake_visibility import expect_method, visibility_steps
 from prt_core.errors import (
     expect,
@@ -22,7 +20,6 @@ from prt_core.errors import (
     expect_whole,
     system_errors,
 )
-from prt_core.machine import peak_bytes
 from prt_core.progress import STOP, Errands, Progress, steps_beside
 from prt_core.rays import RelayCaster
 from prt_core.scene import Scene, with_details
@@ -36,11 +33,6 @@ from prt_core.store import (
     write_scene,
 )
 from prt_core.transport import Transport, detail_steps
-from prt_core.transport.gather import ROUND
-
-# Share of the bounce rays that may meet places without a bake point before it is said.
-_MANY_HIDDEN = 0.005
-_RAY_STAGES = "details", "visibility", "certificate", "gather"
 
 
 @dataclass(frozen=True)
@@ -289,7 +281,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     if settings.bounces != 0:
         bounced = yield from bounce_steps(store, scene, cube_map, caster, settings, seconds)
     with damage_said(path):
-        report = _report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
+        report = bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
     if went_on:
         report["messages"].append("the bake was stopped and went on: times are those since then")
         # Some of the rays were cast before the clock was started.
@@ -316,87 +308,3 @@ def _detailed(store, scene, caster, settings, seconds):
             scene = with_details(scene, *places)
     store.update(seconds=seconds, **write_scene(store, scene))
     return scene
-
-
-def _spared(scene, cube_map, seen):
-    """What was not done because the scene does not need it."""
-    found = {}
-    facts = seen["sampling"]
-    if facts:
-        found["visibility_rays"] = facts["hemisphere_entries"] - seen["rays"]
-        found["open_points"] = facts.get("open_points", 0)
-    albedo = np.hstack([scene.points.albedo, scene.points.mean_albedo])
-    if (albedo.reshape(-1, 2, 3) == albedo.reshape(-1, 2, 3)[..., :1]).all():
-        found["grey"] = True
-    return found
-
-
-def _report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
-    rounds, error = bounced.rounds, bounced.error
-    # The gravest first: of many lines a panel shows only the first ones.
-    messages = [*_missed(seen, bounced, settings.tolerance), *scene.messages]
-    for item, count in zip(scene.objects, bounced.backs, strict=False):
-        share = count / (len(scene.points) * rounds * ROUND)
-        if share > 0.02:
-            messages.append(
-                f"{item.name}: {share:.1%} of the bounce rays met its back, which "
-                f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
-            )
-    traced = sum(seconds.get(stage, 0) for stage in _RAY_STAGES)
-    by_kind = {
-        "rays_visibility": seen["rays"],
-        "rays_details": store.facts.get("rays_details", 0),
-        "rays_gather": bounced.rays,
-        "rays_short": bounced.short_rays,
-    }
-    rays = sum(by_kind.values())
-    met = seen["tolerance_met"] and (error is None or error <= settings.tolerance)
-    return {
-        "points": len(scene.points),
-        "hidden_points": int((~scene.points.visible).sum()),
-        "details": len(scene.details),
-        "triangles": len(scene.triangles),
-        "directions": cube_map.n_directions,
-        "back_end": caster.name,
-        "rays": rays,
-        **by_kind,
-        "rays_per_second": rays / max(traced, 1e-9),
-        "rays_a_point": rounds * ROUND,
-        "error": error,
-        "tolerance": settings.tolerance,
-        "tolerance_met": met,
-        "hidden_hits": bounced.hidden,
-        **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
-        "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
-        "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
-        "bytes": store.nbytes(),
-        "peak_bytes": peak_bytes(),
-        "cores": os.cpu_count(),
-        "versions": {
-            "prt_core": prt_core.__version__,
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-        },
-        "messages": messages,
-    }
-
-
-def _missed(seen, bounced, tolerance):
-    """What is not as it was asked for, in a line each."""
-    if not seen["tolerance_met"]:
-        yield (
-            f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
-            f"than the tolerance of {tolerance:.2%}; bake with --method exhaustive"
-        )
-    if bounced.error is not None and bounced.error > tolerance:
-        yield (
-            f"the bounces may be {bounced.error:.2%} off in relit colours, more than the "
-            f"tolerance of {tolerance:.2%}, with the most rays that are cast "
-            f"({bounced.rounds * ROUND} a point); light reaches this scene through little of what "
-            "its points see"
-        )
-    if bounced.hidden > _MANY_HIDDEN:
-        yield (
-            f"{bounced.hidden:.1%} of the bounce rays met places that none of their bake points "
-            "sees, and were taken as dark; make the faces there smaller"
-        )

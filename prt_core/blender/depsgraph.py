@@ -21,7 +21,7 @@ from prt_core.blender.stand_ins import (
 )
 from prt_core.errors import PRTError
 from prt_core.progress import Progress, run
-from prt_core.scene.scene import Mesh, Scene
+from prt_core.scene import Mesh, Scene
 
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 

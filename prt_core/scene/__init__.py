@@ -8,6 +8,7 @@ from prt_core.scene.geometry_images import (
     geometry_layout,
     with_geometry_image,
 )
+from prt_core.scene.mesh import Mesh
 from prt_core.scene.point_images import (
     PointImage,
     camera_rays,
@@ -17,7 +18,7 @@ from prt_core.scene.point_images import (
 )
 from prt_core.scene.points import BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
-from prt_core.scene.scene import Mesh, Scene, SceneObject
+from prt_core.scene.scene import Scene, SceneObject
 
 __all__ = [
     "BakePoints",

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import PRTError, expect
 
 
 @contextmanager
@@ -145,11 +145,12 @@ class Chunks(Store):
     async def delete(self, key):
         self._files.remove(f"{self._name}/{key}")
 
+    # Zarr's stores have these two; no chunk of ours is read or written in parts.
     async def get_partial_values(self, *_):
-        raise NotImplementedError
+        raise PRTError(f"{self._name}: expected to be read by whole chunks, not in parts")
 
     async def set_partial_values(self, *_):
-        raise NotImplementedError
+        raise PRTError(f"{self._name}: expected to be written by whole chunks, not in parts")
 
     async def list(self):
         return

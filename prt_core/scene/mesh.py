@@ -1,0 +1,143 @@
+"""One object's mesh, checked: what a scene is made of."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_flag,
+    expect_kind,
+    expect_numbers,
+)
+from prt_core.scene.paint import Paint
+
+
+@dataclass
+class Mesh:
+    """One object's evaluated mesh, in world space: what a scene is made of.
+
+    Parameters
+    ----------
+    name : str
+        Unique; the key of the object's colours.
+    vertices : (n_vertices, 3) float64
+        World positions in Blender units.
+    corner_vertex : (n_corners,) int
+        The vertex of each face corner, in Blender's loop order.
+    corner_normal : (n_corners, 3) float
+        Unit shading normals in world space.
+    triangle_corners : (n_triangles, 3) int
+        Corner indices of each triangle, counter-clockwise seen from its front.
+    corner_albedo : (n_corners, 3) float
+        Diffuse albedo in [0, 1].
+    corner_material : (n_corners,) int, optional
+        Corners of different materials never share a point.
+    receives : bool
+        Whether its colours are wanted; other objects cast shadows and bounce only.
+    two_sided : bool
+        Whether its back sides receive and bounce as well (cloth, leaves).
+    face_sizes : (n_faces,) int, optional
+        Corners of each face, in order; default: triangles.
+    own_mesh : bool
+        Whether colours can go to the object's own mesh (see `blender.colours`).
+    owner : str, optional
+        The object a person knows it by: that of the instances, or itself.
+    library : str
+        Of the owner, where it is linked; names of objects are unique in their library only.
+    corner_uv : (n_corners, 2) float, optional
+        For geometry images.
+    paint : Paint, optional
+        The albedo between the corners; default: as they say, in between.
+    """
+
+    name: str
+    vertices: np.ndarray
+    corner_vertex: np.ndarray
+    corner_normal: np.ndarray
+    triangle_corners: np.ndarray
+    corner_albedo: np.ndarray
+    corner_material: np.ndarray | None = None
+    receives: bool = True
+    two_sided: bool = False
+    face_sizes: np.ndarray | None = None
+    own_mesh: bool = False
+    owner: str | None = None
+    library: str = ""
+    corner_uv: np.ndarray | None = None
+    paint: Paint | None = None
+
+    def __post_init__(self):
+        expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
+        self.owner = expect_kind(f"{self.name}: owner", self.owner or self.name, str, "text")
+        expect_kind(f"{self.name}: library", self.library, str, "text")
+        for flag in ("receives", "two_sided", "own_mesh"):
+            setattr(self, flag, expect_flag(f"{self.name}: {flag}", getattr(self, flag)))
+        self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
+        self.corner_vertex = expect_array(
+            f"{self.name}: corner_vertex", self.corner_vertex, (None,), np.int64
+        )
+        n_corners = len(self.corner_vertex)
+        self.corner_normal = expect_array(
+            f"{self.name}: corner_normal", self.corner_normal, (n_corners, 3), np.float64
+        )
+        self.corner_albedo = expect_array(
+            f"{self.name}: corner_albedo", self.corner_albedo, (n_corners, 3), np.float64
+        )
+        triangles = expect_numbers(f"{self.name}: triangle_corners", self.triangle_corners)
+        triangles = triangles if triangles.size else triangles.reshape(0, 3)
+        self.triangle_corners = expect_array(
+            f"{self.name}: triangle_corners", triangles, (None, 3), np.int64
+        )
+        if self.corner_material is None:
+            self.corner_material = np.zeros(n_corners, np.int64)
+        self.corner_material = expect_array(
+            f"{self.name}: corner_material", self.corner_material, (n_corners,), np.int64
+        )
+        if self.corner_uv is not None:
+            self.corner_uv = expect_array(
+                f"{self.name}: corner_uv", self.corner_uv, (n_corners, 2), np.float64
+            )
+        if self.face_sizes is None:
+            # Unknown faces: triangles where the corners allow it, else one face of them all.
+            triangles = n_corners % 3 == 0
+            self.face_sizes = np.full(n_corners // 3, 3) if triangles else [n_corners]
+        self.face_sizes = expect_array(
+            f"{self.name}: face_sizes", self.face_sizes, (None,), np.int32, 0
+        )
+        expect(
+            int(self.face_sizes.sum()) == n_corners,
+            f"{self.name}: face_sizes expected to sum to the {n_corners} corners, "
+            f"got {int(self.face_sizes.sum())}",
+        )
+        for name, index, limit in (
+            ("corner_vertex", self.corner_vertex, len(self.vertices)),
+            ("triangle_corners", self.triangle_corners, n_corners),
+        ):
+            if index.size:
+                expect(
+                    index.min() >= 0 and index.max() < limit,
+                    f"{self.name}: {name} expected indices in 0..{limit - 1}, "
+                    f"got {index.min()}..{index.max()}",
+                )
+        if n_corners:
+            low, high = self.corner_albedo.min(), self.corner_albedo.max()
+            expect(
+                low >= 0 and high <= 1,
+                f"{self.name}: albedo expected in 0..1, got {low:.3g}..{high:.3g}; "
+                "a surface cannot reflect more light than it receives",
+            )
+
+    def solid_triangles(self):
+        """(n, 3) int64: the triangles that have an area, by their corners."""
+        corners = self.triangle_corners
+        if not len(corners):
+            return corners
+        a, b, c = np.moveaxis(self.vertices[self.corner_vertex[corners]], 1, 0)
+        doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        edge = np.maximum(
+            np.linalg.norm(b - a, axis=1),
+            np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(c - b, axis=1)),
+        )
+        return corners[(doubled > 1e-12 * edge**2) & (doubled > 0)]

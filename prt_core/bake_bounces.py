@@ -1,5 +1,6 @@
 """The bounce stage of a bake: rounds of gather rays until two halves of them agree."""
 
+import os
 import time
 from dataclasses import dataclass, field
 
@@ -9,7 +10,6 @@ import scipy.sparse as sp
 from prt_core import bake_visibility
 from prt_core.bake_visibility import add_seconds, blocks
 from prt_core.progress import Progress
-from prt_core.sampling import open_points
 from prt_core.sampling.dilate import dilate
 from prt_core.store import damage_said
 from prt_core.threads import on_all_cores
@@ -20,6 +20,7 @@ from prt_core.transport.visibility import received_light
 MOST_ROUNDS = 64
 # Rays of all points together at most: what K holds of them has to fit into memory.
 _MOST_RAYS = 1 << 31
+# Blocks worked on together for each core, where rays are cast by one thread.
 _TOGETHER = 4
 # Figures of a block and round, before those of objects.
 _COUNTS = 3
@@ -66,7 +67,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     probes = yield from _probe_light(store, scene, cube_map, parts)
     add_seconds(seconds, "error", time.perf_counter() - start)
     # What nothing can be in front of gathers nothing.
-    spared = open_points(scene)
+    spared = scene.open_points
     skipped = {"gather_open_points": int(spared.sum())}
     points = scene.points
     bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
@@ -97,8 +98,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         rays = slice(turn * ROUND, (turn + 1) * ROUND)
         return hits.holds(parts[index], rays) and counts.holds(turn, index)
 
-    # Blocks worked on together: a caster that is called once for all likes its calls large.
-    group = caster.threads if caster.threads > 1 else _TOGETHER
+    group = caster.threads if caster.threads > 1 else _TOGETHER * (os.cpu_count() or 1)
     while rounds < most and error > settings.tolerance:
         turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
         rounds = turns.stop
@@ -159,8 +159,8 @@ class _Clear:
     def __call__(self, points, directions):
         near = dilate(~self._bits[points], self._cube_map.resolution)
         texel = self._cube_map.texel_along(*np.moveaxis(directions, -1, 0))
-        row = np.arange(len(near))[:, None]
-        return near[row, texel >> 3] >> (texel & 7).astype(np.uint8) & 1 == 0
+        byte = (texel >> 3) + near.shape[1] * np.arange(len(near))[:, None]
+        return near.take(byte) >> (texel & 7).astype(np.uint8) & 1 == 0
 
 
 def _most_bounced(albedo, probes, spared):

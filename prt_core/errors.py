@@ -91,8 +91,10 @@ def expect(condition, message):
 def expect_kind(name, value, kinds, wanted=None):
     """`value`, where it is of one of the classes `kinds`; `wanted` says what these are."""
     kinds = kinds if isinstance(kinds, tuple) else (kinds,)
-    wanted = wanted or " or ".join(f"a {kind.__name__}" for kind in kinds)
-    expect(isinstance(value, kinds), f"{name}: expected {wanted}, got {shown(value)}")
+    # To show a scene takes longer than some of the work it is handed to.
+    if not isinstance(value, kinds):
+        wanted = wanted or " or ".join(f"a {kind.__name__}" for kind in kinds)
+        raise PRTError(f"{name}: expected {wanted}, got {shown(value)}")
     return value
 
 

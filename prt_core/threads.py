@@ -21,12 +21,22 @@ def on_all_cores(function, items):
     items : iterable
     """
     items = list(items)
-    if len(items) < 2 or getattr(_here, "inside", False):
+    if works_alone(items):
         return [function(item) for item in items]
-    pieces = [_pool().submit(_inside, function, item) for item in items]
+    pieces = started(function, items)
     # Also where one fails: what they work on may be closed as soon as this returns.
     wait(pieces)
     return [piece.result() for piece in pieces]
+
+
+def works_alone(items):
+    """Whether pieces of work are done where they are asked for, one after the other."""
+    return len(items) < 2 or getattr(_here, "inside", False)
+
+
+def started(function, items):
+    """A `concurrent.futures.Future` for `function(item)` of each, begun on all cores."""
+    return [_pool().submit(_inside, function, item) for item in items]
 
 
 @cache

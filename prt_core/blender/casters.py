@@ -4,6 +4,7 @@ The rays are the vertices of a mesh in a temporary scene; a node group casts the
 integer for each, the triangle that was hit plus one. The user's scene is never touched.
 """
 
+import os
 import weakref
 
 import bpy
@@ -21,6 +22,9 @@ from prt_core.rays.caster import (
 
 # Rays are as long as they like in the scene's frame, whose size is 1.
 _FAR = 100.0
+# Blender's threads take ten thousand rays of a mesh at once. Fewer are spread over several meshes,
+# which are evaluated side by side, so many rays each at least.
+_GRAIN, _FEWEST = 10_000, 500
 _TEMPORARY = "prt_temporary"
 _OPEN = weakref.WeakSet()
 _HIT, _DIRECTION, _LENGTH, _TRIANGLE = "prt_hit", "prt_direction", "prt_length", "prt_triangle"
@@ -58,34 +62,43 @@ class BlenderCaster:
         self._target = self._keep(bpy.data.objects.new("prt target", target))
         self._rays = {}
         for limited in (False, True):
-            mesh = self._keep(bpy.data.meshes.new("prt rays"))
-            rays = self._keep(bpy.data.objects.new("prt rays", mesh))
             group = self._keep(_raycast_group(self._target, limited))
-            rays.modifiers.new("prt rays", "NODES").node_group = group
-            self._rays[limited] = rays
-            # Linked once: a change of links would evaluate the target again, and build its BVH.
-            self._scene.collection.objects.link(rays)
+            self._rays[limited] = [self._ray_object(group) for _ in range(os.cpu_count() or 1)]
         self._scene.collection.objects.link(self._target)
+
+    def _ray_object(self, group):
+        mesh = self._keep(bpy.data.meshes.new("prt rays"))
+        rays = self._keep(bpy.data.objects.new("prt rays", mesh))
+        rays.modifiers.new("prt rays", "NODES").node_group = group
+        # Linked once: a change of links would evaluate the target again, and build its BVH.
+        self._scene.collection.objects.link(rays)
+        return rays
 
     def _cast(self, origins, directions, distances):
         if not self._made:
             self._build()
-        rays = self._rays[distances is not None]
-        mesh = rays.data
-        if len(mesh.vertices) != len(origins):
-            mesh.clear_geometry()
-            mesh.vertices.add(len(origins))
-        _set(mesh, "position", "FLOAT_VECTOR", "vector", origins)
-        _set(mesh, _DIRECTION, "FLOAT_VECTOR", "vector", directions)
-        if distances is not None:
-            _set(mesh, _LENGTH, "FLOAT", "value", distances)
-        mesh.update_tag()
-        rays.update_tag()
+        objects = self._rays[distances is not None]
+        n_rays = len(origins)
+        n_parts = min(len(objects), n_rays // _FEWEST) if n_rays < _GRAIN * len(objects) else 1
+        size = -(-n_rays // max(1, n_parts))
+        parts = [slice(first, first + size) for first in range(0, n_rays, size)]
+        for rays, part in zip(objects, parts, strict=False):
+            mesh = rays.data
+            if len(mesh.vertices) != len(origins[part]):
+                mesh.clear_geometry()
+                mesh.vertices.add(len(origins[part]))
+            _set(mesh, "position", "FLOAT_VECTOR", "vector", origins[part])
+            _set(mesh, _DIRECTION, "FLOAT_VECTOR", "vector", directions[part])
+            if distances is not None:
+                _set(mesh, _LENGTH, "FLOAT", "value", distances[part])
+            mesh.update_tag()
+            rays.update_tag()
+        triangle = np.empty(n_rays, np.int32)
         with bpy.context.temp_override(scene=self._scene, view_layer=self._scene.view_layers[0]):
             depsgraph = bpy.context.evaluated_depsgraph_get()
-            found = rays.evaluated_get(depsgraph).data.attributes[_HIT]
-            triangle = np.empty(len(origins), np.int32)
-            found.data.foreach_get("value", triangle)
+            for rays, part in zip(objects, parts, strict=False):
+                found = rays.evaluated_get(depsgraph).data.attributes[_HIT]
+                found.data.foreach_get("value", triangle[part])
         triangle -= 1
         return triangle
 

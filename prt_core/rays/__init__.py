@@ -4,9 +4,10 @@ Blender's own BVH is in `prt_core.blender.casters`, which alone may import bpy.
 """
 
 from prt_core.rays import brute
+from prt_core.rays.boxes import boxes_around
 from prt_core.rays.caster import Hits, RayCaster, as_rays, make_caster, register_caster
 from prt_core.rays.frames import FramedCaster, Frames, precision_frames
-from prt_core.rays.relay import RelayCaster
+from prt_core.rays.relay import RelayCaster, cast_on_all_cores
 from prt_core.rays.shared import shared
 
 try:
@@ -29,6 +30,8 @@ __all__ = [
     "RayCaster",
     "RelayCaster",
     "as_rays",
+    "boxes_around",
+    "cast_on_all_cores",
     "make_caster",
     "precision_frames",
     "register_caster",

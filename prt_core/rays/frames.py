@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.rays.boxes import boxes_around
 from prt_core.rays.caster import MISS, Hits
 
 # A frame serves what lies within so many feature sizes of its centre: there a step of float32 is
@@ -97,12 +98,8 @@ def precision_frames(vertices, triangles, triangle_object):
 
 def _extents(low, high, triangle_object):
     """(n_triangles,) longest side of the box around each triangle's object."""
-    objects, index = np.unique(triangle_object, return_inverse=True)
-    least = np.full((len(objects), 3), np.inf)
-    most = -least
-    np.minimum.at(least, index, low)
-    np.maximum.at(most, index, high)
-    return (most - least).max(axis=1)[index]
+    low, high = boxes_around(triangle_object, low, high)
+    return (high - low).max(axis=1)[triangle_object]
 
 
 def _weighted_median(values, weights):

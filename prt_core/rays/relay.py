@@ -1,13 +1,17 @@
 """A caster that only one thread may call, for work in another thread."""
 
 import time
+from concurrent.futures import wait
 
 import numpy as np
 
-from prt_core.progress import Pace
+from prt_core.progress import Errands, Pace
 from prt_core.rays.caster import Hits
+from prt_core.threads import on_all_cores, started, works_alone
 
 _FEWEST = 1 << 15
+# Seconds between looks at whether work in other threads has ended, at most.
+_POLL = 0.05
 
 
 class RelayCaster:
@@ -17,8 +21,8 @@ class RelayCaster:
     ----------
     caster : RayCaster
     errands : prt_core.progress.Errands
-    seconds : float
-        That a part may take the serving thread.
+    seconds : float or None
+        That a part may take the serving thread; None: no parts.
     """
 
     threads = 1
@@ -57,3 +61,33 @@ class RelayCaster:
 def _timed(function, *arguments):
     start = time.perf_counter()
     return function(*arguments), time.perf_counter() - start
+
+
+def cast_on_all_cores(caster, function, items):
+    """`[function(caster, item) for item in items]`, on all cores, whatever the caster allows.
+
+    Rays of a caster that one thread alone may call are cast in this one, while the others work on
+    what they have met.
+
+    Parameters
+    ----------
+    caster : RayCaster
+    function : callable(RayCaster, item)
+        Should spend its time in numpy.
+    items : iterable
+    """
+    items = list(items)
+    if caster.threads > 1 or works_alone(items):
+        return on_all_cores(lambda item: function(caster, item), items)
+    errands = Errands()
+    relay = RelayCaster(caster, errands, None)
+    pieces = started(lambda item: function(relay, item), items)
+    try:
+        for piece in pieces:
+            piece.add_done_callback(lambda _: errands.wake())
+        while not all(piece.done() for piece in pieces):
+            errands.serve(_POLL)
+    finally:
+        errands.stop()
+        wait(pieces)
+    return [piece.result() for piece in pieces]

@@ -15,7 +15,6 @@ from prt_core.sampling.certificate import (
 )
 from prt_core.sampling.groups import Groups, certified_together
 from prt_core.sampling.huang import HuangSettings, sample_huang
-from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, register_sampler, sampler_named, sampler_names
 
 __all__ = [
@@ -28,7 +27,6 @@ __all__ = [
     "Sampled",
     "certificate_steps",
     "certified_together",
-    "open_points",
     "probe_lights",
     "refine_agreement",
     "register_sampler",

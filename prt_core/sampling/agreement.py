@@ -24,7 +24,6 @@ from prt_core.errors import (
 )
 from prt_core.sampling.groups import alike
 from prt_core.sampling.neighbours import Neighbours, surface_levels
-from prt_core.sampling.open_sky import open_points
 from prt_core.sampling.sampled import Sampled, expect_sampled, register_sampler
 from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.sampling.votes import Asked, coin, on_rows
@@ -259,9 +258,9 @@ class _Work:
             part = slice(first, first + _BLOCK)
             self.above[part] = horizon_bits(scene, self._cube_map, part)
             yield self._tracer.progress()
-        self.open = open_points(scene)
+        self.open = scene.open_points
         if self.bits is None:
-            self.bits, self.traced = np.zeros_like(self.above), np.zeros_like(self.above)
+            self.bits, self.traced = np.zeros((2, *self.above.shape), np.uint8)
         traced = self.traced[self.open]
         self.bits[self.open] = self.above[self.open] & ~traced | self.bits[self.open] & traced
         self._spent("horizon", start)

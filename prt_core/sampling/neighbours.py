@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from prt_core.rays import boxes_around
+
 # How far apart two points count whose normals differ by 1: in units of the scene's size, and of
 # that of their group where it is small.
 _NORMAL, _OF_GROUP = 0.05, 0.2
@@ -113,10 +115,7 @@ class Neighbours:
 
 def _places(points, groups):
     """Positions from the low corner of each point's group, and the size of that group."""
-    low = np.full((int(groups.max(initial=-1)) + 1, 3), np.inf)
-    high = -low
-    np.minimum.at(low, groups, points.positions)
-    np.maximum.at(high, groups, points.positions)
+    low, high = boxes_around(groups, points.positions)
     return points.positions - low[groups], (high - low).max(axis=1)[groups]
 
 

@@ -62,4 +62,6 @@ def with_details(scene, triangle, barycentric, back):
     points = replace(points, visible=np.zeros(len(points), bool))
     new = np.arange(len(scene.points), len(scene.points) + len(points), dtype=np.int32)
     where = triangle.astype(np.int32), barycentric.astype(np.float32), back.astype(bool)
-    return replace(scene, points=joined(scene.points, points), details=Details(new, *where))
+    detailed = replace(scene, points=joined(scene.points, points), details=Details(new, *where))
+    detailed.frames = scene.frames
+    return detailed

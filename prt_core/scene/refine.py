@@ -61,13 +61,27 @@ def lattice_of_hits(levels, barycentric):
         Non-negative, sum to 1.
     """
     levels = np.asarray(levels, np.int64)
-    uv = np.clip(np.asarray(barycentric, np.float64), 0, 1)
-    total = uv.sum(axis=1, keepdims=True)
-    uv = np.where(total > 1, uv / np.maximum(total, 1e-30), uv) * levels[:, None]
-    i, j = np.minimum(np.floor(uv).astype(np.int64), levels[:, None] - 1).T
-    over = i + j > levels - 1  # on the far edge: step back into the last cell
-    j = np.where(over, levels - 1 - i, j)
-    u, v = uv[:, 0] - i, uv[:, 1] - j
+    u, v = np.clip(np.asarray(barycentric, np.float64).T, 0, 1)
+    total = u + v
+    shrink = np.where(total > 1, total, 1)
+    u, v = u / shrink, v / shrink
+    # Nearly all triangles of most scenes are one cell.
+    cell = np.empty((len(levels), 3), np.int64)
+    cell[:] = lattice_index(1, 0, 0), lattice_index(1, 1, 0), lattice_index(1, 0, 1)
+    cut = np.flatnonzero(levels > 1)
+    if len(cut):
+        cell[cut], u[cut], v[cut] = _cell_of(levels[cut], u[cut], v[cut])
+    weights = np.clip(np.stack([1 - u - v, u, v]), 0, 1)
+    return cell, (weights / weights.sum(axis=0)).T.astype(np.float32)
+
+
+def _cell_of(levels, u, v):
+    """The cell of places in triangles that are cut, and the weights of its last two corners."""
+    u, v = u * levels, v * levels
+    i = np.minimum(np.floor(u).astype(np.int64), levels - 1)
+    # On the far edge: step back into the last cell.
+    j = np.minimum(np.floor(v).astype(np.int64), levels - 1 - i)
+    u, v = u - i, v - j
     upper = (u + v > 1) & (i + j < levels - 1)
     cell = np.stack(
         [
@@ -78,8 +92,4 @@ def lattice_of_hits(levels, barycentric):
         axis=1,
     )
     # In the upper triangle of a cell the second corner is (i+1, j), opposite to v.
-    second = np.where(upper, 1 - v, u)
-    third = np.where(upper, 1 - u, v)
-    weights = np.stack([1 - second - third, second, third], axis=1)
-    weights = np.clip(weights, 0, 1)
-    return cell, (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return cell, np.where(upper, 1 - v, u), np.where(upper, 1 - u, v)

@@ -21,6 +21,7 @@ from prt_core.errors import (
 from prt_core.rays import FramedCaster, make_caster, precision_frames
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.mesh import Mesh
+from prt_core.scene.open_sky import open_points
 from prt_core.scene.paint import Surfaces
 from prt_core.scene.point_images import PointImage
 from prt_core.scene.points import BakePoints, make_points
@@ -148,7 +149,7 @@ class Scene:
                 meshes, counts["first_corner"], counts["n_corners"], strict=True
             )
         ]
-        return cls(
+        scene = cls(
             centre=centre,
             size=size,
             vertices=stacked["vertices"],
@@ -163,6 +164,9 @@ class Scene:
             messages=messages,
             surfaces=surfaces,
         )
+        # Known already; of a scene that was read they are found when they are asked for.
+        scene.frames = frames
+        return scene
 
     @cached_property
     def frames(self):
@@ -192,6 +196,11 @@ class Scene:
         """
         origins = self.points.positions + self.points.ray_offset
         return origins.astype(np.float32) if len(self.frames) == 1 else origins
+
+    @cached_property
+    def open_points(self):
+        """(n_points,) bool: points from which nothing can be in the way (see `open_sky`)."""
+        return open_points(self)
 
     @cached_property
     def triangle_normals(self):
@@ -226,9 +235,11 @@ class Scene:
             Sum to 1.
         """
         cell, weights = lattice_of_hits(self.triangle_level[triangle], barycentric)
-        index = self.lattice_start[triangle][:, None] + cell
-        points = np.where(back[:, None], self.lattice_back[index], self.lattice[index])
-        return points.astype(np.int32), weights
+        cell += self.lattice_start.take(triangle)[:, None]
+        points = self.lattice.take(cell)
+        behind = np.flatnonzero(back)
+        points[behind] = self.lattice_back.take(cell[behind])
+        return points.astype(np.int32, copy=False), weights
 
     def albedo_at(self, triangle, barycentric, back):
         """(m, 3) float64 albedo of places (see `hit_points`)."""

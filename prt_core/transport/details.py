@@ -10,19 +10,26 @@ place looks is told by rays of its own, in a coarse solution from the rays of th
 all that is open for some distance brings light, so that rooms without a sky count as well.
 
 Both get points of their own, as far apart as the rays that met them were long.
+
+Most of a scene has no such places. Two rays of every point find where there are some, and only the
+points around those, and the corners of what was met, cast the rest.
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from prt_core.progress import Progress
+from prt_core.rays import boxes_around, cast_on_all_cores
 from prt_core.scene import with_details
 from prt_core.seeds import Stage, generator
-from prt_core.threads import on_all_cores
 from prt_core.transport.gather import cosine_directions
 from prt_core.transport.sharing import MISS, Places, Sharing
 
-# Rays of every point, and more of those that met such a place.
-_FEW, _MORE = 8, 24
+# Rays of every point, of those around points that met such a place, and more of those that are
+# known to have met one.
+_FIRST, _FEW, _MORE = 2, 8, 24
+# How many points are around one.
+_AROUND = 64
 # A place looks otherwise where its light differs by so much of an open sky's, by so many rays.
 _DIFFER, _JUDGES = 0.04, 32
 # Light comes from what is this share of the object's size away, and less from what is nearer.
@@ -33,7 +40,8 @@ _BOUNCES = 3
 _APART, _HIDDEN_APART = 1.0, 0.25
 # More of them than this share of the points, or so many, are not made.
 _MOST, _LEAST_MOST = 0.15, 1500
-_BLOCK = 8192
+# Rays cast together, about.
+_RAYS = 1 << 16
 
 
 def detail_steps(scene, caster, seed):
@@ -53,10 +61,15 @@ def detail_steps(scene, caster, seed):
         That were cast.
     """
     probe = _Probe(scene, caster, seed)
-    ends, ambient, found = yield from probe.cast_all(np.arange(len(scene.points)), _FEW, 0)
+    ends, ambient, first = yield from probe.cast_all(np.arange(len(scene.points)), _FIRST, 0)
+    # Those that cast no more let their few rays count as often.
+    ends = np.tile(ends, (1, _FEW // _FIRST))
+    near = _points_around(scene, first)
+    ends[near, _FIRST:], rest, found = yield from probe.cast_all(near, _FEW - _FIRST, 1)
+    ambient[near] = (_FIRST * ambient[near] + (_FEW - _FIRST) * rest) / _FEW
     light = _light(scene, ends, ambient)
-    found = yield from probe.told_apart(found, light, 0)
-    _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 1)
+    found = yield from probe.told_apart(_Found.joined([first, found]), light, 0)
+    _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 2)
     more = yield from probe.told_apart(more, light, 1)
     found = _spread(scene, _Found.joined([found, more]))
     detailed = with_details(scene, found.triangle, found.barycentric, found.back)
@@ -105,10 +118,7 @@ class _Probe:
         self._scene, self._caster, self._seed = scene, caster, seed
         self._sharing = Sharing(scene)
         index = scene.points.object_index
-        low = np.full((len(scene.objects), 3), np.inf)
-        high = -low
-        np.minimum.at(low, index, scene.points.positions)
-        np.maximum.at(high, index, scene.points.positions)
+        low, high = boxes_around(index, scene.points.positions)
         self.n_rays = 0
         self._open = _OPEN * (high - low).max(axis=1)[index]
 
@@ -131,12 +141,11 @@ class _Probe:
             How open the points are, 0 to 1.
         found : _Found
         """
-        blocks = [points[f : f + _BLOCK] for f in range(0, max(len(points), 1), _BLOCK)]
-        together, parts = max(1, self._caster.threads), []
-        for first in range(0, len(blocks), together):
-            some = blocks[first : first + together]
-            parts += on_all_cores(lambda block: self._cast(block, count, turn), some)
-            yield Progress("details", sum(len(ends) for ends, *_ in parts), len(points))
+
+        def cast(caster, block):
+            return self._cast(caster, block, count, turn)
+
+        parts = yield from self._all(cast, points, count)
         ends, ambient, found, n_rays = zip(*parts, strict=True)
         self.n_rays += sum(n_rays)
         return np.concatenate(ends), np.concatenate(ambient), _Found.joined(found)
@@ -161,35 +170,47 @@ class _Probe:
         _, first, which = np.unique(
             _cubes(self._scene, found), axis=0, return_index=True, return_inverse=True
         )
-        blocks = [first[f : f + _BLOCK] for f in range(0, len(first), _BLOCK)]
-        together, parts = max(1, self._caster.threads), []
-        for start in range(0, len(blocks), together):
-            some = blocks[start : start + together]
-            parts += on_all_cores(lambda block: self._judge(found[block], light, turn), some)
-            yield Progress("details", sum(len(part) for part, _ in parts), len(first))
+
+        def judge(caster, block):
+            return self._judge(caster, found[block], light, turn)
+
+        parts = yield from self._all(judge, first, _JUDGES)
         self.n_rays += sum(n_rays for _, n_rays in parts)
         differs = np.concatenate([part for part, _ in parts])[which.reshape(-1)]
         found.differs = np.where(found.hidden, 1.0, differs)
         return found[found.differs > _DIFFER]
 
-    def _judge(self, found, light, turn):
+    def _all(self, function, items, count):
+        """What `function(caster, block)` gives for blocks of items that cast `count` rays each."""
+        size = max(1, _RAYS // count)
+        blocks = [items[first : first + size] for first in range(0, max(len(items), 1), size)]
+        together, parts = max(2, self._caster.threads), []
+        for first in range(0, len(blocks), together):
+            some = blocks[first : first + together]
+            parts += cast_on_all_cores(self._caster, function, some)
+            done = min((first + together) * size, len(items))
+            yield Progress("details", done, len(items))
+        return parts
+
+    def _judge(self, caster, found, light, turn):
         """How much places differ from what is between their corners, and the rays it took."""
         scene = self._scene
         front = scene.triangle_normals[found.triangle]
         facing = np.where(found.back[:, None], -front, front)
         places = Places(scene, found.triangle, found.barycentric, -facing)
-        rng = generator(self._seed, Stage.DETAILS, 2 + turn, found.asked_by[0])
+        rng = generator(self._seed, Stage.DETAILS, 3 + turn, found.asked_by[0])
         start = places.start.astype(scene.ray_origins.dtype)
         rays = start, facing, facing, self._open[found.asked_by]
-        ends, ambient, _, n_rays = self._shoot(*rays, _JUDGES, rng)
+        ends, ambient, _, n_rays = self._shoot(caster, *rays, _JUDGES, rng)
         own = ambient + _sent(scene, light)[np.maximum(ends, -1)].mean(axis=1)
         between = np.einsum("mk,mk->m", places.weights.astype(np.float64), light[places.around])
         return np.abs(own - between), n_rays
 
-    def _cast(self, points, count, turn):
+    def _cast(self, caster, points, count, turn):
         all_points = self._scene.points
         rng = generator(self._seed, Stage.DETAILS, turn, points[0] if len(points) else 0)
         ends, ambient, met, n_rays = self._shoot(
+            caster,
             self._scene.ray_origins[points],
             all_points.normals[points],
             all_points.geometric_normals[points],
@@ -213,11 +234,12 @@ class _Probe:
         )
         return ends, ambient, found, n_rays
 
-    def _shoot(self, starts, normals, geometric, is_open, count, rng):
+    def _shoot(self, caster, starts, normals, geometric, is_open, count, rng):
         """`count` rays from each of n places.
 
         Parameters
         ----------
+        caster : RayCaster
         starts, normals, geometric : (n, 3)
         is_open : (n,) float64
             Length from which on a ray brings all light.
@@ -241,10 +263,10 @@ class _Probe:
         origin = np.repeat(np.arange(n), count)[above]
         ways = ways[above]
         pick = rng.random(len(above), np.float32)
-        hits = self._caster.intersect(starts[origin], ways)
+        hits = caster.intersect(starts[origin], ways)
         met = np.flatnonzero(hits.triangle >= 0)
         places = Places(scene, hits.triangle[met], hits.barycentric[met], ways[met])
-        chosen, short = self._sharing.choose(self._caster, places, pick[met])
+        chosen, short = self._sharing.choose(caster, places, pick[met])
         ends = np.full(n * count, MISS, np.int32)
         ends[above[met]] = chosen
         # Light that reaches the place from this ray: all where it leaves, less where it is short.
@@ -252,6 +274,17 @@ class _Probe:
         ambient = np.bincount(origin, brings, n) / count
         met = origin[met], places, chosen, hits.distance[met].astype(np.float64)
         return ends.reshape(n, count), ambient, met, len(ways) + int(short.sum(dtype=np.int64))
+
+
+def _points_around(scene, found):
+    """Bake points near those whose rays found something, and the corners of what they met."""
+    if not len(found):
+        return np.zeros(0, np.int64)
+    positions = scene.points.positions
+    asked = positions[np.unique(found.asked_by)]
+    _, around = cKDTree(positions).query(asked, min(_AROUND, len(positions)), workers=-1)
+    corners, _ = scene.hit_points(found.triangle, found.barycentric, found.back)
+    return np.union1d(around.ravel(), corners.ravel())
 
 
 def _light(scene, ends, ambient):

@@ -25,10 +25,10 @@ from prt_core.errors import (
     expect_seed,
     expect_whole,
 )
-from prt_core.rays import Hits
+from prt_core.rays import Hits, cast_on_all_cores
 from prt_core.scene import Scene
 from prt_core.seeds import Stage, generator
-from prt_core.sphere import CubeMap, sobol_points, square_to_cosine, tangent_frames
+from prt_core.sphere import sobol_points, square_to_cosine, tangent_frames
 from prt_core.threads import on_all_cores
 from prt_core.transport.sharing import DARK, MISS, Sharing
 
@@ -37,6 +37,8 @@ ROUND = 32
 STAND = -4
 # Rays of a point that are likely to meet nothing, of which one is cast.
 _GROUP = 16
+# Blocks of points and rounds whose rays are cast in one call.
+_BUNDLE = 8
 # Rays of a row that should meet something, at least, for the row to be scaled.
 _ENOUGH = 2
 
@@ -115,7 +117,7 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=No
         the seed alone, so blocks are cut alike in every run.
     seed : int
     spared : (n_points,) bool, optional
-        Points from which no ray can meet anything (see `open_points`): none is cast.
+        Points from which no ray can meet anything (see `Scene.open_points`): none is cast.
     clear : callable(slice, (n, ROUND, 3) float32) -> (n, ROUND) bool, optional
         Rays that are likely to meet nothing: one of each `_GROUP` of a point, chosen at random,
         is cast, and stands for the others.
@@ -131,30 +133,32 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=No
     def prepare(part):
         return _Rays(scene, *part, seed, spared, clear)
 
-    def cast(rays):
-        found = caster.intersect(rays.origins, rays.directions)
-        return rays.gathered(found, *sharing.ends(caster, found, rays.directions, rays.pick))
+    def cast(caster, bundle):
+        return _together(caster, sharing, bundle)
 
     rays = on_all_cores(prepare, parts)
-    return on_all_cores(cast, rays) if caster.threads > 1 else _together(caster, sharing, rays)
+    # A caster that is called once for all likes its calls large.
+    size = 1 if caster.threads > 1 else _BUNDLE
+    bundles = [rays[first : first + size] for first in range(0, len(rays), size)]
+    return sum(cast_on_all_cores(caster, cast, bundles), [])
 
 
 def _together(caster, sharing, rays):
-    """`Gathered` of each part, from calls as large as the caster likes them, of like rays."""
+    """`Gathered` of each part, from calls as large as the caster likes them.
+
+    In the order of the points: to sort rays by direction costs more than it saves.
+    """
     origins, directions, pick = (
         np.concatenate([getattr(r, name) for r in rays])
         for name in ("origins", "directions", "pick")
     )
-    order = np.argsort(CubeMap(4).texel_along(*directions.T), kind="stable")
-    origins, directions = origins[order], directions[order]
     batches = [
-        slice(first, first + caster.batch) for first in range(0, max(len(order), 1), caster.batch)
+        slice(first, first + caster.batch) for first in range(0, max(len(pick), 1), caster.batch)
     ]
     found = Hits.joined([caster.intersect(origins[part], directions[part]) for part in batches])
-    ended = sharing.ends(caster, found, directions, pick[order])
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    parts = np.split(place, np.cumsum([len(r.origins) for r in rays])[:-1])
+    ended = sharing.ends(caster, found, directions, pick)
+    ends = np.cumsum([len(r.pick) for r in rays])
+    parts = [slice(end - len(r.pick), end) for r, end in zip(rays, ends, strict=True)]
     return [
         r.gathered(found[part], *(values[part] for values in ended))
         for r, part in zip(rays, parts, strict=True)

@@ -45,15 +45,18 @@ class Places:
     """
 
     def __init__(self, scene, triangle, barycentric, directions):
-        front = scene.triangle_normals[triangle]
+        front = scene.triangle_normals.take(triangle, axis=0)
         self.triangle, self.barycentric = triangle, barycentric
         self.back = np.einsum("mx,mx->m", directions, front) > 0
         self.normal = np.where(self.back[:, None], -front, front)
         self.around, self.weights = scene.hit_points(triangle, barycentric, self.back)
-        second, third = np.asarray(barycentric, np.float64).T[:, :, None]
-        a, b, c = np.moveaxis(scene.vertices[scene.triangles[triangle]], 1, 0)
-        self.position = a + second * (b - a) + third * (c - a)
-        self.start = self.position + scene.triangle_lifts[triangle, None] * self.normal
+        second, third = np.asarray(barycentric, np.float64).T
+        corners = scene.triangles.take(triangle, axis=0)
+        # One array a coordinate: rows of three take three times as long.
+        a, b, c = (scene.vertices.take(corners[:, k], axis=0).T for k in range(3))
+        position = a + second * (b - a) + third * (c - a)
+        start = position + scene.triangle_lifts.take(triangle) * self.normal.T
+        self.position, self.start = np.ascontiguousarray(position.T), np.ascontiguousarray(start.T)
 
 
 class Sharing:

@@ -148,7 +148,6 @@ CALLS = {
         groups=lambda t: certified_together(t.scene),
         wanted=lambda t: [0],
     ),
-    "open_points": lambda t: Call(sampling.open_points, {"scene": t.scene}),
     "probe_lights": lambda t: Call(sampling.probe_lights, {"cube_map": sphere.CubeMap(2)}),
     "sampler_named": plain(sampling.sampler_named, name="agreement"),
 }

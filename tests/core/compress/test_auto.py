@@ -65,13 +65,13 @@ def test_every_method_serves_small_scenes(name, tmp_path):
     # What each method gave under lights is in the trials of `auto`.
     by_name = method_names() if name == "one triangle" else ()
     for method in ("auto", *by_name):
-        facts = compress_bake(path, method=method, tolerance=0.1, lights=SKY)
+        facts = compress_bake(path, method=method, tolerance=0.12, lights=SKY)
         trials = facts["trials"]
         assert not any(trial["failure"] for trial in trials), trials
         wanted = method_names() if method == "auto" else [method]
         assert {trial["method"] for trial in trials} == set(wanted)
         for kind in {trial["method"] for trial in trials}:
-            assert min(t["error"] for t in trials if t["method"] == kind) < 0.1, (kind, trials)
+            assert min(t["error"] for t in trials if t["method"] == kind) < 0.12, (kind, trials)
         found = relight_points(load(path), SKY["noise"], transport="compressed")
         assert np.linalg.norm(found - exact) <= 0.2 * np.linalg.norm(exact), method
 

@@ -3,7 +3,7 @@ import pytest
 
 from prt_core import PRTError, run
 from prt_core.progress import Pace
-from prt_core.sampling import AgreementSettings, open_points, refine_agreement, sample_agreement
+from prt_core.sampling import AgreementSettings, refine_agreement, sample_agreement
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.tracer import count_bits
 from prt_core.scene import Scene
@@ -115,7 +115,7 @@ def test_more_neighbours_leave_a_smaller_error(scene, truth):
 @pytest.mark.parametrize("body", [sphere(10), plane(9)])
 def test_a_convex_body_needs_no_ray(body):
     scene = Scene.from_meshes([body])
-    assert open_points(scene).all()
+    assert scene.open_points.all()
     sampled = sample(scene, 8)
     assert sampled.rays == 0
     above = horizon_bits(scene, CubeMap(8), slice(0, len(scene.points)))
@@ -123,7 +123,7 @@ def test_a_convex_body_needs_no_ray(body):
 
 
 def test_open_points_see_no_surface(scene):
-    found = open_points(scene)
+    found = scene.open_points
     floor = scene.points.object_index == 1
     assert found.any() and not found[floor].any()
     cube_map, points = CubeMap(16), np.flatnonzero(found)

@@ -307,8 +307,8 @@ def test_facts_that_were_forged_are_not_gone_on_with(baked, finished, bake_again
 def test_details_that_were_forged_are_found_again(scene, baked, finished, counted):
     """Digests and all, in a bake that goes on."""
     store = BakeStore(unfinished(baked), "r+")
-    triangle = store.read("detail_triangle")
-    store.write("detail_triangle", triangle[::-1].copy())
+    places = store.read("detail_barycentric")
+    store.write("detail_barycentric", places / 2)
     report = run(bake_steps(scene, baked, COUNTED, LAMPS, WORLD))
     assert counted.rays == report["rays_details"]
     expect_same(baked, finished)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core.progress import run
-from prt_core.sampling import CertificateSettings, Sampled, certificate_steps, open_points
+from prt_core.sampling import CertificateSettings, Sampled, certificate_steps
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport import received_light, visibility_bits
@@ -62,7 +62,7 @@ def faults(scene, size=1.0, matrix=None, move=(0, 0, 0)):
         "light under the plate": seen[under].max() >= 0.01,
         "shadow beside the plate": seen[open_floor].min() <= 0.97,
         "the plate shades itself": seen[plate].min() <= 0.999,
-        "points under the plate are called open": open_points(scene)[under].any(),
+        "points under the plate are called open": scene.open_points[under].any(),
     }
     return [what for what, is_so in found.items() if is_so]
 
@@ -121,7 +121,7 @@ def test_large_triangles_that_hover_are_seen_by_the_shortcut():
     """All corners of a great plate lie near the horizon; what it covers is dark all the same."""
     plate = plane(2, -1e4, 1e4, name="plate", z=0.05)
     scene = Scene.from_meshes([plane(5, name="floor"), plate])
-    assert not open_points(scene)[scene.points.object_index == 0].any()
+    assert not scene.open_points[scene.points.object_index == 0].any()
 
 
 def test_the_certificate_does_not_believe_in_open_points():

@@ -3,9 +3,6 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from prt_core.errors import expect_kind
-from prt_core.scene.scene import Scene
-
 # What rises above the tangent plane by less than this share of its distance is rounding: that of
 # normals, and of planes far away. Light so near the horizon is a hundred-millionth of the whole.
 _RISE = 1e-4
@@ -30,7 +27,6 @@ def open_points(scene):
     -------
     (n_points,) bool
     """
-    expect_kind("scene", scene, Scene)
     points = scene.points
     used = np.unique(scene.triangles)
     corners = scene.vertices[used]

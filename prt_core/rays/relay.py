@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from prt_core.progress import Pace
 from prt_core.rays.caster import Hits
+from prt_core.runtime.progress import Pace
 
 _FEWEST = 1 << 15
 
@@ -16,7 +16,7 @@ class RelayCaster:
     Parameters
     ----------
     caster : RayCaster
-    errands : prt_core.progress.Errands
+    errands : prt_core.runtime.progress.Errands
     seconds : float
         That a part may take the serving thread.
     """

@@ -14,10 +14,10 @@ Both get points of their own, as far apart as the rays that met them were long.
 
 import numpy as np
 
-from prt_core.progress import Progress
+from prt_core.runtime.progress import Progress
+from prt_core.runtime.seeds import Stage, generator
+from prt_core.runtime.threads import on_all_cores
 from prt_core.scene import with_details
-from prt_core.seeds import Stage, generator
-from prt_core.threads import on_all_cores
 from prt_core.transport.gather import cosine_directions
 from prt_core.transport.sharing import MISS, Places, Sharing
 

@@ -9,7 +9,7 @@ from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
 from prt_core.blender.depsgraph import read_camera
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
-from prt_core.progress import Progress
+from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
 from .buttons import BakeButton, Button

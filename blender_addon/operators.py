@@ -10,11 +10,11 @@ from bpy.props import (
 
 from prt_core import PRTError
 from prt_core.api import bake_blend_steps, compress_bake_steps
+from prt_core.bake.report_lines import missed
 from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
-from prt_core.progress import run
-from prt_core.report import missed
+from prt_core.runtime.progress import run
 from prt_core.store import remove_bake
 
 from . import bakes, freshness, live, plan, preview, saving, views, work

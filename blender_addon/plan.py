@@ -13,12 +13,12 @@ import bpy
 import numpy as np
 
 from prt_core import BakeSettings, PRTError, Scene
+from prt_core.bake.preflight import preflight
 from prt_core.blender.depsgraph import read_meshes_steps
 from prt_core.blender.identity import by_uid, place_of
 from prt_core.blender.stand_ins import is_copy, is_kept, renders
-from prt_core.preflight import preflight
-from prt_core.progress import beside
 from prt_core.rays.caster import known_casters
+from prt_core.runtime.progress import beside
 from prt_core.scene import mesh_digests
 
 from .naming import bake_name
@@ -65,7 +65,7 @@ class Plan:
 
     Attributes
     ----------
-    cost : prt_core.preflight.Preflight, or None where there is nothing to bake
+    cost : prt_core.bake.preflight.Preflight, or None where there is nothing to bake
     back_end : str
     messages : list of str
         What would be ignored or replaced.

@@ -15,8 +15,8 @@ from prt_core.blender.realised import PREVIEW
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
-from prt_core.progress import beside
-from prt_core.relighter import Relighter, lamp_signature
+from prt_core.relight.relighter import Relighter, lamp_signature
+from prt_core.runtime.progress import beside
 from prt_core.scene import changes
 from prt_core.sphere import rotation_matrix
 
@@ -34,7 +34,7 @@ class Preview:
     ----------
     path : str
     bake : prt_core.Bake
-    relighter : prt_core.relighter.Relighter
+    relighter : prt_core.relight.relighter.Relighter
     shown : Request
         What the colours on the meshes were made from, None where unknown.
     warned : str

@@ -6,7 +6,7 @@ import bpy
 
 from prt_core.blender.identity import by_uid
 from prt_core.errors import PRTError, expect
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 
 # Seconds: between two timer events, of work in one event, of one step, between redraws.
 _TIMER, _BUDGET, PACE, _REDRAW = 0.002, 0.04, 0.025, 0.5

@@ -17,19 +17,17 @@ Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeS
 `prt_core.sphere`.
 """
 
-__version__ = "0.1.0"
-
 from prt_core.api import bake, compress_bake, environment_light, relight
-from prt_core.bake import Bake, BakeSettings, bake_steps
-from prt_core.bake_load import load
+from prt_core.bake import Bake, BakeSettings, bake_steps, load
 from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, Lamp
-from prt_core.progress import Progress, run
 from prt_core.rays import Hits, RayCaster, make_caster
+from prt_core.runtime.progress import Progress, run
 from prt_core.scene import BakePoints, Mesh, Scene
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore
 from prt_core.transport import Transport
+from prt_core.version import __version__
 
 __all__ = [
     "Bake",
@@ -46,6 +44,7 @@ __all__ = [
     "RayCaster",
     "Scene",
     "Transport",
+    "__version__",
     "bake",
     "bake_steps",
     "compress_bake",

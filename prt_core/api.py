@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps
-from prt_core.bake_image import expect_image, image_steps
-from prt_core.bake_load import load
-from prt_core.bake_visibility import chosen_method
-from prt_core.compressed import CompressSettings, compress_steps
+from prt_core.bake.compress import CompressSettings, compress_steps
+from prt_core.bake.images import expect_image, image_steps
+from prt_core.bake.load import load
+from prt_core.bake.visibility import chosen_method
 from prt_core.errors import (
     PRTError,
     expect,
@@ -18,11 +18,11 @@ from prt_core.errors import (
     expect_path,
     system_errors,
 )
-from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
 from prt_core.light.environment import expect_strength, named_images, read_environment
-from prt_core.progress import Errands, beside, run, steps_beside
-from prt_core.relighter import Relighter, on_texels
+from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.runtime.files import expect_output
+from prt_core.runtime.progress import Errands, beside, run, steps_beside
 from prt_core.scene import Scene, mesh_digests
 from prt_core.store import BakeStore, remove_compressed
 

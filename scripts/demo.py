@@ -15,10 +15,10 @@ sys.path.insert(0, str(ROOT / "blend_scenes"))
 import build  # noqa: E402  (lies in blend_scenes)
 import prt_core  # noqa: E402
 from prt_core.api import import_bpy  # noqa: E402
+from prt_core.bake.report_lines import report_lines  # noqa: E402
 from prt_core.cli.show import Hushed, working  # noqa: E402
 from prt_core.evaluate import contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
-from prt_core.report import report_lines  # noqa: E402
 
 LIGHTS = ("courtyard", "city", "sunset", "forest")
 TURNS = (0, 90, 180)

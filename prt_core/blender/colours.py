@@ -9,7 +9,7 @@ from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import build_objects, copies_there, kept_objects, stand_in_for
 from prt_core.blender.stand_ins import arrange
 from prt_core.errors import PRTError, expect, expect_array, expect_path
-from prt_core.files import written
+from prt_core.runtime.files import written
 
 # Custom property of meshes whose active colours changed: what they were.
 ACTIVE_BEFORE = "prt_active_before"

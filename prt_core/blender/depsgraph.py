@@ -20,7 +20,7 @@ from prt_core.blender.stand_ins import (
     stands_in,
 )
 from prt_core.errors import PRTError
-from prt_core.progress import Progress, run
+from prt_core.runtime.progress import Progress, run
 from prt_core.scene import Mesh, Scene
 
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}

@@ -7,7 +7,7 @@ import bpy
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
 from prt_core.light.images import reads_in_threads
-from prt_core.progress import beside, maybe_beside
+from prt_core.runtime.progress import beside, maybe_beside
 
 # A hard sun over a street, an even sky between walls, and the small windows of a room.
 NAMES = ("city", "courtyard", "interior")

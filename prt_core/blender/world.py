@@ -13,7 +13,7 @@ from prt_core.blender.materials import linked_to
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
-from prt_core.progress import beside, run
+from prt_core.runtime.progress import beside, run
 from prt_core.sphere import rotation_matrix
 
 _MOST_MAPS = 4

@@ -4,13 +4,13 @@ import argparse
 import os
 import sys
 
-import prt_core
 from prt_core.cli.bake import add_bake
 from prt_core.cli.bench import add_bench
 from prt_core.cli.compress import add_compress
 from prt_core.cli.info import add_info
 from prt_core.cli.relight import add_relight
 from prt_core.errors import PRTError, system_errors
+from prt_core.version import __version__
 
 __all__ = ["main"]
 
@@ -67,7 +67,7 @@ def _parser(in_blender):
     parser = _Parser(
         prog="prt", description="Bake how light travels in a scene once, relight it at once."
     )
-    parser.add_argument("--version", action="version", version=f"prt {prt_core.__version__}")
+    parser.add_argument("--version", action="version", version=f"prt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     add_bake(commands, in_blender)
     add_relight(commands, in_blender)

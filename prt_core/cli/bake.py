@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import prt_core
+from prt_core.bake.report_lines import report_lines
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
@@ -14,8 +15,7 @@ from prt_core.cli.arguments import (
 )
 from prt_core.cli.show import working
 from prt_core.errors import expect
-from prt_core.files import expect_output
-from prt_core.report import report_lines
+from prt_core.runtime.files import expect_output
 from prt_core.scene import PARAMETRISATIONS
 
 

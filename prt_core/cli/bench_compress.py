@@ -4,13 +4,13 @@ import tempfile
 from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps
-from prt_core.bake_load import load
+from prt_core.bake.load import load
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
 from prt_core.compress import method_named, method_names
 from prt_core.errors import expect
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 
 
 def add_bench_compress(kinds, in_blender):
@@ -42,8 +42,8 @@ def add_bench_compress(kinds, in_blender):
 
 
 def _bench_compress(options):
-    from prt_core.evaluate.bench_compress import bench_compress_steps
-    from prt_core.evaluate.compress_report import compress_report
+    from prt_core.evaluate.bench.compress import bench_compress_steps
+    from prt_core.evaluate.bench.compress_report import compress_report
     from prt_core.evaluate.report import write_report
 
     expect_bench(options)

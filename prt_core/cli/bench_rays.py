@@ -20,7 +20,7 @@ def add_bench_rays(kinds, in_blender):
 
 
 def _bench_rays(options):
-    from prt_core.evaluate.bench_rays import bench_rays
+    from prt_core.evaluate.bench.rays import bench_rays
 
     CubeMap(options.resolution)
     expect_whole("--points", options.points, 1)

@@ -3,7 +3,7 @@
 from prt_core.cli.arguments import quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 
 _METHODS = ("agreement", "huang")
@@ -38,9 +38,9 @@ def add_bench_sampling(kinds, in_blender):
 
 
 def _bench_sampling(options):
-    from prt_core.evaluate.bench_sampling import bench_sampling_steps, parse_method
+    from prt_core.evaluate.bench.sampling import bench_sampling_steps, parse_method
+    from prt_core.evaluate.bench.sampling_report import sampling_report
     from prt_core.evaluate.report import write_report
-    from prt_core.evaluate.sampling_report import sampling_report
 
     expect_bench(options)
     methods = [parse_method(text) for text in options.methods]

@@ -1,13 +1,12 @@
 """Scenes and lights that the kinds of `prt bench` are given by name."""
 
-import importlib
 from pathlib import Path
 
 from prt_core.errors import PRTError, expect, expect_number, expect_seed
 from prt_core.evaluate.report import expect_plots
-from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
 from prt_core.light.environment import named_images
+from prt_core.runtime.files import expect_output
 
 
 def open_scene(path):
@@ -26,15 +25,13 @@ def scene_named(path):
     """(name, Scene): of a .blend, of the scene that is open, or a measuring scene by its name."""
     if path is None or path.endswith(".blend"):
         return Path(path).stem if path else "open scene", open_scene(path)
-    try:
-        scenes = importlib.import_module("tests.benchmarks.sampling_scenes")
-    except ImportError as error:
-        raise PRTError(
-            f"{path}: expected a .blend file; measuring scenes by name need the source tree"
-        ) from error
-    known = ", ".join(scenes.MODELS)
-    expect(path in scenes.MODELS, f"{path}: expected a .blend file or one of {known}")
-    return path, scenes.measuring_scene(path)
+    from prt_core.api import import_bpy
+
+    import_bpy()
+    from prt_core.blender.measuring import MODELS, measuring_scene
+
+    expect(path in MODELS, f"{path}: expected a .blend file or one of {', '.join(MODELS)}")
+    return path, measuring_scene(path)
 
 
 def images_named(paths, every=False):

@@ -3,11 +3,11 @@
 import json
 import sys
 
+from prt_core.bake.report_lines import compressed_lines, missed, trial_lines
 from prt_core.cli.arguments import quiet_arguments
 from prt_core.cli.show import working
 from prt_core.compress import method_names
 from prt_core.errors import expect
-from prt_core.report import compressed_lines, missed, trial_lines
 
 
 def add_compress(commands):

@@ -18,10 +18,10 @@ from prt_core.cli.show import Hushed
 from prt_core.errors import expect, expect_number, expect_whole
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
-from prt_core.files import expect_output
 from prt_core.light import EnvironmentMap
 from prt_core.light.environment import BRIGHTEST, read_environment
-from prt_core.relighter import MOST_LAMP_SAMPLES, Relighter
+from prt_core.relight.relighter import MOST_LAMP_SAMPLES, Relighter
+from prt_core.runtime.files import expect_output
 from prt_core.sphere import rotation_matrix
 
 # Stops beyond which float32 overflows or holds nothing any more.

@@ -1,27 +1,31 @@
 """Transport in fewer bytes, and relighting from them."""
 
-from prt_core.compress import standard  # noqa: F401  (makes the methods known)
 from prt_core.compress.base import Compressor
-from prt_core.compress.choose import Limits, Trial, choose_steps
-from prt_core.compress.clustered_pca import ClusteredPCA
-from prt_core.compress.haar_lighting import HaarLighting, IncrementalLighting
-from prt_core.compress.harmonics import Harmonics, Irradiance
-from prt_core.compress.image_rows import ImageRows
-from prt_core.compress.methods import (
+from prt_core.compress.choice import (
+    Limits,
     Method,
     Task,
+    Trial,
+    choose_steps,
     method_named,
     method_names,
     register_method,
 )
-from prt_core.compress.pca import PCA, BlockPCA
-from prt_core.compress.realtime import ClusterRelighter
-from prt_core.compress.row_code import RowCode
-from prt_core.compress.rows import ArrayRows, Rows, SomeRows, TransportRows
-from prt_core.compress.seams import border_pairs, neighbour_pairs, seam
-from prt_core.compress.sparse_clusters import SparseClusteredPCA
-from prt_core.compress.vq import VectorQuantisation
-from prt_core.compress.wavelet4d import Wavelet4D
+from prt_core.compress.clusters import (
+    PCA,
+    BlockPCA,
+    ClusteredPCA,
+    ClusterRelighter,
+    SparseClusteredPCA,
+    VectorQuantisation,
+    border_pairs,
+    neighbour_pairs,
+    seam,
+)
+from prt_core.compress.harmonics import Harmonics, Irradiance
+from prt_core.compress.rows import ArrayRows, RowCode, Rows, SomeRows, TransportRows
+from prt_core.compress.rows.image_rows import ImageRows
+from prt_core.compress.wavelets import HaarLighting, IncrementalLighting, Wavelet4D
 
 __all__ = [
     "PCA",

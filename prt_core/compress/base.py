@@ -10,7 +10,7 @@ from prt_core.compress.rows import ArrayRows, Rows
 from prt_core.compress.state import array_of, value_of
 from prt_core.errors import expect, expect_array, expect_kind, expect_numbers
 from prt_core.light.environment import BRIGHTEST
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 
 
 class Compressor(Parameters, ABC):

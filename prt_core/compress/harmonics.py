@@ -4,10 +4,10 @@ import numpy as np
 
 from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
 from prt_core.compress.base import Compressor
-from prt_core.compress.parallel import in_parallel
 from prt_core.compress.state import array_of, expect_state
 from prt_core.errors import expect, expect_array, expect_whole
-from prt_core.progress import Progress
+from prt_core.runtime.parallel import in_parallel
+from prt_core.runtime.progress import Progress
 from prt_core.sphere import FACES, CubeMap, rotation_matrix
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from prt_core.errors import PRTError, expect_path
 from prt_core.evaluate.view import png_bytes
-from prt_core.files import new_folder, written
+from prt_core.runtime.files import new_folder, written
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 1240px; color: #222; }

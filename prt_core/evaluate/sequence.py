@@ -15,7 +15,7 @@ from prt_core.errors import (
     shown,
 )
 from prt_core.evaluate.view import CameraRays, expect_view, to_srgb, write_png
-from prt_core.files import written
+from prt_core.runtime.files import written
 
 
 def frame_path(pattern, frame):

@@ -18,8 +18,8 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
-from prt_core.files import written
-from prt_core.machine import expect_memory
+from prt_core.runtime.files import written
+from prt_core.runtime.machine import expect_memory
 from prt_core.scene import camera_rays, expect_camera
 
 _BATCH = 1 << 20

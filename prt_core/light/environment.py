@@ -8,8 +8,8 @@ import numpy as np
 
 from prt_core.errors import expect, expect_array, expect_kind, expect_number, expect_path, shown
 from prt_core.light.images import read_picture, told
+from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import CubeMap, rotation_matrix
-from prt_core.threads import on_all_cores
 
 # Parts of pixels a texel is averaged over, at least: what is even, and what is bright. With these
 # relit colours are 0.02 % from those of fifty times as many.

@@ -7,11 +7,11 @@ from contextlib import ExitStack, contextmanager, redirect_stdout
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_array, expect_path, system_errors
-from prt_core.files import written
 from prt_core.light.exr_header import read_parts
 from prt_core.light.primaries import to_rec709
 from prt_core.light.radiance import read_radiance
-from prt_core.machine import expect_memory
+from prt_core.runtime.files import written
+from prt_core.runtime.machine import expect_memory
 
 _READERS = {}
 _RGB, _GREY = ("R", "G", "B"), "Y"

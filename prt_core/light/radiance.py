@@ -10,7 +10,7 @@ import numpy as np
 
 from prt_core.errors import PRTError, expect
 from prt_core.light.primaries import to_rec709
-from prt_core.machine import expect_memory
+from prt_core.runtime.machine import expect_memory
 
 # Bytes of a header at most; widths that are coded component by component.
 _HEADER, _WIDE = 1 << 16, range(8, 32768)

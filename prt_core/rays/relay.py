@@ -5,9 +5,9 @@ from concurrent.futures import wait
 
 import numpy as np
 
-from prt_core.progress import Errands, Pace
 from prt_core.rays.caster import Hits
-from prt_core.threads import on_all_cores, started, works_alone
+from prt_core.runtime.progress import Errands, Pace
+from prt_core.runtime.threads import on_all_cores, started, works_alone
 
 _FEWEST = 1 << 15
 # Seconds between looks at whether work in other threads has ended, at most.
@@ -20,7 +20,7 @@ class RelayCaster:
     Parameters
     ----------
     caster : RayCaster
-    errands : prt_core.progress.Errands
+    errands : prt_core.runtime.progress.Errands
     seconds : float or None
         That a part may take the serving thread; None: no parts.
     """

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.errors import expect_caster
-from prt_core.threads import on_all_cores
+from prt_core.runtime.threads import on_all_cores
 
 # Rays of a batch; below so many another thread is not worth its start.
 _BATCH, _FEW = 1 << 20, 1 << 12

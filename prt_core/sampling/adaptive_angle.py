@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from prt_core.progress import Progress
+from prt_core.runtime.progress import Progress
 from prt_core.sphere import FACES
 from prt_core.transport.visibility import horizon_bits, unpack
 

@@ -22,12 +22,12 @@ from prt_core.errors import (
     expect_seed,
     expect_whole,
 )
+from prt_core.runtime.seeds import Stage, generator
 from prt_core.sampling.groups import alike
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.sampled import Sampled, expect_sampled, register_sampler
 from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.sampling.votes import Asked, coin, on_rows
-from prt_core.seeds import Stage, generator
 from prt_core.sphere import square_to_cosine, tangent_frames
 from prt_core.transport.visibility import horizon_bits
 

@@ -31,11 +31,11 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.light.environment import expect_radiance
+from prt_core.runtime.seeds import Stage, generator
 from prt_core.sampling.groups import Groups
 from prt_core.sampling.intervals import binomial_interval, weighted_interval
 from prt_core.sampling.sampled import expect_sampled
 from prt_core.sampling.tracer import Tracer
-from prt_core.seeds import Stage, generator
 from prt_core.sphere import CubeMap
 from prt_core.transport.visibility import horizon_bits, received_light, unpack
 

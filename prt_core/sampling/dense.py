@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from prt_core.progress import Progress
+from prt_core.runtime.progress import Progress
+from prt_core.runtime.seeds import Stage, generator
 from prt_core.sampling.adaptive_angle import AdaptiveRows, adaptive_steps
-from prt_core.seeds import Stage, generator
 from prt_core.transport.visibility import unpack
 
 _CHUNK = 2048

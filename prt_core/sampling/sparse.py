@@ -8,13 +8,13 @@ the sky, or none does, a combination of them has nothing to add.
 import numpy as np
 from scipy.spatial import cKDTree
 
-from prt_core.machine import one_blas_thread
-from prt_core.progress import Progress
 from prt_core.reconstruct import gram, l1_batched, least_squares
+from prt_core.runtime.machine import one_blas_thread
+from prt_core.runtime.progress import Progress
+from prt_core.runtime.seeds import Stage, generator
+from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.columns import best_columns, feature_weights, membership
 from prt_core.sampling.rivals import COLUMN_CHOICES
-from prt_core.seeds import Stage, generator
-from prt_core.threads import on_all_cores
 from prt_core.transport.visibility import horizon_bits, unpack
 
 # Sparse points whose rays are cast at once, and whose neighbourhoods are taken together.

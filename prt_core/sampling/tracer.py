@@ -5,11 +5,11 @@ import os
 import numpy as np
 
 from prt_core.errors import expect_kind
-from prt_core.progress import Pace, Progress
 from prt_core.rays import shared
+from prt_core.runtime.progress import Pace, Progress
+from prt_core.runtime.threads import on_all_cores
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
-from prt_core.threads import on_all_cores
 
 # Rays prepared at once, at most (but for one point's).
 _RAYS = 1 << 21

@@ -6,8 +6,8 @@ runs the blocks on all cores.
 
 import numpy as np
 
+from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.dilate import chequer, dilate
-from prt_core.threads import on_all_cores
 
 # Rows a thread takes at once.
 _ROWS = 256

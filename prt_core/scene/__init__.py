@@ -2,20 +2,18 @@
 
 from prt_core.scene.changes import Changes, changes, mesh_digests
 from prt_core.scene.details import Details, with_details
-from prt_core.scene.geometry_images import (
+from prt_core.scene.images import (
     PARAMETRISATIONS,
     Layout,
-    geometry_layout,
-    with_geometry_image,
-)
-from prt_core.scene.mesh import Mesh
-from prt_core.scene.point_images import (
     PointImage,
     camera_rays,
     expect_camera,
+    geometry_layout,
     surface_points,
     with_camera_image,
+    with_geometry_image,
 )
+from prt_core.scene.mesh import Mesh
 from prt_core.scene.points import BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
 from prt_core.scene.scene import Scene, SceneObject

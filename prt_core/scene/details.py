@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from prt_core.scene.point_images import surface_points
+from prt_core.scene.images.point_images import surface_points
 from prt_core.scene.points import joined
 
 

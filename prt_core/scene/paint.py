@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from prt_core.scene.refine import lattice_of_hits
+from prt_core.scene.lattice import lattice_of_hits
 
 # Samples along an edge of a lattice cell, and of all cells together, at most.
 _ALONG, _ALL = 32, 1 << 23

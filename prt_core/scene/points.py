@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from prt_core.scene.lattice import lattice_coordinates, lattice_size
 from prt_core.scene.ray_offset import ray_lifts
-from prt_core.scene.refine import lattice_coordinates, lattice_size
 
 # Corners of one vertex share a point when normals and albedo agree to these steps.
 NORMAL_STEP = 1e-3

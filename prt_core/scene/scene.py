@@ -20,13 +20,13 @@ from prt_core.errors import (
 )
 from prt_core.rays import FramedCaster, make_caster, precision_frames
 from prt_core.scene.details import Details, no_details
+from prt_core.scene.images.point_images import PointImage
+from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import Mesh
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.paint import Surfaces
-from prt_core.scene.point_images import PointImage
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_offset import ray_lifts
-from prt_core.scene.refine import lattice_of_hits, lattice_size, refinement_levels
 
 
 @dataclass(frozen=True)

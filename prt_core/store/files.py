@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from prt_core.errors import PRTError, expect
-from prt_core.threads import on_all_cores
+from prt_core.runtime.threads import on_all_cores
 
 # Windows knows no links of this kind, nor files that block.
 _SAFE = (

@@ -18,10 +18,10 @@ points around those, and the corners of what was met, cast the rest.
 import numpy as np
 from scipy.spatial import cKDTree
 
-from prt_core.progress import Progress
 from prt_core.rays import boxes_around, cast_on_all_cores
+from prt_core.runtime.progress import Progress
+from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import with_details
-from prt_core.seeds import Stage, generator
 from prt_core.transport.gather import cosine_directions
 from prt_core.transport.sharing import MISS, Places, Sharing
 

@@ -26,10 +26,10 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.rays import Hits, cast_on_all_cores
+from prt_core.runtime.seeds import Stage, generator
+from prt_core.runtime.threads import on_all_cores
 from prt_core.scene import Scene
-from prt_core.seeds import Stage, generator
 from prt_core.sphere import sobol_points, square_to_cosine, tangent_frames
-from prt_core.threads import on_all_cores
 from prt_core.transport.sharing import DARK, MISS, Sharing
 
 ROUND = 32

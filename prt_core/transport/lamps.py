@@ -5,9 +5,9 @@ import numpy as np
 from prt_core.errors import expect_all, expect_caster, expect_kind, expect_seed, expect_whole
 from prt_core.light.bright import BrightPixels
 from prt_core.light.local import Lamp, lamp_samples
-from prt_core.progress import Pace, Progress, run
+from prt_core.runtime.progress import Pace, Progress, run
+from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
-from prt_core.seeds import Stage, generator
 
 # Shadow rays end this share of their length before the lamp, and so many steps of float32 of the
 # lamp's coordinates: a ceiling in which a lamp lies does not shade it, whatever rounding says.

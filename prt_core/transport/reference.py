@@ -14,8 +14,8 @@ from prt_core.errors import (
     expect_seed,
     expect_whole,
 )
+from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
-from prt_core.seeds import Stage, generator
 from prt_core.sphere import CubeMap, square_to_cosine, tangent_frames
 
 

@@ -10,10 +10,10 @@ from prt_core.errors import (
     expect_kind,
     shown,
 )
-from prt_core.machine import one_blas_thread
+from prt_core.runtime.machine import one_blas_thread
+from prt_core.runtime.threads import on_all_cores
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
-from prt_core.threads import on_all_cores
 
 # Points whose bits are spread into float32 at once; 256 x 6,144 stay within the caches' reach.
 _UNPACK = 256

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.sampling import Sampled, sampler_named
 from prt_core.sampling.certificate import CertificateSettings, certificate_steps, probe_lights
 from prt_core.scene import Scene

@@ -7,7 +7,7 @@
     python tests/benchmarks/compress_tables.py frames SCENE.blend BAKE.prt    # colours in Blender
     python tests/benchmarks/compress_tables.py memory SCENE.blend BAKE.prt   # baked at 64 x 64
 
-NAME is one of `sampling_scenes.MODELS`, or begins the name of a scene of blend_scenes; FOLDER is
+NAME is one of `MODELS`, or begins the name of a scene of blend_scenes; FOLDER is
 where bakes and rows are kept; the bake of `frames` is compressed and of that scene.
 """
 
@@ -26,25 +26,21 @@ sys.path[:0] = [str(ROOT)]
 
 import prt_core  # noqa: E402
 from prt_core import run  # noqa: E402
+from prt_core.blender.measuring import MODELS, data_folder, measuring_scene  # noqa: E402
 from prt_core.compress import (  # noqa: E402
     ClusteredPCA,
     HaarLighting,
     SparseClusteredPCA,
     TransportRows,
 )
-from prt_core.compress.choose import relative_l2  # noqa: E402
-from prt_core.compress.haar_lighting import SELECTIONS  # noqa: E402
-from prt_core.compress.kmeans import kmeans_steps  # noqa: E402
-from prt_core.compress.lbg import lbg_steps  # noqa: E402
-from prt_core.compress.sketch import sketch_steps  # noqa: E402
+from prt_core.compress.choice.choose import relative_l2  # noqa: E402
+from prt_core.compress.clusters.kmeans import kmeans_steps  # noqa: E402
+from prt_core.compress.clusters.lbg import lbg_steps  # noqa: E402
+from prt_core.compress.clusters.sketch import sketch_steps  # noqa: E402
+from prt_core.compress.wavelets.haar_lighting import SELECTIONS  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.sphere import CubeMap  # noqa: E402
-from tests.benchmarks.sampling_scenes import (  # noqa: E402
-    MODELS,
-    data_folder,
-    exhaustive_bits,
-    measuring_scene,
-)
+from tests.benchmarks.exhaustive import exhaustive_bits  # noqa: E402
 
 SHARES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
 TURNS = (0.0, 120.0, 240.0)
@@ -279,7 +275,7 @@ def frames_table(blend, path, n_frames=48):
     """The whole way of a frame in Blender: turn, relight, corners, the colour attribute."""
     from prt_core.api import open_blend
     from prt_core.blender.colours import write_all
-    from prt_core.relighter import Relighter
+    from prt_core.relight.relighter import Relighter
 
     open_blend(blend)
     import bpy

@@ -6,8 +6,8 @@ python tests/benchmarks/huang_tables.py rivals [SCENE]     ways to choose column
 python tests/benchmarks/huang_tables.py quantity [SCENE]   what is reconstructed, and thresholds
 python tests/benchmarks/huang_tables.py indirect [BLEND]   indirect light on the quarter grid
 
-Scenes are those of `sampling_scenes`. `radius`, `rivals` and `quantity` measure some of the sparse
-points, the same for all variants, on one set of dense points.
+Scenes are those of `prt_core.blender.measuring`. `radius`, `rivals` and `quantity` measure some of
+the sparse points, the same for all variants, on one set of dense points.
 """
 
 import sys
@@ -19,19 +19,16 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
-from prt_core.evaluate.bench_sampling import matrix_errors  # noqa: E402
-from prt_core.progress import run  # noqa: E402
+from prt_core.blender.measuring import MODELS, measuring_scene  # noqa: E402
+from prt_core.evaluate.bench.sampling import matrix_errors  # noqa: E402
+from prt_core.runtime.progress import run  # noqa: E402
 from prt_core.sampling.adaptive_angle import AngularGrid, spread_grid  # noqa: E402
 from prt_core.sampling.dense import dense_steps  # noqa: E402
 from prt_core.sampling.huang import HuangSettings, sample_huang  # noqa: E402
 from prt_core.sampling.sparse import SparsePoints, sparse_blocks  # noqa: E402
 from prt_core.sampling.tracer import Tracer, count_bits  # noqa: E402
 from prt_core.sphere import CubeMap  # noqa: E402
-from tests.benchmarks.sampling_scenes import (  # noqa: E402
-    MODELS,
-    exhaustive_bits,
-    measuring_scene,
-)
+from tests.benchmarks.exhaustive import exhaustive_bits  # noqa: E402
 
 CUBE = CubeMap(32)
 # The paper's figures 9 and 10: entries and relative L2 error.

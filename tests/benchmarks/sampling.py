@@ -8,8 +8,8 @@ python tests/benchmarks/sampling.py hard                  leaves, bench, thin sh
 python tests/benchmarks/sampling.py coverage [SCENE METHOD]   the certificate's interval, 200 seeds
 python tests/benchmarks/sampling.py tables [COMMAND]      what the other benchmarks print
 
-Scenes are those of `sampling_scenes`. Each part adds its rows to build/bench/sampling.json and
-writes the section anew; `make bench` runs all of them.
+Scenes are those of `prt_core.blender.measuring`. Each part adds its rows to
+build/bench/sampling.json and writes the section anew; `make bench` runs all of them.
 """
 
 import json
@@ -26,24 +26,19 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
 from prt_core import BakeSettings, bake_steps, run  # noqa: E402
-from prt_core.evaluate.bench_sampling import (  # noqa: E402
+from prt_core.blender.measuring import GROUND, MODELS, data_folder, measuring_scene  # noqa: E402
+from prt_core.evaluate.bench.sampling import (  # noqa: E402
     bench_sampling_steps,
     matrix_errors,
     parse_method,
 )
-from prt_core.evaluate.sampling_report import error_plot  # noqa: E402
+from prt_core.evaluate.bench.sampling_report import error_plot  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.sampling import sampler_named  # noqa: E402
 from prt_core.sampling.tracer import count_bits  # noqa: E402
 from prt_core.sphere import CubeMap  # noqa: E402
 from tests.benchmarks.certificate_coverage import coverage, scene_named  # noqa: E402
-from tests.benchmarks.sampling_scenes import (  # noqa: E402
-    GROUND,
-    MODELS,
-    data_folder,
-    exhaustive_bits,
-    measuring_scene,
-)
+from tests.benchmarks.exhaustive import exhaustive_bits  # noqa: E402
 from tests.benchmarks.sections import write_section  # noqa: E402
 
 KEPT = ROOT / "build" / "bench" / "sampling.json"

@@ -11,7 +11,7 @@ python tests/benchmarks/wavelet4d_tables.py write                    what is kep
 `density` halves every edge of the model once, and leaves out points in its hierarchy's order.
 KIND is `camera` (N x N pixels of 2 x 2 points), `ground` (its geometry image, by UVs) or `model`
 (its geometry image, over the sphere; and how far its colours are from those of the vertices).
-SCENE is one of `sampling_scenes` or the path of a bake, OBJECT the name of an object or `all`.
+SCENE is a measuring scene's name or the path of a bake, OBJECT the name of an object or `all`.
 PART is a mode, or `bits` (what quantising adds at the same limit). What is found is kept under
 PRT_CACHE/wavelet4d, so that fits and timings may run at different times.
 """
@@ -32,26 +32,26 @@ sys.path[:0] = [str(ROOT)]
 
 import prt_core  # noqa: E402
 from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
-from prt_core.bake_image import image_steps  # noqa: E402
+from prt_core.bake.images import image_steps  # noqa: E402
 from prt_core.basis import WAVELETS, ImageWavelet, PointMultiwavelet, haar_areas  # noqa: E402
+from prt_core.blender.measuring import (  # noqa: E402
+    GROUND,
+    data_folder,
+    ground_arrays,
+    measuring_scene,
+    model_arrays,
+    smooth_mesh,
+)
 from prt_core.compress import ImageRows, SomeRows, TransportRows, Wavelet4D  # noqa: E402
-from prt_core.compress.column_coder import ColumnCoder  # noqa: E402
-from prt_core.compress.sparse_columns import column_bytes  # noqa: E402
+from prt_core.compress.wavelets.column_coder import ColumnCoder  # noqa: E402
+from prt_core.compress.wavelets.sparse_columns import column_bytes  # noqa: E402
 from prt_core.errors import PRTError  # noqa: E402
 from prt_core.evaluate.view import auto_camera  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
-from prt_core.progress import run  # noqa: E402
-from prt_core.scene.closed_surface import closed_surface  # noqa: E402
-from prt_core.scene.spherical import spherical_positions  # noqa: E402
+from prt_core.runtime.progress import run  # noqa: E402
+from prt_core.scene.images.closed_surface import closed_surface  # noqa: E402
+from prt_core.scene.images.spherical import spherical_positions  # noqa: E402
 from prt_core.sphere import octahedral_square  # noqa: E402
-from tests.benchmarks.sampling_scenes import (  # noqa: E402
-    GROUND,
-    _grid,
-    _model,
-    _smooth_mesh,
-    data_folder,
-    measuring_scene,
-)
 from tests.benchmarks.sections import write_section  # noqa: E402
 
 CACHE = Path(os.environ.get("PRT_CACHE", "/tmp")) / "wavelet4d"
@@ -246,12 +246,12 @@ def studio_lights(bake):
 
 def model_mesh(name):
     """The model of a measuring scene."""
-    return _smooth_mesh("model", *_model(name, 3), (0.7, 0.65, 0.6))
+    return smooth_mesh("model", *model_arrays(name), (0.7, 0.65, 0.6))
 
 
 def flat_ground():
     """The ground of the measuring scenes with the texture coordinates of its square."""
-    mesh = _smooth_mesh("ground", *_grid(GROUND), (0.5, 0.5, 0.5))
+    mesh = smooth_mesh("ground", *ground_arrays(GROUND), (0.5, 0.5, 0.5))
     return replace(mesh, corner_uv=mesh.vertices[mesh.corner_vertex][:, :2] / 4 + 0.5)
 
 

@@ -13,7 +13,7 @@ import prt_core
 from blender_addon import live, plan, preview, work
 from prt_core import PRTError
 from prt_core.blender.compat import fcurve_of
-from prt_core.progress import Progress
+from prt_core.runtime.progress import Progress
 from prt_core.store import BakeStore
 from tests.blender.conftest import FLOOR, colours_on
 

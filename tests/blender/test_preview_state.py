@@ -12,7 +12,7 @@ import pytest
 import prt_core
 from blender_addon import bakes, live, panels, plan, preview, views, work
 from prt_core import PRTError
-from prt_core.progress import Progress
+from prt_core.runtime.progress import Progress
 from tests.blender.conftest import colours_on, cube, quick
 
 pytestmark = pytest.mark.usefixtures("addon")
@@ -191,7 +191,7 @@ def test_what_a_bake_has_to_say_reaches_the_panel(floor_scene, capfd):
 
 
 def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, monkeypatch, capfd):
-    monkeypatch.setattr(sys.modules["prt_core.bake_bounces"], "MOST_ROUNDS", 2)
+    monkeypatch.setattr(sys.modules["prt_core.bake.bounces"], "MOST_ROUNDS", 2)
     # Of many lines the first are shown; here but one.
     monkeypatch.setattr(panels, "_MOST_WARNINGS", 1)
     floor_scene.prt.tolerance = 0.001
@@ -213,7 +213,7 @@ def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, 
 
 
 def test_a_compressed_form_that_misses_its_tolerance_says_so(baked_floor, monkeypatch, capfd):
-    monkeypatch.setattr(sys.modules["prt_core.compressed"], "met", lambda *_: False)
+    monkeypatch.setattr(sys.modules["prt_core.bake.compress"], "met", lambda *_: False)
     baked_floor.prt.compress_tolerance = 0.5
     assert bpy.ops.prt.compress(method="harmonics") == {"FINISHED"}
     (missed,) = [text for text in main() if text.startswith("NOT within the tolerance of 50.00%")]

@@ -8,8 +8,8 @@ import numpy as np
 
 from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, write_image
-from prt_core.progress import run
 from prt_core.rays import BruteForceCaster
+from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 
 RNG = np.random.default_rng(5)

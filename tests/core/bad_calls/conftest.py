@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from prt_core.bake import BakeSettings, bake_steps
-from prt_core.bake_load import load
-from prt_core.progress import run
+from prt_core.bake.load import load
+from prt_core.runtime.progress import run
 from prt_core.scene import Scene
 from tests.meshes import plane, wall
 

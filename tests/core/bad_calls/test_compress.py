@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import basis, compress
-from prt_core.compressed import CompressSettings, compress_steps
+from prt_core.bake.compress import CompressSettings, compress_steps
 
 from .calls import N_DIRECTIONS, RESOLUTION, RNG, Call, directions, faults_of, image, method, plain
 

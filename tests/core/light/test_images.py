@@ -248,7 +248,7 @@ def test_an_image_without_pixels_or_beyond_memory_is_refused(tmp_path, monkeypat
 
 def test_a_header_in_pieces_is_one_line(tmp_path, monkeypatch):
     """Bytes of a small header in turn: read the same, or refused in one line."""
-    monkeypatch.setattr("prt_core.machine.memory_bytes", lambda: 1 << 24)
+    monkeypatch.setattr("prt_core.runtime.machine.memory_bytes", lambda: 1 << 24)
     planes = {c: PIXELS[..., i] for i, c in enumerate("RGB")}
     data = exr_lines([(c, 2, 1, 1) for c in "RGB"], planes, 11, 5)
     for place in range(4, 320, 3):

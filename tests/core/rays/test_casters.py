@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from prt_core.errors import PRTError
-from prt_core.progress import Errands, Progress, run, steps_beside
 from prt_core.rays import RelayCaster, make_caster, relay
+from prt_core.runtime.progress import Errands, Progress, run, steps_beside
 
 
 @pytest.fixture(scope="module")

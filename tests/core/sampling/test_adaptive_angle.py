@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.sampling.adaptive_angle import AngularGrid, adaptive_steps, spread_grid, windows
 from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError, run
-from prt_core.progress import Pace
+from prt_core.runtime.progress import Pace
 from prt_core.sampling import AgreementSettings, refine_agreement, sample_agreement
 from prt_core.sampling.neighbours import Neighbours, surface_levels
 from prt_core.sampling.tracer import count_bits

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core.errors import PRTError
-from prt_core.progress import Pace, run
+from prt_core.runtime.progress import Pace, run
 from prt_core.sampling import sampler_named
 from prt_core.sampling.adaptive_angle import AngularGrid
 from prt_core.sampling.dense import dense_steps, local_rank, sketch_matrix

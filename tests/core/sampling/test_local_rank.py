@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.sampling.adaptive_angle import AdaptiveRows, AngularGrid
 from prt_core.sampling.dense import (
     DensePoints,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.linear_model import Lasso
 
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.sampling.adaptive_angle import AngularGrid, adaptive_steps, windows
 from prt_core.sampling.huang import HuangSettings, sample_huang
 from prt_core.sampling.rivals import wang_columns

@@ -5,7 +5,7 @@ import pytest
 
 from prt_core.errors import PRTError
 from prt_core.scene import Mesh, Scene
-from prt_core.scene.refine import lattice_coordinates, lattice_index, lattice_of_hits, lattice_size
+from prt_core.scene.lattice import lattice_coordinates, lattice_index, lattice_of_hits, lattice_size
 
 
 def quad(name="floor", origin=(-2, -2, 0), x=(4, 0, 0), y=(0, 4, 0), albedo=0.5, **options):

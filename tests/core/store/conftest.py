@@ -23,7 +23,7 @@ WORLD = np.random.default_rng(3).random((96, 3)).astype(np.float32)
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
+    monkeypatch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", 64)
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +52,7 @@ def finished(scene, tmp_path_factory):
 def bake_in_small_blocks(scene, path, settings):
     """For fixtures that are made before those of a test."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["prt_core.bake_visibility"], "BLOCK", 64)
+        patch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", 64)
         run(bake_steps(scene, path, settings, LAMPS, WORLD))
 
 

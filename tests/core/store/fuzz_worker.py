@@ -15,10 +15,10 @@ import traceback
 import numpy as np
 
 from prt_core import BakeSettings, PRTError, bake_steps, compress_bake, load, run
+from prt_core.bake.compress import standing_lights
 from prt_core.cli import main
-from prt_core.compressed import standing_lights
-from prt_core.machine import peak_bytes, reset_peak
-from prt_core.relighter import Relighter
+from prt_core.relight.relighter import Relighter
+from prt_core.runtime.machine import peak_bytes, reset_peak
 from tests.core.store.conftest import LAMPS
 from tests.meshes import ball_on_paint
 
@@ -41,7 +41,7 @@ def world():
 
 
 def small_blocks():
-    sys.modules["prt_core.bake_visibility"].BLOCK = BLOCK
+    sys.modules["prt_core.bake.visibility"].BLOCK = BLOCK
     sys.modules["prt_core.store.journal"].CHUNK = 4096
 
 

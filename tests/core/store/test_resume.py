@@ -238,7 +238,7 @@ def test_what_was_baked_of_other_details_is_baked_again(
     scene, baked, finished, counted, tmp_path, monkeypatch, finish
 ):
     """Another caster, or another version, may find others where those stored are damaged."""
-    bake = sys.modules["prt_core.bake"]
+    bake = sys.modules["prt_core.bake.steps"]
 
     def other(scene, caster, seed, steps=bake.detail_steps):
         return steps(scene, caster, seed + 1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.sampling import CertificateSettings, Sampled, certificate_steps
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap

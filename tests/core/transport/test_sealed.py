@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.progress import run
+from prt_core.runtime.progress import run
 from prt_core.scene import Mesh, Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport import (

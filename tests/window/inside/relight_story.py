@@ -97,7 +97,7 @@ def from_api():
     import prt_core
     from prt_core.blender.lamps import read_lamps
     from prt_core.blender.world import read_environment
-    from prt_core.relighter import Relighter
+    from prt_core.relight.relighter import Relighter
     from prt_core.sphere import rotation_matrix
 
     scene = bpy.context.scene

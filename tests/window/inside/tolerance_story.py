@@ -15,7 +15,7 @@ def story(hand, report):
     floor_with("subdivided", "instanced", "shared")
     bpy.context.scene.prt.tolerance, bpy.context.scene.prt.method = 0.001, "exhaustive"
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "room.blend"))
-    sys.modules["prt_core.bake_bounces"].MOST_ROUNDS = 2
+    sys.modules["prt_core.bake.bounces"].MOST_ROUNDS = 2
     yield from to_panel(hand)
     yield from press(hand, "prt.bake", status)
     report["baked"] = said()

@@ -1,0 +1,241 @@
+"""The bounce stage of a bake: rounds of gather rays until two halves of them agree."""
+
+import os
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from prt_core.bake import visibility
+from prt_core.bake.visibility import add_seconds, blocks
+from prt_core.runtime.progress import Progress
+from prt_core.runtime.threads import on_all_cores
+from prt_core.sampling.dilate import dilate
+from prt_core.store import damage_said
+from prt_core.transport import Sharing, all_bounces, gather_operator, gather_parts
+from prt_core.transport.gather import ROUND
+from prt_core.transport.visibility import received_light
+
+MOST_ROUNDS = 64
+# Rays of all points together at most: what K holds of them has to fit into memory.
+_MOST_RAYS = 1 << 31
+# Blocks worked on together for each core, where rays are cast by one thread.
+_TOGETHER = 4
+# Figures of a block and round, before those of objects.
+_COUNTS = 3
+
+
+@dataclass(frozen=True)
+class Bounced:
+    """What the rays of the bounces came to.
+
+    Attributes
+    ----------
+    rays, short_rays : int
+        From the points; and from what they met, to see who may share it.
+    rounds : int
+        0 where bounces are too weak to matter.
+    error : float or None
+    hidden : float
+        Share of the rays that met a place which sees none of its bake points.
+    backs : (n_objects,) int64
+        Hits on backs that return no light.
+    skipped : dict
+        What was not done because the scene does not need it.
+    """
+
+    rays: int = 0
+    short_rays: int = 0
+    rounds: int = 0
+    error: float | None = None
+    hidden: float = 0.0
+    backs: np.ndarray = ()
+    skipped: dict = field(default_factory=dict)
+
+
+def bounce_steps(store, scene, cube_map, caster, settings, seconds):
+    """Gather rays of a scene into a store; yields `Progress`.
+
+    Returns
+    -------
+    Bounced
+    """
+    n_points = len(scene.points)
+    parts = blocks(n_points)
+    start = time.perf_counter()
+    probes = yield from _probe_light(store, scene, cube_map, parts)
+    add_seconds(seconds, "error", time.perf_counter() - start)
+    # What nothing can be in front of gathers nothing.
+    spared = scene.open_points
+    skipped = {"gather_open_points": int(spared.sum())}
+    points = scene.points
+    bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
+    if bound <= settings.tolerance / 2:
+        skipped["bounces_below"] = bound
+        for name in ("gather", "gather_rays", "blocked"):
+            store.remove(name)
+        store.update(rounds=0)
+        return Bounced(error=bound, skipped=skipped)
+    # Of an even sky a point receives what is not blocked.
+    blocked = np.clip(1 - probes[:, 0], 0, 1)
+    store.keep("blocked", blocked)
+    shape, chunks = (n_points, MOST_ROUNDS * ROUND), (visibility.BLOCK, ROUND)
+    hits = store.create("gather", shape, "int32", chunks)
+    # Of each block and round the rays, those cast from their hits, hits on hidden places, and on
+    # backs by object.
+    table = (MOST_ROUNDS, len(parts), _COUNTS + len(scene.objects))
+    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]))
+    rounds, error, most = 0, np.inf, most_rounds(n_points)
+    clear, sharing = _Clear(store.array("visibility"), cube_map), Sharing(scene)
+
+    def write(job):
+        (index, turn), one = job
+        counts[turn, index] = [one.n_rays, one.n_short, one.n_hidden, *one.n_back]
+        hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+
+    def is_done(index, turn):
+        rays = slice(turn * ROUND, (turn + 1) * ROUND)
+        return hits.holds(parts[index], rays) and counts.holds(turn, index)
+
+    group = caster.threads if caster.threads > 1 else _TOGETHER * (os.cpu_count() or 1)
+    while rounds < most and error > settings.tolerance:
+        turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
+        rounds = turns.stop
+        yield Progress("gather", 0, n_points)
+        for first in range(0, len(parts), group):
+            some = range(first, min(first + group, len(parts)))
+            todo = [(i, turn) for i in some for turn in turns if not is_done(i, turn)]
+            if todo:
+                start = time.perf_counter()
+                jobs = [(parts[index], turn) for index, turn in todo]
+                found = gather_parts(scene, caster, jobs, settings.seed, spared, clear, sharing)
+                on_all_cores(write, zip(todo, found, strict=True))
+                add_seconds(seconds, "gather", time.perf_counter() - start)
+            yield Progress("gather", parts[some[-1]].stop, n_points)
+        start = time.perf_counter()
+        with damage_said(store.path, "'gather'"):
+            error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
+        yield Progress("bounces", n_points, n_points)
+        add_seconds(seconds, "error", time.perf_counter() - start)
+    # What is left of rounds that were not needed goes, so that both arrays are whole.
+    store.create("gather", (n_points, rounds * ROUND), "int32", chunks)
+    store.create("gather_rays", (rounds, *table[1:]), "int64", (1, 1, table[2]))
+    store.update(rounds=rounds, seconds=seconds)
+    cast, short, hidden, *backs = counts[:rounds].sum(axis=(0, 1)).tolist()
+    skipped["gather_rays"] = n_points * rounds * ROUND - cast
+    share = hidden / max(cast, 1)
+    return Bounced(cast, short, rounds, float(error), share, np.array(backs), skipped)
+
+
+def most_rounds(n_points):
+    """Rounds of rays that the bounces may take."""
+    return min(MOST_ROUNDS, max(2, _MOST_RAYS // (max(n_points, 1) * ROUND) // 2 * 2))
+
+
+def _next_rounds(rounds, error, tolerance, most):
+    """Rounds after which the error should be within the tolerance.
+
+    Errors of rays in a Sobol sequence fall with the 0.7th to 0.75th power of their number.
+    """
+    if not rounds:
+        return 2
+    wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** (1 / 0.7) / 2))
+    return min(max(wanted, rounds + 2), most)
+
+
+class _Clear:
+    """Rays of points that the visibility says will meet nothing, nor any beside them.
+
+    Parameters
+    ----------
+    bits : array of (n_points, n_bytes) uint8
+    cube_map : CubeMap
+    """
+
+    def __init__(self, bits, cube_map):
+        self._bits, self._cube_map = bits, cube_map
+
+    def __call__(self, points, directions):
+        near = dilate(~self._bits[points], self._cube_map.resolution)
+        texel = self._cube_map.texel_along(*np.moveaxis(directions, -1, 0))
+        byte = (texel >> 3) + near.shape[1] * np.arange(len(near))[:, None]
+        return near.take(byte) >> (texel & 7).astype(np.uint8) & 1 == 0
+
+
+def _most_bounced(albedo, probes, spared):
+    """An upper bound of the share that all bounces add under the probe lights.
+
+    What a point does not see of an even sky it sees of the scene, at most; no point sends out
+    more than the brightest, and all bounces together are a geometric series.
+    """
+    reflects = albedo.max(axis=1).astype(np.float64)
+    gathers = reflects * np.clip(1 - probes[:, 0].astype(np.float64), 0, 1)
+    gathers[spared] = 0
+    direct = reflects[:, None] * probes
+    size = np.sqrt((direct**2).sum(axis=0))
+    lit = size > 0
+    if not lit.any() or gathers.max() >= 1:
+        return 0.0 if not lit.any() else np.inf
+    brightest = direct.max(axis=0) / (1 - gathers.max())
+    return float((np.sqrt((gathers**2).sum()) * brightest[lit] / size[lit]).max())
+
+
+def _probe_light(store, scene, cube_map, parts):
+    """(n_points, 3) received light of an even sky, a low and a high lamp-like sky."""
+    directions = cube_map.directions
+    towards = np.array([[0.8, 0.3, 0.52], [-0.5, -0.7, 0.51]])
+    light = np.ones((cube_map.n_directions, 3), np.float32)
+    light[:, 1:] = np.exp(12 * (directions @ towards.T - 1))
+    bits = store.array("visibility")
+    received = []
+    for block in parts:
+        normals = scene.points.normals[block]
+        received.append(received_light(bits[block], normals, cube_map, light))
+        yield Progress("bounces", block.stop, len(scene.points))
+    return np.concatenate(received)
+
+
+def _bounce_error(hits, scene, rounds, probes, blocked, settings):
+    """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
+    halves = []
+    albedo, mean = (
+        x.mean(axis=1, keepdims=True) for x in (scene.points.albedo, scene.points.mean_albedo)
+    )
+    for half in (0, 1):
+        operator = read_gather(hits, range(half, rounds, 2), blocked)
+        halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0])
+        del operator
+    seen = scene.points.visible
+    if not seen.any():
+        seen = ~seen
+    first, second = (half[seen].astype(np.float64) for half in halves)
+    spread = np.sqrt(((first - second) ** 2).sum(axis=0)) / 2
+    size = np.sqrt((((first + second) / 2) ** 2).sum(axis=0))
+    return float((spread / np.maximum(size, 1e-30)).max()) if size.any() else 0.0
+
+
+def read_gather(hits, rounds, blocked):
+    """K (CSR float32) from the stored hits of some rounds, block by block.
+
+    Parameters
+    ----------
+    hits : array of (n_points, MOST_ROUNDS * ROUND) int32
+    rounds : iterable of int
+    blocked : (n_points,) float32
+        See `gather_operator`.
+
+    Raises
+    ------
+    PRTError
+        A hit names a point that does not exist, or stands for a ray that was not cast.
+    """
+    rounds, n_points = list(rounds), len(blocked)
+
+    def one(block):
+        chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
+        chunk = chunk[:, rounds].reshape(len(chunk), -1)
+        return gather_operator(chunk, n_points, blocked[block])
+
+    parts = on_all_cores(one, blocks(n_points))
+    return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]

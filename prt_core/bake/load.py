@@ -1,0 +1,78 @@
+"""A finished bake back into memory, checked: digests of all that is read, and every range."""
+
+from dataclasses import asdict
+
+from prt_core.bake.bounces import MOST_ROUNDS, read_gather
+from prt_core.bake.lights import read_lights
+from prt_core.bake.steps import Bake, BakeSettings
+from prt_core.errors import expect, expect_path
+from prt_core.sphere import CubeMap
+from prt_core.store import BakeStore, damage_said, read_scene
+from prt_core.transport import Transport
+from prt_core.transport.gather import ROUND
+
+
+def load(path):
+    """Read a finished bake.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Bake
+
+    Raises
+    ------
+    PRTError
+        Not there, not finished, damaged, foreign, or of another version.
+    """
+    path = expect_path("bake", path)
+    store = BakeStore(path)
+    facts = store.facts
+    expect(
+        store.is_complete,
+        f"{path}: the bake is not finished; run the same 'prt bake' again and it goes on",
+    )
+    scene = read_scene(store)
+    with damage_said(path):
+        settings = BakeSettings(**facts["settings"])
+        cube_map = CubeMap(settings.resolution)
+        rounds, report = facts.get("rounds", 0), facts["report"]
+        expect(
+            type(rounds) is int and 0 <= rounds <= MOST_ROUNDS and isinstance(report, dict),
+            "the number of its rounds or its report is damaged",
+        )
+    lamps, world, camera, source, origin = read_lights(store, cube_map)
+    points = scene.points
+    n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
+    bits = store.read("visibility", (n_points, n_bytes), "uint8")
+    transport = Transport(
+        cube_map,
+        bits,
+        _read_gather(store, n_points, rounds) if rounds else None,
+        points.normals,
+        points.albedo,
+        min(settings.tolerance / 5, 1e-3),
+        settings.bounces,
+        None if (points.mean_albedo == points.albedo).all() else points.mean_albedo,
+    )
+    parts = lamps, world, camera, asdict(settings), report, source, path, origin
+    return Bake(scene, transport, *parts)
+
+
+def _read_gather(store, n_points, rounds):
+    """K, read block by block: its rays take more memory than it does."""
+    blocked = store.read("blocked", (n_points,), "float32")
+    expect(
+        bool(((blocked >= 0) & (blocked <= 1)).all()),
+        f"{store.path}: 'blocked' is out of range; the bake is damaged",
+    )
+    hits = store.array("gather")
+    store.expect_shape(hits, (n_points, rounds * ROUND), "int32")
+    hits.expect_whole()
+    with damage_said(store.path, "'gather'"):
+        gather = read_gather(hits, range(rounds), blocked)
+    store.expect_sealed(hits)
+    return gather

@@ -1,0 +1,117 @@
+"""The report of a bake: what it holds, what it cost, how near it is, what to know of it."""
+
+import os
+import platform
+
+import numpy as np
+
+from prt_core.runtime.machine import peak_bytes
+from prt_core.transport.gather import ROUND
+from prt_core.version import __version__
+
+# Share of the bounce rays that may meet places without a bake point before it is said.
+_MANY_HIDDEN = 0.005
+_RAY_STAGES = "details", "visibility", "certificate", "gather"
+
+
+def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
+    """What a finished bake says of itself (see `bake_steps`).
+
+    Parameters
+    ----------
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : BakeSettings
+    seen : dict
+        What `visibility_steps` returns.
+    bounced : Bounced
+    seconds : dict of str -> float
+        By stage.
+    store : BakeStore
+
+    Returns
+    -------
+    dict
+    """
+    rounds, error = bounced.rounds, bounced.error
+    # The gravest first: of many lines a panel shows only the first ones.
+    messages = [*_missed(seen, bounced, settings.tolerance), *scene.messages]
+    for item, count in zip(scene.objects, bounced.backs, strict=False):
+        share = count / (len(scene.points) * rounds * ROUND)
+        if share > 0.02:
+            messages.append(
+                f"{item.name}: {share:.1%} of the bounce rays met its back, which "
+                f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
+            )
+    traced = sum(seconds.get(stage, 0) for stage in _RAY_STAGES)
+    by_kind = {
+        "rays_visibility": seen["rays"],
+        "rays_details": store.facts.get("rays_details", 0),
+        "rays_gather": bounced.rays,
+        "rays_short": bounced.short_rays,
+    }
+    rays = sum(by_kind.values())
+    met = seen["tolerance_met"] and (error is None or error <= settings.tolerance)
+    return {
+        "points": len(scene.points),
+        "hidden_points": int((~scene.points.visible).sum()),
+        "details": len(scene.details),
+        "triangles": len(scene.triangles),
+        "directions": cube_map.n_directions,
+        "back_end": caster.name,
+        "rays": rays,
+        **by_kind,
+        "rays_per_second": rays / max(traced, 1e-9),
+        "rays_a_point": rounds * ROUND,
+        "error": error,
+        "tolerance": settings.tolerance,
+        "tolerance_met": met,
+        "hidden_hits": bounced.hidden,
+        **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
+        "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
+        "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
+        "bytes": store.nbytes(),
+        "peak_bytes": peak_bytes(),
+        "cores": os.cpu_count(),
+        "versions": {
+            "prt_core": __version__,
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
+        "messages": messages,
+    }
+
+
+def _spared(scene, cube_map, seen):
+    """What was not done because the scene does not need it."""
+    found = {}
+    facts = seen["sampling"]
+    if facts:
+        found["visibility_rays"] = facts["hemisphere_entries"] - seen["rays"]
+        found["open_points"] = facts.get("open_points", 0)
+    albedo = np.hstack([scene.points.albedo, scene.points.mean_albedo])
+    if (albedo.reshape(-1, 2, 3) == albedo.reshape(-1, 2, 3)[..., :1]).all():
+        found["grey"] = True
+    return found
+
+
+def _missed(seen, bounced, tolerance):
+    """What is not as it was asked for, in a line each."""
+    if not seen["tolerance_met"]:
+        yield (
+            f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
+            f"than the tolerance of {tolerance:.2%}; bake with --method exhaustive"
+        )
+    if bounced.error is not None and bounced.error > tolerance:
+        yield (
+            f"the bounces may be {bounced.error:.2%} off in relit colours, more than the "
+            f"tolerance of {tolerance:.2%}, with the most rays that are cast "
+            f"({bounced.rounds * ROUND} a point); light reaches this scene through little of what "
+            "its points see"
+        )
+    if bounced.hidden > _MANY_HIDDEN:
+        yield (
+            f"{bounced.hidden:.1%} of the bounce rays met places that none of their bake points "
+            "sees, and were taken as dark; make the faces there smaller"
+        )

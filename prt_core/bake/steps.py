@@ -1,0 +1,310 @@
+"""The bake: visibility and gather rays of a scene, block by block into a store."""
+
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from prt_core.bake.bounces import Bounced, bounce_steps
+from prt_core.bake.inputs import expect_bake_input, unless_begun
+from prt_core.bake.lights import keep_lights, light_facts
+from prt_core.bake.report import bake_report
+from prt_core.bake.visibility import expect_method, visibility_steps
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_kind,
+    expect_number,
+    expect_seed,
+    expect_whole,
+    system_errors,
+)
+from prt_core.rays import RelayCaster
+from prt_core.runtime.progress import STOP, Errands, Progress, steps_beside
+from prt_core.scene import Scene, with_details
+from prt_core.sphere import CubeMap
+from prt_core.store import (
+    begin_bake,
+    check_scene,
+    damage_said,
+    finish_bake,
+    read_details,
+    write_scene,
+)
+from prt_core.transport import Transport, detail_steps
+
+
+@dataclass(frozen=True)
+class BakeSettings:
+    """What a bake depends on besides the scene.
+
+    Parameters
+    ----------
+    resolution : int
+        Texels along an edge of the cube map.
+    bounces : int or None
+        None: all that matter; 0: direct light only.
+    tolerance : float
+        Relative error of the relit colours that the bounces may have, and that the visibility may
+        have where it is sampled.
+    caster : str
+        `auto`, `blender`, `bvhtree`, `embree` or `brute`.
+    seed : int
+    method : str
+        Which entries are traced: `exhaustive` (all), `agreement`, another registered sampler, or
+        `auto`: the cheapest that meets the tolerance.
+    """
+
+    resolution: int = 32
+    bounces: int | None = None
+    tolerance: float = 1e-2
+    caster: str = "auto"
+    seed: int = 0
+    method: str = "auto"
+
+    def __post_init__(self):
+        CubeMap(self.resolution)
+        expect_method(self.method)
+        if self.bounces is not None:
+            expect_whole("bounces", self.bounces, 0)
+        expect_number("tolerance", self.tolerance, above=0, below=1)
+        expect_seed(self.seed)
+        expect_kind("caster", self.caster, str, "the name of one")
+
+
+@dataclass
+class Bake:
+    """A bake in memory.
+
+    Attributes
+    ----------
+    scene : Scene
+    transport : Transport
+    lamps : list of Lamp
+        The lamps the scene had.
+    world : (n_directions, 3) float32, or None
+        The light of the scene's world, where it was understood.
+    camera : dict, or None
+    settings, report : dict
+    source : dict of str -> str
+        Digests of the meshes the bake was made from.
+    path : Path, or None
+        Where it was loaded from.
+    origin : dict of str -> str
+        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
+    """
+
+    scene: Scene
+    transport: Transport
+    lamps: list
+    world: np.ndarray | None
+    camera: dict | None
+    settings: dict
+    report: dict
+    source: dict = field(default_factory=dict)
+    path: Path | None = None
+    origin: dict = field(default_factory=dict)
+
+    @property
+    def cube_map(self):
+        return self.transport.cube_map
+
+    def make_caster(self, name="auto"):
+        """A ray caster over the bake's triangles, for lamps and pictures."""
+        return self.scene.make_caster(name)
+
+    def colours(self, radiance):
+        """Radiance of points as colours of corners.
+
+        Parameters
+        ----------
+        radiance : (n_points, 3) float32
+
+        Returns
+        -------
+        dict of str -> (n_corners, 3) float32
+            For each object that receives, in Blender's loop order; black for corners of faces
+            without area.
+        """
+        radiance = self._radiance(radiance)
+        return {
+            item.name: np.where(
+                item.corner_point[:, None] >= 0, radiance[item.corner_point], np.float32(0)
+            )
+            for item in self.scene.objects
+            if item.receives
+        }
+
+    def image(self, radiance):
+        """The image that was baked: (height, width, 3) float32, linear.
+
+        Parameters
+        ----------
+        radiance : (n_points, 3) float32
+
+        Raises
+        ------
+        PRTError
+            The bake has no image.
+        """
+        expect(
+            self.scene.image is not None,
+            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+        )
+        return self.scene.image.pixels(self._radiance(radiance))
+
+    def _radiance(self, radiance):
+        shape = self.transport.n_points, 3
+        return expect_array("radiance", radiance, shape, np.float32)
+
+
+def bake_steps(
+    scene,
+    path,
+    settings=None,
+    lamps=(),
+    world=None,
+    camera=None,
+    source=None,
+    restart=False,
+    pace=None,
+    lights=None,
+    origin=None,
+):
+    """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
+
+    A store that is there and unfinished is gone on with; a finished one of the same scene and
+    settings is left as it is.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : str or Path
+        `NAME.prt`, a folder.
+    settings : BakeSettings
+    lamps : sequence of Lamp, world : (n_directions, 3) float32, camera : dict
+        Kept with the bake for relighting and pictures.
+    source : dict of str -> str
+        Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
+    restart : bool or "changed"
+        Begin anew whatever is there; or only where that is of another scene or other settings.
+        What is there stays until the new bake is finished, which is made in `NAME.prt.restart`.
+    pace : float, optional
+        Seconds a step may take, for a user interface; then the work is done beside the caller, in
+        a thread, but for rays that only the caller may cast. Default: whole blocks. The result is
+        the same.
+    lights : dict of str -> (n_directions, 3) float32, optional
+        Under which the sampled visibility must be within the tolerance; default: an even sky and
+        two soft suns.
+    origin : dict of str -> str, optional
+        Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
+
+    Returns
+    -------
+    dict
+        The report: points, directions, back_end, rays, seconds by stage, bytes, peak_bytes,
+        error (of the bounces), method, entries_percent, certificate, visibility_error,
+        tolerance_met, skipped, messages.
+
+    Raises
+    ------
+    PRTError
+        The store belongs to another scene or other settings, or is no bake.
+    """
+    settings = BakeSettings() if settings is None else settings
+    expect_kind("settings", settings, BakeSettings)
+    cube_map = CubeMap(settings.resolution)
+    given = lamps, world, camera, source, restart, pace, lights, origin
+    world = expect_bake_input(scene, path, cube_map, *given)
+    made = []
+
+    def caster():
+        made.append(scene.make_caster(settings.caster))
+        return made[0]
+
+    parts = (lamps, world, camera, source, origin)
+    try:
+        with system_errors(path), unless_begun(path):
+            if pace is None:
+                return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
+            errands = Errands()
+
+            def relayed():
+                # Threaded rays are cast where the work is, and a stop waits for a part of them.
+                found = errands.call(caster)
+                return found if found.threads > 1 else RelayCaster(found, errands, pace)
+
+            work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
+            return (yield from steps_beside(work, errands, "scene"))
+    finally:
+        for item in made:
+            item.close()
+
+
+def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
+    """`bake_steps`, with a function that makes the caster once rays are needed."""
+    cube_map = CubeMap(settings.resolution)
+    check_scene(scene)
+    facts, world = light_facts(*parts)
+    identity = {
+        "scene": scene.fingerprint(),
+        **{k: v for k, v in asdict(settings).items() if k != "caster"},
+    }
+    yield Progress("scene", 0, 0)
+    store = begin_bake(path, identity, restart)
+    if store.is_complete:
+        if store.is_sound():
+            keep_lights(store, facts, world)
+            with damage_said(path):
+                return finish_bake(store, path).facts["report"]
+        # What is damaged is made again, as if the bake had been stopped before.
+        store.update(complete=False)
+    # A caster that cannot be made leaves no folder.
+    caster = new_caster()
+    went_on = "identity" in store.facts
+    if not went_on:
+        # Whose it is at once: one of an unknown file is never replaced unasked.
+        store.update(identity=identity, settings=asdict(settings), **facts)
+    with damage_said(path):
+        seconds = {
+            stage: expect_number(f"seconds of {stage}", value, least=0)
+            for stage, value in store.facts.get("seconds", {}).items()
+        }
+    scene = yield from _detailed(store, scene, caster, settings, seconds)
+    keep_lights(store, facts, world)
+    yield Progress("scene", 0, 0)
+    seen = yield from visibility_steps(
+        store, scene, cube_map, caster, settings, lights, seconds, pace
+    )
+    bounced = Bounced()
+    if settings.bounces != 0:
+        bounced = yield from bounce_steps(store, scene, cube_map, caster, settings, seconds)
+    with damage_said(path):
+        report = bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
+    if went_on:
+        report["messages"].append("the bake was stopped and went on: times are those since then")
+        # Some of the rays were cast before the clock was started.
+        report["rays_per_second"] = None
+    store.seal(report=report, seconds=seconds)
+    finish_bake(store, path)
+    return report
+
+
+def _detailed(store, scene, caster, settings, seconds):
+    """The scene with hidden points in gaps and rooms within a face, stored.
+
+    They are found by rays: what goes on takes those that it began with, where they are whole.
+    """
+    if settings.bounces != 0:
+        places = read_details(store, scene)
+        if places is None:
+            start = time.perf_counter()
+            scene, rays = yield from detail_steps(scene, caster, settings.seed)
+            seconds["details"] = time.perf_counter() - start
+            # What was baked of a scene with other details is no part of this bake any more.
+            store.update(details=scene.details.digest(), rays_details=rays)
+        else:
+            scene = with_details(scene, *places)
+    store.update(seconds=seconds, **write_scene(store, scene))
+    return scene

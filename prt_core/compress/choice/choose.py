@@ -1,0 +1,291 @@
+"""Which method, and which of its settings: tried on a sample of the points.
+
+Each method's ladder is bisected, on patches of neighbouring points or on an even sample, under a
+few lights, for the rung where it is near enough or too large or too slow for what was asked. A
+rung that fails is out of the race and says why; the others go on.
+"""
+
+import time
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from prt_core.compress.choice.methods import Task, method_named
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_all,
+    expect_kind,
+    expect_named,
+    expect_number,
+)
+from prt_core.light.environment import expect_radiance
+from prt_core.runtime.progress import Progress, beside
+
+_POINTS, _PATCHES, _FEW = 3072, 12, 64
+# Lights are timed so often; what is slower than this (ms) is not live.
+_REPEATS, _LIVE = 3, 33.0
+# The worst light may be so many times further off than all are in the mean.
+WORST = 2.0
+# So near a form must be under the few lights that choose: under all of them, at other rotations,
+# errors were up to a fifth larger.
+_SPARE = 0.8
+# Sizes and times of all points are told from a sample so far as to try what seems too much.
+_DOUBT = 1.25
+# How a candidate may fail without ending the choice.
+FAILURES = (PRTError, np.linalg.LinAlgError, MemoryError, ArithmeticError, OSError)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a compressed form has to keep.
+
+    Attributes
+    ----------
+    tolerance : float or None
+        Relative L2 of relit colours in the mean over lights; of the worst, twice that.
+    megabytes, milliseconds : float or None
+        Size of what relighting reads, and time of one new light.
+    """
+
+    tolerance: float | None = None
+    megabytes: float | None = None
+    milliseconds: float | None = None
+
+    def __post_init__(self):
+        for name, value in asdict(self).items():
+            if value is not None:
+                expect_number(name, value, above=0, below=1 if name == "tolerance" else None)
+        expect(any(value is not None for value in asdict(self).values()), "limits: give one")
+
+    def near(self, trial):
+        """Whether the tolerance will be kept; True where none was asked for."""
+        wanted = None if self.tolerance is None else _SPARE * self.tolerance
+        return wanted is None or (trial.error <= wanted and trial.worst <= WORST * wanted)
+
+    def excess(self, trial):
+        """How many times over the limits of size and time, 1 or less: within."""
+        parts = [(trial.megabytes, self.megabytes), (trial.milliseconds, self.milliseconds)]
+        return max((a / b for a, b in parts if b is not None), default=0.0)
+
+    def beyond(self, trials):
+        """What is said where none of these trials is within the limits of size and time."""
+        parts = []
+        for name, unit in (("megabytes", "MB"), ("milliseconds", "ms")):
+            limit = getattr(self, name)
+            if limit is not None:
+                least = min(trials, key=lambda trial, name=name: getattr(trial, name))
+                parts.append(
+                    f"{name}: {limit:g} cannot be kept; the least is {getattr(least, name):.3g} "
+                    f"{unit}, by {least.method} ({least.settings})"
+                )
+        both = " and not both at once" if len(parts) > 1 else ""
+        return f"{', '.join(parts)}{both}; ask for more. Nothing was stored"
+
+
+@dataclass
+class Trial:
+    """One rung on the sample; size and time are what all points would need.
+
+    Attributes
+    ----------
+    method, settings : str
+    rung : int
+    error, worst : float or None
+        Relative L2 of relit colours, in the mean over the lights and under the worst. These and
+        the following are None where it failed.
+    megabytes, milliseconds, seconds : float or None
+    failure : str
+        Why it is out of the race; empty where it is not.
+    """
+
+    method: str
+    settings: str
+    rung: int
+    error: float | None = None
+    worst: float | None = None
+    megabytes: float | None = None
+    milliseconds: float | None = None
+    seconds: float | None = None
+    failure: str = ""
+
+
+def choose_steps(task, names, limits, lights):
+    """Try methods on a sample; a generator of `Progress`.
+
+    Parameters
+    ----------
+    task : Task
+    names : sequence of str
+    limits : Limits
+    lights : dict of str -> (n_directions, 3) float32
+
+    Returns
+    -------
+    ranked : list of (Trial, str)
+        Those that may be taken, the best first, and in a few words why.
+    trials : list of Trial
+        All that was tried.
+
+    Raises
+    ------
+    PRTError
+        All failed, or none is within the limits of size and time: the message says what is the
+        least.
+    """
+    expect_kind("task", task, Task)
+    expect_kind("limits", limits, Limits)
+    names = expect_all("names", names, str, "methods' names")
+    expect(names, "names: expected at least one method")
+    lights = {
+        name: expect_radiance(f"lights: {name}", light, task.transport.cube_map)
+        for name, light in expect_named("lights", lights, object, "lights").items()
+    }
+    expect(lights, "lights: expected at least one")
+    yield from task.rows.prepare_steps()
+    truths = {}
+    for name, light in lights.items():
+        truths[name] = yield from beside("choice", task.transport.relight, light)
+    trials = []
+    for patches in (_PATCHES, None):
+        some = [n for n in names if method_named(n).local == (patches is not None)]
+        if some:
+            points = yield from beside("choice", task.sample, _POINTS, patches)
+            part, here = task.some(points), {n: truth[points] for n, truth in truths.items()}
+            for name in some:
+                try:
+                    trials += yield from _climb(task, part, name, limits, lights, here)
+                except FAILURES as error:
+                    trials.append(Trial(name, "", 0, failure=reason_of(error)))
+                yield Progress("choice", len({t.method for t in trials}), len(names))
+    good = [trial for trial in trials if not trial.failure]
+    expect(good, none_left(trials))
+    ranked = _ranked(good, limits)
+    expect(ranked, limits.beyond(good))
+    return ranked, trials
+
+
+def none_left(trials):
+    """What is said where all trials failed."""
+    reasons = {trial.method: trial.failure for trial in trials if trial.failure}
+    told = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
+    return f"method: none of {len(reasons)} can compress this bake. {told}"
+
+
+def reason_of(error):
+    """Why a candidate failed, on one line."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _climb(task, part, name, limits, lights, truths):
+    """Trials of one method: by bisection of its ladder, to the rung where a limit is crossed."""
+    method, trials = method_named(name), []
+    ladder, whole = method.ladder(part), method.ladder(task)
+    start = yield from _start(part, method, lights)
+    low, high = 0, len(ladder)
+    while low < high:
+        rung = (low + high) // 2
+        trial = Trial(name, describe(whole[rung]), rung)
+        try:
+            yield from _try(trial, ladder[rung], method, task, part, lights, truths, start)
+            near = limits.tolerance is not None and limits.near(trial)
+            enough = near or limits.excess(trial) > 1
+        except FAILURES as error:
+            trial.failure = reason_of(error)
+            # A nearer one needs more memory still; of other failures nobody knows.
+            enough = isinstance(error, MemoryError)
+        trials.append(trial)
+        low, high = (low, rung) if enough else (rung + 1, high)
+    return sorted(trials, key=lambda trial: trial.rung)
+
+
+def _try(trial, model, method, task, part, lights, truths, start):
+    """Fit a rung to the sample and fill in its `Trial`."""
+    began = time.perf_counter()
+    yield from model.fit_steps(part.rows)
+    trial.seconds = time.perf_counter() - began
+    quick = method.relighter(model, part.transport)
+    errors, spent = yield from beside("choice", relit, quick, lights, truths)
+    scale = task.n_points / part.n_points
+    trial.error, trial.worst = float(np.mean(errors)), max(errors)
+    trial.megabytes = method.size(model, task.n_points) / 1e6
+    trial.milliseconds = 1e3 * (start + max(spent - start, 0) * scale)
+
+
+def _start(part, method, lights):
+    """Seconds that a light costs however few the points are."""
+    few = part.some(np.arange(min(part.n_points, _FEW)))
+    failure = None
+    for model in method.ladder(few):
+        try:
+            yield from model.fit_steps(few.rows)
+        except FAILURES as error:
+            failure = error
+            continue
+        quick = method.relighter(model, few.transport)
+        return min((yield from beside("choice", _times, quick, lights)))
+    raise failure
+
+
+def relit(quick, lights, truths):
+    """Errors under each light, and the least time of one.
+
+    Raises
+    ------
+    PRTError
+        The colours are not finite.
+    """
+    errors = [relative_l2(quick.relight(light), truths[name]) for name, light in lights.items()]
+    bad = [name for name, error in zip(lights, errors, strict=True) if not np.isfinite(error)]
+    expect(not bad, f"its colours are not finite under {', '.join(bad)}")
+    return errors, min(_times(quick, lights))
+
+
+def _times(quick, lights):
+    """Seconds of each light, some of them again."""
+    spent = []
+    for _ in range(_REPEATS):
+        for light in lights.values():
+            start = time.perf_counter()
+            quick.relight(light)
+            spent.append(time.perf_counter() - start)
+    return spent
+
+
+def relative_l2(found, truth):
+    """Relative L2 distance, in float64."""
+    size = np.linalg.norm(np.asarray(truth, np.float64))
+    distance = np.linalg.norm(np.asarray(found, np.float64) - truth)
+    return float(distance / size) if size else float(distance > 0)
+
+
+def _ranked(trials, limits):
+    """Trials that may be within the limits with the reason to take each, the best first."""
+    within = [t for t in trials if limits.excess(t) <= 1]
+    good = [t for t in within if limits.tolerance is not None and limits.near(t)]
+    # By size: times differ from run to run, and the same seed is to choose the same.
+    live = [t for t in good if t.milliseconds <= _LIVE] or good
+    if good:
+        why = f"the smallest of {len(live)} that keep the tolerance at 30 frames a second"
+    elif limits.tolerance is not None:
+        why = "nothing tried keeps the tolerance; this is the nearest"
+    else:
+        why = f"the least error of {len(within)} within the limit"
+    first = sorted(live, key=lambda t: t.megabytes)
+    rest = sorted((t for t in within if t not in live), key=lambda t: t.error)
+    doubtful = sorted((t for t in trials if 1 < limits.excess(t) <= _DOUBT), key=limits.excess)
+    ranked = [*first, *rest, *doubtful]
+    return [(t, why if i == 0 else "the best that is left") for i, t in enumerate(ranked)]
+
+
+def describe(model):
+    """An estimator's settings that are not the default, and its main ones, in a few words."""
+    return ", ".join(f"{k}={_short(v)}" for k, v in model.get_params().items() if _plain(k, v))
+
+
+def _plain(key, value):
+    return key not in ("seed", "memory") and isinstance(value, int | float | str)
+
+
+def _short(value):
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

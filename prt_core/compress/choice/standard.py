@@ -1,0 +1,85 @@
+"""The methods of this library by name, each with its ladder from small to near."""
+
+from prt_core.basis import PointMultiwavelet
+from prt_core.compress.choice.methods import Method, register_method
+from prt_core.compress.clusters.clustered_pca import ClusteredPCA
+from prt_core.compress.clusters.pca import PCA
+from prt_core.compress.clusters.realtime import ClusterRelighter
+from prt_core.compress.clusters.seams import neighbour_pairs
+from prt_core.compress.clusters.vq import VectorQuantisation
+from prt_core.compress.harmonics import Harmonics
+from prt_core.compress.wavelets.haar_lighting import HaarLighting
+from prt_core.compress.wavelets.wavelet4d import Wavelet4D
+
+# Components, and points a cluster has on average: 24 components of 1,000 points are nearer, smaller
+# and faster than 12 to 16 components of 400.
+_CLUSTERED = ((2, 1000), (4, 700), (8, 500), (24, 1000), (24, 350), (40, 300), (64, 250))
+_COMPONENTS = (8, 16, 32, 64, 96, 128, 192, 256)
+_POINTS_A_VECTOR = (120, 30, 10)
+# Terms of the light, and the quantisation step.
+_HAAR = ((32, 1 / 64), (256, 1 / 254), (2048, 1 / 1022))
+_ORDERS = (3, 5, 10)
+# Error of the matrix, and bits of a coefficient.
+_WAVELETS = ((0.3, 7), (0.2, 7), (0.1, 7), (0.05, 7), (0.02, 8), (0.01, 9), (0.005, 9))
+
+
+def _clustered(task):
+    return [
+        ClusteredPCA(max(1, round(task.n_points / points)), components, seed=task.seed)
+        for components, points in _CLUSTERED
+    ]
+
+
+def _vectors(task):
+    return [
+        VectorQuantisation(max(1, round(task.n_points / points)), seed=task.seed)
+        for points in _POINTS_A_VECTOR
+    ]
+
+
+def _wavelets(task):
+    columns = PointMultiwavelet(task.positions, task.normals, task.groups)
+    return [Wavelet4D(columns, error=error, bits=bits, seed=task.seed) for error, bits in _WAVELETS]
+
+
+def _one_basis(model, n_points):
+    """The mean and the basis are there once, the weights for each point."""
+    basis = sum(a.mean.nbytes + a.basis.nbytes for a in model.affine_)
+    each = (model.nbytes - basis) / model.n_points_
+    return basis + each * n_points
+
+
+def _blend(model, task):
+    pairs = neighbour_pairs(task.positions, task.normals, task.groups)
+    model.blend_borders(task.rows, pairs)
+
+
+register_method(Method("cpca", ClusteredPCA, _clustered, ClusterRelighter, _blend))
+register_method(
+    Method(
+        "pca",
+        PCA,
+        lambda task: [PCA(n) for n in _COMPONENTS],
+        ClusterRelighter,
+        local=False,
+        size=_one_basis,
+    )
+)
+register_method(Method("vq", VectorQuantisation, _vectors, ClusterRelighter))
+register_method(
+    Method(
+        "haar",
+        HaarLighting,
+        lambda task: [HaarLighting(terms, step=step) for terms, step in _HAAR],
+        local=False,
+    )
+)
+register_method(Method("wavelet4d", Wavelet4D, _wavelets))
+register_method(
+    Method(
+        "harmonics",
+        Harmonics,
+        lambda task: [Harmonics(order) for order in _ORDERS],
+        local=False,
+    )
+)

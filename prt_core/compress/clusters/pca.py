@@ -1,0 +1,61 @@
+"""Principal component analysis of the whole matrix, and of its blocks."""
+
+import numpy as np
+
+from prt_core.compress.clusters.clusters import ClusterCompressor, expect_tolerance
+from prt_core.errors import expect, expect_pair, expect_whole
+
+
+class PCA(ClusterCompressor):
+    """The truncated SVD of all rows about their mean.
+
+    Light transport is not globally of low rank: the yardstick for the local methods.
+
+    Parameters
+    ----------
+    n_components : int
+    tolerance : float, optional
+        Relative L2 of the matrix: fewer components where they suffice.
+    """
+
+    def __init__(self, n_components=24, tolerance=None):
+        self.n_components = n_components
+        self.tolerance = tolerance
+
+    def fit_steps(self, rows):
+        rank = expect_whole("n_components", self.n_components, 0)
+        labels = np.zeros(rows.n_points, np.int32)
+        return self._fit_clusters(rows, labels, rank, expect_tolerance(self.tolerance))
+
+
+class BlockPCA(ClusterCompressor):
+    """PCA of square blocks of an image's points (Krivanek 2011, after Nayar et al. 2004).
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the image whose pixels the points are, in reading order.
+    size : int
+        Pixels along a block's edge.
+    n_components : int
+    tolerance : float, optional
+        Relative L2 of the matrix.
+    """
+
+    def __init__(self, shape, size=16, n_components=24, tolerance=None):
+        self.shape = shape
+        self.size = size
+        self.n_components = n_components
+        self.tolerance = tolerance
+
+    def fit_steps(self, rows):
+        height, width = expect_pair("shape", self.shape)
+        size = expect_whole("size", self.size, 1)
+        expect(
+            height * width == rows.n_points,
+            f"shape: {height} x {width} pixels are not the {rows.n_points} points of the rows",
+        )
+        row, column = np.divmod(np.arange(height * width), width)
+        labels = row // size * -(-width // size) + column // size
+        rank = expect_whole("n_components", self.n_components, 0)
+        return self._fit_clusters(rows, labels, rank, expect_tolerance(self.tolerance))

@@ -1,0 +1,80 @@
+"""Rows of the pixels of an image whose points were baked."""
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from prt_core.compress.rows.rows import Rows
+from prt_core.compress.wavelets.haar_lighting import OPPONENTS
+from prt_core.errors import expect
+
+
+class ImageRows(Rows):
+    """The mean of the points of each pixel, albedo included; black pixels are rows of zeros.
+
+    Features are means of the points' features, which are thinner than rows. What is the same in
+    several channels of the points' rows need not be so for a pixel, whose points differ in albedo:
+    each group of theirs is one for luminance here and two for differences of channels.
+
+    Parameters
+    ----------
+    rows : Rows
+        Of all points.
+    image : PointImage
+    """
+
+    def __init__(self, rows, image):
+        expect(image is not None, "image: the bake holds none")
+        self.rows, self.image = rows, image
+        self.n_points, self.n_directions = image.height * image.width, rows.n_directions
+        self.n_channels, self.resolution = rows.n_channels, rows.resolution
+        self._starts = np.searchsorted(image.pixel, np.arange(self.n_points + 1))
+        gain = rows.gain
+        if gain is None:
+            gain = np.ones((image.point.max(initial=-1) + 1, rows.n_channels), np.float32)
+        self._gains = gain
+        self._grey = bool((gain == gain[:, :1]).all())
+
+    def prepare_steps(self):
+        """See `TransportRows.prepare_steps`."""
+        if hasattr(self.rows, "prepare_steps"):
+            yield from self.rows.prepare_steps()
+        return self
+
+    @cached_property
+    def _groups(self):
+        """Of each group: a slice of the points' features, shares of their gains, the group."""
+        found = []
+        mixed = OPPONENTS if self.n_channels == 3 else np.eye(self.n_channels)
+        for group, part in zip(self.rows.code.groups, self.rows.code.slices, strict=True):
+            if self._grey:
+                found.append((part, np.eye(self.n_channels)[0], group))
+                continue
+            for shares in mixed:
+                found.append((part, shares * group.shares, replace(group, shares=tuple(shares))))
+        return found
+
+    @cached_property
+    def code(self):
+        return replace(self.rows.code, groups=tuple(group for *_, group in self._groups))
+
+    def features(self, points):
+        starts, counts = self._starts[points], np.diff(self._starts)[points]
+        ends = np.cumsum(counts)
+        entries = np.arange(counts.sum()) + np.repeat(starts - ends + counts, counts)
+        result = np.zeros((len(points), self.code.n_features), np.float32)
+        if not len(entries):
+            return result
+        shown, place = np.unique(self.image.point[entries], return_inverse=True)
+        made = self.rows.features(shown)
+        pixel = np.repeat(np.arange(len(points)), counts)
+        shape = len(points), len(shown)
+        for (part, shares, _), own in zip(self._groups, self.code.slices, strict=True):
+            weights = self._gains[shown[place]] @ (shares / self.image.samples).astype(np.float32)
+            result[:, own] = sp.csr_matrix((weights, (pixel, place)), shape=shape) @ made[:, part]
+        return result
+
+    def block(self, points):
+        return self.code.decode(self.features(points))

@@ -1,0 +1,52 @@
+"""Rows as wavelets over directions, of luminance and differences instead of channels."""
+
+import numpy as np
+
+from prt_core.basis import haar_rows, wavelet_rows
+from prt_core.compress.wavelets.haar_lighting import OPPONENTS
+
+
+def mixed_wavelets(rows, wavelet):
+    """How rows become wavelets of mixed channels: luminance and differences.
+
+    Returns
+    -------
+    mixed : (k, n_channels) float32
+        Orthonormal; channels that no row has are left out.
+    encode : callable
+        (n,) int points to (n, k n_directions) float32.
+    """
+    code = rows.code
+    every = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+    shares = every @ np.array([group.shares for group in code.groups]).T
+    shares[np.abs(shares) < 1e-9] = 0
+    used = shares.any(axis=1)
+    mixed, shares = every[used].astype(np.float32), shares[used].astype(np.float32)
+
+    def convert(coded):
+        plain = coded if code.scale is None else coded / code.scale
+        if wavelet == "haar":
+            return plain
+        return wavelet_rows(
+            haar_rows(plain, rows.resolution, inverse=True), rows.resolution, wavelet
+        )
+
+    bases = [None if group.basis is None else convert(group.basis) for group in code.groups]
+
+    def encode(points):
+        features = rows.features(points)
+        # The background of a picture is often most of it.
+        lit = features.any(axis=1)
+        made = np.zeros((np.count_nonzero(lit), len(mixed), rows.n_directions), np.float32)
+        features = features if lit.all() else features[lit]
+        for part, basis, share in zip(code.slices, bases, shares.T, strict=True):
+            coded = convert(features[:, part]) if basis is None else features[:, part] @ basis
+            for channel in np.flatnonzero(share):
+                made[:, channel] += share[channel] * coded
+        if lit.all():
+            return made.reshape(len(points), -1)
+        result = np.zeros((len(points), *made.shape[1:]), np.float32)
+        result[lit] = made
+        return result.reshape(len(points), -1)
+
+    return mixed, encode

@@ -1,0 +1,1 @@
+"""The measuring of ray casters, samplers and compressors, and its reports."""

@@ -1,0 +1,5 @@
+"""One bake under changing light."""
+
+from prt_core.relight.relighter import Relighter
+
+__all__ = ["Relighter"]

@@ -1,0 +1,27 @@
+"""Images whose pixels are bake points: of a camera, or of a surface laid out flat."""
+
+from prt_core.scene.images.geometry_images import (
+    PARAMETRISATIONS,
+    Layout,
+    geometry_layout,
+    with_geometry_image,
+)
+from prt_core.scene.images.point_images import (
+    PointImage,
+    camera_rays,
+    expect_camera,
+    surface_points,
+    with_camera_image,
+)
+
+__all__ = [
+    "Layout",
+    "PARAMETRISATIONS",
+    "PointImage",
+    "camera_rays",
+    "expect_camera",
+    "geometry_layout",
+    "surface_points",
+    "with_camera_image",
+    "with_geometry_image",
+]

@@ -1,0 +1,211 @@
+"""Images whose pixels are bake points, and what a fixed camera sees as one of them.
+
+Such points receive light and bounce none: rays end at the points of the meshes, so the bake goes
+on as ever. A pixel is the mean of its points, which smooths its edges.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_caster,
+    expect_number,
+    expect_offers,
+    expect_whole,
+    shown,
+)
+from prt_core.runtime.machine import expect_memory
+from prt_core.scene.points import BakePoints, joined
+
+_BATCH = 1 << 20
+
+
+@dataclass(frozen=True)
+class PointImage:
+    """Which points each pixel shows.
+
+    Attributes
+    ----------
+    height, width : int
+    samples : int
+        Points of a whole pixel; where fewer meet the scene the rest is black.
+    pixel : (m,) int32
+        In reading order, sorted.
+    point : (m,) int32
+        A bake point that `pixel` shows.
+    """
+
+    height: int
+    width: int
+    samples: int
+    pixel: np.ndarray
+    point: np.ndarray
+
+    def pixels(self, radiance):
+        """(height, width, n_channels) float32 from the radiance (n_points, n_channels)."""
+        result = np.empty((self.height * self.width, radiance.shape[1]), np.float32)
+        for channel, values in enumerate(radiance.T):
+            sums = np.bincount(self.pixel, values[self.point], len(result))
+            result[:, channel] = sums / self.samples
+        return result.reshape(self.height, self.width, -1)
+
+
+def camera_rays(camera, width, height, samples):
+    """Directions through the pixels of a view.
+
+    Parameters
+    ----------
+    camera : dict
+        `matrix` (4 x 4, camera to world) and `tangent` of half the wider angle.
+    width, height : int
+    samples : int
+        Along each side of a pixel.
+
+    Returns
+    -------
+    (height * samples * width * samples, 3) float64
+        Unit vectors in world axes, in reading order of the samples.
+    """
+    expect_camera(camera)
+    width, height = (expect_whole("image", side, 1) for side in (width, height))
+    samples = expect_whole("samples", samples, 1)
+    # Twelve numbers of float64 for each ray while they are made.
+    expect_memory(
+        f"image: {width} x {height} pixels", 100.0 * width * height * samples**2, "take fewer"
+    )
+    step = 2 * camera["tangent"] / max(width, height)
+    x = (np.arange(width * samples) + 0.5) / samples - width / 2
+    y = height / 2 - (np.arange(height * samples) + 0.5) / samples
+    x, y = np.meshgrid(x * step, y * step)
+    local = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3)
+    matrix = np.asarray(camera["matrix"], np.float64)
+    directions = local @ (matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)).T
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def with_camera_image(scene, caster, camera, width, height, samples=2):
+    """The scene with a bake point wherever a camera's rays meet it.
+
+    Parameters
+    ----------
+    scene : Scene
+    caster : RayCaster
+        Of its triangles.
+    camera : dict
+        See `camera_rays`.
+    width, height : int
+    samples : int
+        Along each side of a pixel.
+
+    Returns
+    -------
+    Scene
+        With an `image`.
+    """
+    expect_offers("scene", scene, ("to_frame", "hit_points"), "a Scene")
+    expect_caster(caster)
+    expect_camera(camera)
+    expect_size(width, height)
+    expect_whole("pixel samples", samples, 1, 8)
+    ways = camera_rays(camera, width, height, samples).astype(np.float32)
+    origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3])
+    row, column = np.divmod(np.arange(len(ways)), width * samples)
+    pixel = row // samples * width + column // samples
+    triangle, barycentric = intersect(caster, np.broadcast_to(origin, ways.shape), ways)
+    hit = np.flatnonzero(triangle >= 0)
+    hit = hit[np.argsort(pixel[hit], kind="stable")]
+    back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
+    points, lit = surface_points(scene, triangle[hit], barycentric[hit], back)
+    new = len(scene.points) + np.arange(lit.sum())
+    image = PointImage(
+        height, width, samples**2, pixel[hit[lit]].astype(np.int32), new.astype(np.int32)
+    )
+    return extended(scene, points, image)
+
+
+def surface_points(scene, triangle, barycentric, back):
+    """Bake points anywhere on the triangles of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    triangle : (m,) int
+    barycentric : (m, 2) float
+        Weights of the second and third corner.
+    back : (m,) bool
+        Whether the back side is meant.
+
+    Returns
+    -------
+    points : BakePoints
+        Of the sides that receive light.
+    lit : (m,) bool
+        Which sides these are.
+    """
+    around, weights = scene.hit_points(triangle, barycentric, back)
+    lit = around[:, 0] >= 0
+    around, weights, triangle = around[lit], weights[lit].astype(np.float64), triangle[lit]
+    corners = scene.vertices[scene.triangles[triangle]]
+    second, third = np.asarray(barycentric[lit], np.float64).T
+    places = np.stack([1 - second - third, second, third], axis=1)
+    geometric = scene.triangle_normals[triangle] * np.where(back[lit], -1, 1)[:, None]
+
+    def between(values):
+        return np.einsum("mk,mkx->mx", weights, values[around])
+
+    normals = between(scene.points.normals)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-30), geometric)
+    albedo = scene.albedo_at(triangle, barycentric[lit], back[lit]).astype(np.float32)
+    points = BakePoints(
+        positions=np.einsum("mk,mkx->mx", places, corners),
+        normals=normals.astype(np.float32),
+        geometric_normals=geometric.astype(np.float32),
+        ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
+        areas=np.zeros(len(around), np.float32),
+        albedo=albedo,
+        mean_albedo=albedo,
+        object_index=scene.triangle_object[triangle].astype(np.int32),
+        visible=np.ones(len(around), bool),
+    )
+    return points, lit
+
+
+def extended(scene, points, image):
+    """The scene with more bake points, and an image that shows them."""
+    expect(len(points), "image: nothing of the scene is in it")
+    return replace(scene, points=joined(scene.points, points), image=image)
+
+
+def intersect(caster, origins, directions):
+    """(m,) int64 triangles and (m, 2) float32 barycentrics of hits, for any number of rays."""
+    triangle = np.empty(len(origins), np.int64)
+    barycentric = np.empty((len(origins), 2), np.float32)
+    for first in range(0, len(origins), _BATCH):
+        part = slice(first, first + _BATCH)
+        found = caster.intersect(
+            np.ascontiguousarray(origins[part]), np.ascontiguousarray(directions[part])
+        )
+        triangle[part], barycentric[part] = found.triangle, found.barycentric
+    return triangle, barycentric
+
+
+def expect_size(width, height):
+    """Raise `PRTError` unless an image may be so large."""
+    for side in (width, height):
+        expect_whole("image: pixels along a side", side, 1, 8192)
+
+
+def expect_camera(camera):
+    """Raise `PRTError` unless this is a camera (see `camera_rays`)."""
+    good = isinstance(camera, dict) and {"matrix", "tangent"} <= set(camera)
+    expect(good, f"camera: expected a dict with a matrix and a tangent, got {shown(camera)}")
+    matrix = expect_array("camera: matrix", camera["matrix"], (4, 4), np.float64)
+    expect(
+        matrix[:3, :3].any(axis=0).all(),
+        "camera: expected a matrix whose axes have a length; a scale of 0 has none",
+    )
+    expect_number("camera: tangent", camera["tangent"], above=0)

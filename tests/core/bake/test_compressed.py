@@ -1,0 +1,279 @@
+"""The compressed form behind the doors: chosen, kept, used, never where it is not right."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import prt_core
+from prt_core import BakeSettings, BakeStore, Lamp, PRTError, Scene, bake_steps, load, run
+from prt_core.api import compress_bake, relight_points
+from prt_core.bake.compress import CompressSettings, compress_steps, standing_lights
+from prt_core.bake.report_lines import compressed_lines, trial_lines
+from prt_core.compress import Harmonics, Limits, Method, method_names, register_method
+from prt_core.compress.choice import methods
+from prt_core.compress.choice.choose import Trial
+from prt_core.light import EnvironmentMap
+from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.runtime.progress import Errands, steps_beside
+from tests.meshes import plane, sphere
+
+LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
+SKY = standing_lights()["low soft sun"]
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bakes") / "a.prt"
+    ball = sphere(10, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
+    scene = Scene.from_meshes([ball, plane(13, albedo=0.7)])
+    run(bake_steps(scene, path, BakeSettings(resolution=8, tolerance=0.05), [LAMP]))
+    return path
+
+
+@pytest.fixture(scope="module")
+def chosen(original, tmp_path_factory):
+    """A bake compressed by `auto`, and its facts."""
+    path = shutil.copytree(original, tmp_path_factory.mktemp("auto") / "a.prt")
+    return path, compress_bake(path, tolerance=0.03, lights=standing_lights())
+
+
+@pytest.fixture
+def baked(original, tmp_path):
+    return shutil.copytree(original, tmp_path / "a.prt")
+
+
+def relative(found, truth):
+    return np.linalg.norm(np.float64(found) - truth) / np.linalg.norm(np.float64(truth))
+
+
+def test_auto_says_what_it_chose_and_how_near_it_is(chosen):
+    path, facts = chosen
+    assert facts["method"] in method_names() and facts["tolerance_met"] is True
+    assert {t["method"] for t in facts["trials"]} == set(method_names())
+    assert 0 < facts["error"] <= 0.03 and facts["error"] <= facts["worst"] <= 0.06
+    bake = load(path)
+    # The measured error is that of what `relight` gives, against the exact one.
+    errors = []
+    for name, light in standing_lights().items():
+        for turn in (65, 185, 305):
+            found = relight_points(bake, light, rotation=turn)
+            truth = relight_points(bake, light, rotation=turn, transport="exact")
+            errors.append(relative(found, truth))
+            if f"{name} at {turn}°" == facts["worst_light"]:
+                assert errors[-1] == pytest.approx(facts["worst"], rel=1e-4)
+    assert np.mean(errors) == pytest.approx(facts["error"], rel=1e-4)
+    lines = [*trial_lines(facts), *compressed_lines(facts)]
+    assert any("chosen: " in line for line in lines) and "within the tolerance" in lines[-3]
+
+
+def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
+    bake = load(chosen[0])
+    exact = Relighter(bake, transport="exact")
+    light = on_texels(bake, SKY, 30)
+    np.testing.assert_array_equal(exact.relight(SKY, rotation=30), bake.transport.relight(light))
+    auto = Relighter(bake)
+    found = auto.relight(SKY, rotation=30)
+    assert auto.used == "compressed" and auto.why == ""
+    np.testing.assert_array_equal(found, relight_points(bake, SKY, rotation=30))
+    assert 0 < relative(found, exact.relight(SKY, rotation=30)) < 0.06
+    # Whatever was asked before, and however often.
+    auto.relight(SKY, rotation=200, strength=3)
+    np.testing.assert_array_equal(auto.relight(SKY, rotation=30), found)
+    np.testing.assert_allclose(auto.relight(SKY, rotation=30, strength=2), 2 * found, rtol=1e-6)
+    stepped = run(auto.steps(light, pace=0.01))
+    np.testing.assert_allclose(stepped, found, rtol=0.02, atol=0.02)
+
+
+def test_lamps_and_sharp_suns_are_exact(chosen):
+    bake = load(chosen[0])
+    quick, exact = Relighter(bake), Relighter(bake, transport="exact")
+    lamps = exact.relight(lamps=True)
+    np.testing.assert_array_equal(quick.relight(lamps=True), lamps)
+    assert quick.used == "exact"
+    both = quick.relight(SKY, lamps=True)
+    assert quick.used == "compressed"
+    np.testing.assert_allclose(both, quick.relight(SKY) + lamps, rtol=1e-5, atol=1e-6)
+    pixels = SKY.pixels.copy()
+    pixels[20, 40] = 5e3
+    sun = EnvironmentMap(pixels)
+    for turn in (None, 77):
+        options = {"rotation": turn, "sharp_sun": True, "lamp_samples": 16}
+        # Without its sun the sky is soft: what is left is its error alone.
+        assert relative(quick.relight(sun, **options), exact.relight(sun, **options)) < 0.05
+
+
+def test_other_bounces_are_exact(chosen):
+    bake = load(chosen[0])
+    quick = Relighter(bake)
+    exact = Relighter(bake, transport="exact")
+    np.testing.assert_array_equal(quick.relight(SKY, bounces=0), exact.relight(SKY, bounces=0))
+    assert quick.used == "exact" and "bounces" in quick.why
+    with pytest.raises(PRTError, match="holds the bounces of the bake, not 1"):
+        Relighter(bake, transport="compressed").relight(SKY, bounces=1)
+    with pytest.raises(PRTError, match="transport: expected one of"):
+        Relighter(bake, transport="fast")
+
+
+def test_a_form_of_another_bake_is_not_used(chosen, tmp_path):
+    path = shutil.copytree(chosen[0], tmp_path / "a.prt")
+    bake, quick = load(path), None
+    quick = Relighter(bake)
+    quick.relight(SKY)
+    assert quick.used == "compressed"
+    bake.transport.albedo = bake.transport.albedo * np.float32(0.5)
+    np.testing.assert_array_equal(
+        quick.relight(SKY), bake.transport.relight(on_texels(bake, SKY, None))
+    )
+    assert quick.used == "exact" and "another state of the bake" in quick.why
+    with pytest.raises(PRTError, match="compress again"):
+        Relighter(bake, transport="compressed").relight(SKY)
+    # A bake that is made anew has none.
+    run(
+        bake_steps(load(path).scene, path, BakeSettings(resolution=4, tolerance=0.05), restart=True)
+    )
+    anew = Relighter(load(path))
+    anew.relight(SKY)
+    assert "there is no compressed form" in anew.why
+
+
+def test_a_damaged_form_is_said_and_not_used(chosen, tmp_path):
+    path = shutil.copytree(chosen[0], tmp_path / "a.prt")
+    folder = next(path.glob("compressed*"))
+    for chunk in folder.glob("*/c/0*"):
+        if chunk.is_file():
+            chunk.write_bytes(chunk.read_bytes()[:-3])
+    quick = Relighter(load(path))
+    quick.relight(SKY)
+    assert quick.used == "exact" and "cannot be read" in quick.why
+    with pytest.raises(PRTError, match="cannot be read; compress again"):
+        relight_points(load(path), SKY, transport="compressed")
+
+
+@pytest.mark.parametrize("method", method_names())
+def test_each_method_by_its_name(baked, method):
+    facts = compress_bake(baked, method=method, tolerance=0.2, lights=standing_lights())
+    assert facts["method"] == method and facts["tolerance_met"]
+    assert {t["method"] for t in facts["trials"]} == {method}
+    bake = load(baked)
+    found = relight_points(bake, SKY, transport="compressed")
+    assert relative(found, relight_points(bake, SKY, transport="exact")) < 0.4
+
+
+def test_none_removes_it(chosen, tmp_path):
+    path = shutil.copytree(chosen[0], tmp_path / "a.prt")
+    assert compress_bake(path, method="none") is None
+    assert not list(path.glob("compressed*"))
+    relighter = Relighter(load(path))
+    relighter.relight(SKY)
+    assert relighter.used == "exact"
+    with pytest.raises(PRTError, match="takes no tolerance"):
+        compress_bake(path, method="none", tolerance=0.1)
+    with pytest.raises(PRTError, match="there is no such bake"):
+        compress_bake(tmp_path / "no.prt", method="none")
+
+
+def test_few_lights_must_be_nearer_than_was_asked_for():
+    """Under the lights that measure, errors are larger than under the few that choose."""
+    limits = Limits(tolerance=0.01)
+    trial = Trial("cpca", "", 0, error=0.0079, worst=0.015, megabytes=1, milliseconds=1, seconds=1)
+    assert limits.near(trial)
+    assert not limits.near(replace(trial, error=0.0095))
+    assert not limits.near(replace(trial, worst=0.019))
+
+
+def test_size_is_kept_where_it_is_asked_for(baked):
+    large = compress_bake(baked, tolerance=0.01, method="cpca", lights=standing_lights())
+    limit = large["bytes"] / 3e6
+    small = compress_bake(baked, megabytes=limit, method="cpca", lights=standing_lights())
+    assert small["bytes"] <= limit * 1e6 and small["tolerance_met"] is None
+    assert small["error"] > large["error"]
+
+
+def test_a_stopped_compression_leaves_what_was_there(baked):
+    compress_bake(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
+    before = relight_points(load(baked), SKY)
+    steps = compress_steps(load(baked), CompressSettings("cpca"), standing_lights())
+    stages = []
+    while not stages or stages[-1] != "store":
+        stages.append(next(steps).stage)
+    steps.close()
+    assert {"choice", "measure"} <= set(stages)
+    np.testing.assert_array_equal(relight_points(load(baked), SKY), before)
+    steps = compress_steps(load(baked), CompressSettings("cpca"), standing_lights())
+    steps = steps_beside(steps, Errands(), "compress")
+    next(steps)
+    steps.close()
+    np.testing.assert_array_equal(relight_points(load(baked), SKY), before)
+
+
+def test_the_same_seed_gives_the_same_bytes(original, tmp_path):
+    found = []
+    for name in "ab":
+        path = shutil.copytree(original, tmp_path / f"{name}.prt")
+        compress_bake(path, method="cpca", tolerance=0.05, seed=3, lights=standing_lights())
+        found.append(BakeStore(path))
+    for name in ("labels", "bases", "weights", "shares"):
+        one, two = (store.read(f"compressed1/{name}") for store in found)
+        np.testing.assert_array_equal(one, two, err_msg=name)
+
+
+def test_a_method_of_ones_own_needs_one_call(baked, monkeypatch):
+    monkeypatch.setattr(methods, "_METHODS", dict(methods._METHODS))
+
+    class Mine(Harmonics):
+        """Registered from outside."""
+
+    register_method(Method("mine", Mine, lambda task: [Mine(2), Mine(6)], local=False))
+    facts = compress_bake(baked, method="mine", tolerance=0.25, lights=standing_lights())
+    assert facts["method"] == "mine"
+    relighter = Relighter(load(baked), transport="compressed")
+    relighter.relight(SKY)
+    assert isinstance(relighter.compressed().model, Mine)
+    with pytest.raises(PRTError, match="cannot be a method's name"):
+        register_method(Method("none", Mine, lambda task: []))
+    monkeypatch.undo()
+    relighter = Relighter(load(baked))
+    relighter.relight(SKY)
+    assert "'mine' is not known here" in relighter.why
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"method": "best"}, "method: expected auto, cpca"),
+        ({"tolerance": 0.0}, "tolerance: expected a number above 0 and below 1"),
+        ({"tolerance": 1.5}, "tolerance: expected"),
+        ({"megabytes": -1}, "megabytes: expected a number above 0, got -1"),
+        ({"milliseconds": float("nan")}, "milliseconds: expected"),
+    ],
+)
+def test_wrong_settings_are_said(settings, message):
+    with pytest.raises(PRTError, match=message):
+        CompressSettings(**settings)
+    with pytest.raises(PRTError, match="limits: give one"):
+        Limits()
+
+
+def test_a_bake_that_is_nowhere_cannot_keep_a_form(original):
+    bake = replace(load(original), path=None)
+    with pytest.raises(PRTError, match="not on disk"):
+        run(compress_steps(bake, CompressSettings("cpca")))
+    relighter = Relighter(bake)
+    relighter.relight(SKY)
+    assert relighter.why == "the bake is not on disk"
+
+
+def test_the_fingerprint_is_of_all_that_colours_depend_on(original):
+    transport = load(original).transport
+    same = prt_core.load(original).transport
+    assert transport.fingerprint() == same.fingerprint()
+    other = [
+        replace(transport, bits=transport.bits ^ np.uint8(1)),
+        replace(transport, albedo=transport.albedo * np.float32(0.9)),
+        replace(transport, gather=transport.gather * np.float32(0.9)),
+        replace(transport, normals=-transport.normals),
+        replace(transport, bounces=2),
+    ]
+    assert len({t.fingerprint() for t in [transport, *other]}) == 6

@@ -1,0 +1,326 @@
+"""Bad command lines: one line, an exit code, nothing written; and what is said at the end."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
+from prt_core.bake.compress import standing_lights
+from prt_core.cli import main
+from prt_core.light import write_image
+from prt_core.scene import with_camera_image
+from tests.meshes import caster_of, plane, sphere
+
+ROOT = Path(__file__).resolve().parents[3]
+
+LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
+CAMERA = {"matrix": np.eye(4).tolist(), "tangent": 0.5}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Bakes with and without lamps and an image, lights, and things in the way."""
+    folder = tmp_path_factory.mktemp("lines")
+    scene = Scene.from_meshes([sphere(4, 0.5, (0, 0, 0.6), name="ball"), plane(3)], max_hidden=0)
+    settings = BakeSettings(resolution=2, tolerance=0.1)
+    world = np.ones((24, 3), np.float32)
+    run(bake_steps(scene, folder / "a.prt", settings, [LAMP], world, CAMERA))
+    run(bake_steps(scene, folder / "bare.prt", settings))
+    camera = {**CAMERA, "matrix": np.diag([1.0, 1, 1, 1]).tolist()}
+    camera["matrix"][2][3] = 3.0
+    seen = with_camera_image(scene, caster_of(scene), camera, 3, 2, 1)
+    run(bake_steps(seen, folder / "image.prt", settings))
+    write_image(folder / "sky.exr", standing_lights()["low soft sun"].pixels)
+    write_image(folder / "wide.exr", np.ones((3, 5, 3), np.float32))
+    write_image(folder / "hot.exr", np.full((2, 4, 3), 3e38, np.float32))
+    (folder / "file").write_text("in the way")
+    (folder / "open.blend").write_bytes(b"no blend")
+    (folder / "taken.npz").mkdir()
+    (folder / "taken.png").mkdir()
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def inside(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def prt(line, capfd):
+    """(exit code, what was printed, lines of errors) of a command line."""
+    capfd.readouterr()
+    try:
+        code = main(line.split() if isinstance(line, str) else line)
+    except SystemExit as end:
+        code = end.code
+    out, err = capfd.readouterr()
+    return code, out, err.splitlines()
+
+
+def contents(folder):
+    """Every path and what it is, of a folder."""
+    return {path: path.is_dir() or path.read_bytes() for path in folder.rglob("*")}
+
+
+RELIGHT = "relight a.prt --light sky.exr --output o.npz"
+LONG = "n" * 300
+# Each with a part of what is said.
+BAD = {
+    # numbers
+    f"{RELIGHT} --exposure nan": "--exposure: expected a number from -64 to 64, got nan",
+    f"{RELIGHT} --exposure 200": "--exposure: expected",
+    f"{RELIGHT} --exposure one": "invalid float value",
+    f"{RELIGHT} --strength 1e39": "--strength: expected a number from 0 to 1e+15",
+    f"{RELIGHT} --strength -1": "--strength: expected",
+    f"{RELIGHT} --strength nan": "--strength: expected",
+    f"{RELIGHT} --strength 1e15": "times the brightest of sky.exr",
+    f"{RELIGHT} --rotate inf": "--rotate: expected a number, got inf",
+    f"{RELIGHT} --bounces -1": "expected auto or a number",
+    f"{RELIGHT} --bounces 1.5": "expected auto or a number",
+    "relight a.prt --lamps --lamp-samples 0 --output o.npz": "--lamp-samples: expected a whole",
+    "relight a.prt --lamps --lamp-samples -3 --output o.npz": "--lamp-samples: expected a whole",
+    "relight a.prt --lamps --lamp-samples 99999999 --output o.npz": "--lamp-samples: expected",
+    f"{RELIGHT} --turn 0": "expected 1 to 99,999 frames",
+    f"{RELIGHT} --turn 100000": "expected 1 to 99,999 frames",
+    f"{RELIGHT} --turn ²": "expected 1 to 99,999 frames",
+    f"{RELIGHT} --png p.png --size 0x5": "expected WIDTHxHEIGHT",
+    f"{RELIGHT} --png p.png --size 5": "expected WIDTHxHEIGHT",
+    f"{RELIGHT} --png p.png --size 90000x90000": "GB of memory, there are",
+    "compress a.prt --tolerance nan": "tolerance: expected a number above 0 and below 1, got nan",
+    "compress a.prt --tolerance 1": "tolerance: expected",
+    "compress a.prt --megabytes 0": "megabytes: expected a number above 0",
+    "compress a.prt --megabytes inf": "megabytes: expected",
+    "compress a.prt --milliseconds -1": "milliseconds: expected",
+    "compress a.prt --seed -1": "seed: expected a whole number from 0 to 4294967295, got -1",
+    "compress a.prt --seed 99999999999": "seed: expected",
+    "bake open.blend --resolution 0": "resolution: expected a whole number from 1 to 1024, got 0",
+    "bake open.blend --resolution -1": "resolution: expected",
+    "bake open.blend --resolution 4000": "resolution: expected",
+    "bake open.blend --seed -1": "seed: expected",
+    "bake open.blend --tolerance nan": "tolerance: expected",
+    "bake open.blend --tolerance 0": "tolerance: expected",
+    "bake open.blend --method guess": "method: expected one of auto, exhaustive",
+    "bake open.blend --caster magic": "invalid choice",
+    "bake open.blend --camera-pixels 9x9 --pixel-samples 0": "pixel samples: expected a whole",
+    "bake open.blend --camera-pixels 9x9 --pixel-samples 99": "pixel samples: expected",
+    "bake open.blend --camera-pixels 9000x9": "camera pixels: expected a whole number from 1 to",
+    "bake open.blend --camera-pixels 8192x8192 --pixel-samples 8": "GB of memory, there are",
+    "bake open.blend --geometry-image ball 0": "geometry image: size: expected a whole number",
+    "bake open.blend --geometry-image ball many": "--geometry-image: expected OBJECT N",
+    "bake open.blend --geometry-image ball 9999999": "geometry image: size: expected",
+    "bench compress a.prt -o r --rungs -1": "rungs: expected whole numbers >= 0",
+    "bench compress a.prt -o r --rotate nan": "--rotate: expected a number, got nan",
+    "bench compress a.prt -o r --seed -1": "seed: expected",
+    "bench compress a.prt -o r --methods best": "method: expected one of cpca",
+    "bench sampling open.blend -o r --resolution 0": "resolution: expected",
+    "bench rays open.blend --points 0": "--points: expected a whole number >= 1, got 0",
+    "bench rays open.blend --resolution 0": "resolution: expected",
+    "bench sampling open.blend -o r --methods huang:features=0": "features: expected",
+    # files
+    "relight none.prt --light sky.exr --output o.npz": "none.prt: there is no such bake",
+    "relight file --light sky.exr --output o.npz": "is a file, expected a folder",
+    f"relight {LONG}.prt --light sky.exr --output o.npz": "too long",
+    "relight a.prt --light none.exr --output o.npz": "none.exr: there is no such image",
+    "relight a.prt --light wide.exr --output o.npz": "twice as wide as high, got 5 x 3",
+    "relight a.prt --light hot.exr --output o.npz": "hot.exr: radiance expected at most 1e+15",
+    "relight a.prt --light file --output o.npz": "expected an .exr or .hdr image",
+    f"relight a.prt --light {LONG}.exr --output o.npz": "too long",
+    "relight a.prt --light sky.exr --output o.csv": "o.csv: expected a name that ends in .npz",
+    "relight a.prt --light sky.exr --output taken.npz": "taken.npz: is a directory",
+    "relight a.prt --light sky.exr --output no/o.npz": "there is no folder 'no'; make it first",
+    "relight a.prt --light sky.exr --output file/o.npz": "file/o.npz: not a directory",
+    f"relight a.prt --light sky.exr --output {LONG}.npz": "too long",
+    "relight a.prt --light sky.exr --png o.jpg": "expected a name that ends in .png",
+    "relight a.prt --light sky.exr --png taken.png": "taken.png: is a directory",
+    "relight a.prt --light sky.exr --png no/o.png": "there is no folder 'no'",
+    "relight a.prt --light sky.exr --png /proc/o.png": "/proc/o.png: ",
+    "relight image.prt --light sky.exr --image o.exr": "expected a name that ends in .png",
+    "relight a.prt --light sky.exr --blend o.npz": "expected a name that ends in .blend",
+    "relight a.prt --light sky.exr --blend no/o.blend": "there is no folder 'no'",
+    "relight a.prt --light sky.exr --blend o.blend --scene no.blend": "no such .blend file",
+    "relight a.prt --light sky.exr --blend o.blend --scene file": "file: expected a .blend file",
+    "relight a.prt --light sky.exr --output no/o_#.npz --turn 3": "there is no folder 'no'",
+    "bake none.blend": "none.blend: there is no such .blend file",
+    "bake open.blend -o o.npz": "o.npz: expected a name that ends in .prt",
+    "bake open.blend -o no/o.prt": "there is no folder 'no'; make it first",
+    "bake open.blend -o file/o.prt": "file/o.prt: not a directory",
+    f"bake open.blend -o {LONG}.prt": "too long",
+    "bake open.blend -o /proc/o.prt": "/proc/o.prt: ",
+    "bench compress a.prt -o file": "expected a folder, this is a file",
+    "bench compress a.prt -o no/r": "there is no folder 'no'",
+    "bench compress a.prt -o r --light none.exr": "none.exr: there is no such image",
+    "bench compress none.prt -o r --light sky.exr": "there is no such bake",
+    "bench sampling open.blend -o file/r": "file/r: not a directory",
+    "compress none.prt": "there is no such bake",
+    "compress none.prt --method none": "there is no such bake",
+    "compress a.prt --light none.exr": "none.exr: there is no such image",
+    "compress a.prt --light hot.exr": "hot.exr: radiance expected at most 1e+15",
+    "info none.prt": "there is no such bake",
+    # what contradicts, and what would change nothing
+    "relight a.prt --light sky.exr": "relight: nothing to write",
+    "relight a.prt --output o.npz": "relight: no light",
+    f"{RELIGHT} --size 9x9": "--size: changes nothing without --png",
+    f"{RELIGHT} --scene open.blend": "--scene: changes nothing without --blend",
+    f"{RELIGHT} --attribute Lit": "--attribute: changes nothing without --blend",
+    f"{RELIGHT} --domain point": "--domain: changes nothing without --blend",
+    f"{RELIGHT} --lamp-samples 9": "--lamp-samples: changes nothing without --lamps or",
+    f"{RELIGHT} --caster embree": "--caster: no ray is cast",
+    "relight a.prt --lamps --rotate 3 --output o.npz": "--rotate: changes nothing without --light",
+    "relight a.prt --lamps --sharp-sun --output o.npz": "--sharp-sun: changes nothing without",
+    "relight a.prt --lamps --transport exact --output o.npz": "--transport: lamps are always exact",
+    "relight a.prt --light world --rotate 3 --output o.npz": "--rotate: the world's light is fixed",
+    "relight a.prt --light world --sharp-sun --output o.npz": "--sharp-sun: needs an image",
+    "relight bare.prt --light world --output o.npz": "the bake has none",
+    "relight bare.prt --lamps --output o.npz": "the baked scene had no lamps",
+    "relight a.prt --light sky.exr --image o.png": "--image: this bake holds none",
+    "relight image.prt --light sky.exr --image o.png --png o.png": "named for two outputs",
+    "relight image.prt --light sky.exr --image o.png --turn 2": "--turn: turns an image's light",
+    f"{RELIGHT} --turn 2 --blend o.blend": "--turn: turns an image's light",
+    "relight a.prt --light world --turn 2 --output o.npz": "--turn: turns an image's light",
+    "relight a.prt --light sky.exr --blend open.blend --scene open.blend": "its own copy",
+    "relight a.prt --light sky.exr --output o.npz --transport compressed": "there is no compressed",
+    "bake open.blend --pixel-samples 3": "--pixel-samples: changes nothing without --camera-pixels",
+    "bake open.blend --parametrisation uv": "--parametrisation: changes nothing without",
+    "bake open.blend --camera-pixels 9x9 --geometry-image a 9": "a bake holds one",
+    "compress a.prt --method none --tolerance 0.1": "it takes no tolerance",
+    "compress a.prt --method none --light sky.exr": "it takes no tolerance",
+    "compress a.prt --method none --seed 3": "--seed: changes nothing with --method none",
+    "bench compress a.prt -o r --resolution 4": "--resolution: changes nothing for a bake",
+    # commands
+    "": "required",
+    "bend": "invalid choice",
+    "bake": "required: scene",
+    "info": "required: bake",
+    "bench": "required: WHAT",
+    "relight a.prt --lights sky.exr --output o.npz": "unrecognized arguments",
+}
+
+
+@pytest.mark.parametrize("line", BAD)
+def test_a_bad_line_is_one_line_and_writes_nothing(line, folder, capfd):
+    before = contents(folder)
+    code, out, errors = prt(line, capfd)
+    assert code not in (0, None) and out == ""
+    assert len(errors) == 1 and errors[0].startswith("prt: ") and BAD[line] in errors[0], errors
+    assert contents(folder) == before
+
+
+def test_an_empty_attribute_and_an_empty_path_are_refused(capfd):
+    words = [*RELIGHT.split(), "--blend", "o.blend", "--attribute"]
+    for name in ("", " "):
+        code, _, errors = prt([*words, name], capfd)
+        assert code == 2 and errors == ["prt: --attribute: expected a name, got an empty one"]
+    for words in (["relight", "", "--light", "sky.exr", "--output", "o.npz"],
+                  ["relight", "a.prt", "--light", "sky.exr", "--output", ""],
+                  ["relight", "a.prt", "--light", "", "--output", "o.npz"],
+                  ["info", ""], ["bake", "open.blend", "-o", ""]):  # fmt: skip
+        code, _, errors = prt(words, capfd)
+        assert code == 2 and len(errors) == 1 and "expected" in errors[0], (words, errors)
+
+
+def test_a_budget_that_cannot_be_kept_leaves_what_was_there(folder, capfd):
+    assert prt("compress a.prt --method harmonics --tolerance 0.5 --light sky.exr", capfd)[0] == 0
+    before = contents(folder)
+    budgets = {
+        "--megabytes 1e-9": "MB, by",
+        "--milliseconds 1e-9 --method vq": "ms, by vq",
+        "--tolerance 0.1 --megabytes 1e-9 --method pca": "MB, by pca",
+    }
+    for line, what in budgets.items():
+        code, out, errors = prt(f"compress a.prt {line} --light sky.exr", capfd)
+        assert code == 2 and out == "" and len(errors) == 1
+        assert "cannot be kept; the least is" in errors[0] and what in errors[0]
+        assert "Nothing was stored" in errors[0]
+    assert contents(folder) == before
+
+
+def test_a_missed_tolerance_is_said_loudly(folder, capfd):
+    line = "compress a.prt --method harmonics --tolerance 1e-6 --light sky.exr"
+    code, out, errors = prt(line, capfd)
+    assert code == 0 and not errors
+    assert out.splitlines()[-1].startswith("  MISSED  NOT within the tolerance of 0.00%")
+    assert "NOT within the tolerance" in prt("info a.prt", capfd)[1]
+    code, out, errors = prt(f"{line} --json", capfd)
+    assert code == 0 and json.loads(out)["tolerance_met"] is False
+    assert len(errors) == 1 and "NOT within the tolerance" in errors[0]
+
+
+def test_many_bounces_are_as_many_as_matter(folder, capfd):
+    """In a moment: nothing is added after a few dozen."""
+    for bounces, name in ((1_000_000, "m"), (300, "f")):
+        line = f"relight a.prt --light sky.exr --bounces {bounces} --output {name}.npz"
+        assert prt(f"{line} --transport exact", capfd)[0] == 0
+    many, few = (dict(np.load(folder / f"{name}.npz")) for name in "mf")
+    for name in many:
+        np.testing.assert_array_equal(many[name], few[name])
+    settings = BakeSettings(resolution=2, tolerance=0.1, bounces=1_000_000)
+    scene = load(folder / "bare.prt").scene
+    run(bake_steps(scene, folder / "many.prt", settings))
+    assert load(folder / "many.prt").transport.rows([3]).shape == (1, 24, 3)
+
+
+def test_a_name_that_is_a_word_of_the_writer_is_an_object(folder, capfd):
+    """Arrays are named by objects, whatever these are called."""
+    meshes = [plane(3, name="file"), plane(3, z=1.0, name="allow_pickle")]
+    scene = Scene.from_meshes(meshes, max_hidden=0)
+    run(bake_steps(scene, folder / "names.prt", BakeSettings(resolution=2, bounces=0)))
+    assert prt("relight names.prt --light sky.exr --output names.npz", capfd)[0] == 0
+    assert set(np.load(folder / "names.npz").files) == {"file", "allow_pickle"}
+
+
+def test_what_is_said_of_an_image_is_printed(folder, capfd):
+    import OpenEXR
+
+    pixels = standing_lights()["even sky"].pixels
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    layers = {f"{layer}.{c}": pixels[..., i].copy() for layer in ("V.AO", "V.Combined")
+              for i, c in enumerate("RGB")}  # fmt: skip
+    with OpenEXR.File(header, layers) as file:
+        file.write(str(folder / "layers.exr"))
+    said = "layers.exr: read is V.Combined, not V.AO"
+    for line in ("relight bare.prt --light layers.exr --output o.npz --png o.png --size 4x3",
+                 "relight bare.prt --light layers.exr --output t_#.npz --turn 2",
+                 "compress bare.prt --method harmonics --tolerance 0.5 --light layers.exr",
+                 "info bare.prt"):  # fmt: skip
+        code, out, errors = prt(line, capfd)
+        assert code == 0 and not errors and f"note    {said}" in out, (line, out)
+
+
+def test_a_picture_without_a_camera_says_so(folder, capfd):
+    out = prt("relight bare.prt --light sky.exr --png c.png --size 4x3", capfd)[1]
+    assert "no camera" in out
+    out = prt("relight a.prt --light sky.exr --png c.png --size 4x3", capfd)[1]
+    assert "no camera" not in out
+
+
+def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):
+    """And a reader that goes away, or a full disk behind stdout, is no traceback."""
+    scene = Scene.from_meshes([plane(3, name="Würfel ☀")], max_hidden=0)
+    run(
+        bake_steps(scene, folder / "names.prt", BakeSettings(resolution=2, bounces=0), restart=True)
+    )
+    command = [sys.executable, "-m", "prt_core", "info", str(folder / "names.prt")]
+    # Buffered as in a terminal of anyone's, so that the end of the program meets the full disk.
+    env = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUNBUFFERED": ""}
+    options = {"cwd": ROOT, "env": env}
+    done = subprocess.run(command, capture_output=True, text=True, **options)
+    assert done.returncode == 0 and "W\\xfcrfel \\u2600: 16 corners" in done.stdout
+
+    def small_disk():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (9, 9))
+
+    with open(folder / "said", "w") as said:
+        done = subprocess.run(command, stdout=said, stderr=subprocess.PIPE, text=True,
+                              preexec_fn=small_disk, **options)  # fmt: skip
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "file too large" in done.stderr
+
+
+def test_stored_lamps_are_what_they_were(folder):
+    assert BakeStore(folder / "a.prt").facts["lamps"][0].keys() == asdict(LAMP).keys()

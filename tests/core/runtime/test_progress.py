@@ -1,0 +1,83 @@
+"""Paces: steps as long as asked for, never cut to nothing by what every call costs."""
+
+import threading
+import time
+
+import pytest
+
+from prt_core.runtime.progress import Errands, Pace, Progress, run, steps_beside
+
+
+def test_a_dear_call_is_not_cut_ever_smaller():
+    pace, sizes = Pace(0.001, 64), []
+    for _ in range(6):
+        for part in pace.parts(0, 200):
+            time.sleep(0.004)
+            sizes.append(part.stop - part.start)
+            pace.worked()
+    assert min(sizes[:-1]) >= 200 % 64 and sizes.count(64) >= 18
+
+
+def test_parts_cover_everything_once_and_grow_while_they_are_quick():
+    pace, ends = Pace(10.0, 8), [0]
+    for part in pace.parts(0, 1000):
+        assert part.start == ends[-1]
+        ends.append(part.stop)
+        pace.worked()
+    assert ends[-1] == 1000 and len(ends) < 12
+    assert [part for part in Pace().parts(3, 9)] == [slice(3, 9)]
+
+
+def steps(ended, errands=None, n=200, fails=False):
+    """Steps that note in which threads they ran, and that they ended."""
+    try:
+        for done in range(n):
+            time.sleep(0.001)
+            yield Progress("steps", done, n)
+        if fails:
+            raise ValueError("lost")
+        return threading.get_ident(), errands and errands.call(threading.get_ident)
+    finally:
+        ended.append(threading.get_ident())
+
+
+def test_work_beside_runs_in_another_thread_and_its_errands_in_this_one():
+    errands, ended, shown = Errands(), [], []
+    worker, served = run(steps_beside(steps(ended, errands), errands, "first"), shown.append)
+    assert served == threading.get_ident() != worker and ended == [worker]
+    assert shown[0].stage in ("first", "steps") and shown[-1].done > 100
+    done = [progress.done for progress in shown]
+    assert done == sorted(done)
+
+
+def test_work_beside_ends_when_it_is_closed_and_hands_on_what_it_raises():
+    errands, ended = Errands(), []
+    work = steps_beside(steps(ended, n=10**9), errands, "first")
+    for _ in range(3):
+        next(work)
+    start = time.perf_counter()
+    work.close()
+    assert len(ended) == 1 and time.perf_counter() - start < 5
+    with pytest.raises(ValueError, match="lost"):
+        run(steps_beside(steps(ended, n=1, fails=True), Errands(), "first"))
+
+
+def test_an_errand_that_nobody_does_any_more_does_not_wait():
+    """The caller closes the work while it waits for the caller."""
+    errands, waits, ended = Errands(), threading.Event(), []
+
+    def work():
+        try:
+            waits.set()
+            yield Progress("errand", 0, 1)
+            while True:
+                errands.call(int)
+        finally:
+            ended.append(True)
+
+    beside = steps_beside(work(), errands, "first")
+    next(beside)
+    waits.wait()
+    time.sleep(0.05)
+    beside.close()
+    assert ended == [True]

@@ -67,3 +67,30 @@ def test_claims_are_what_their_table_says(claim, figures, machine, command, page
     missing = [n for n in numbers if not re.search(rf"(?<![\d.,]){re.escape(n)}(?![.,]?\d)", table)]
     assert numbers and not missing, f"{claim}: {page} has no {missing}; was it measured again?"
     assert MACHINES[machine] in table.split("\n")[1], f"{claim}: not measured on {machine}"
+
+
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
+HEADINGS = ["## Decision", "## Why", "## Measured", "## Tried"]
+
+
+@pytest.mark.parametrize("path", DECISIONS, ids=lambda path: path.stem)
+def test_a_decision_has_its_headings_and_something_below_each(path):
+    _, title, _, *parts = re.split(r"^(#+ .+)$", path.read_text(), flags=re.MULTILINE)
+    assert title.startswith(f"# {int(path.stem[:4])}. ")
+    headings, bodies = parts[::2], parts[1::2]
+    assert headings in (HEADINGS, HEADINGS[:3])
+    assert all(body.strip() for body in bodies), "an empty heading"
+
+
+def test_decisions_are_numbered_without_gaps_and_listed():
+    assert [int(path.stem[:4]) for path in DECISIONS] == list(range(1, len(DECISIONS) + 1))
+    listed = re.findall(
+        r"^\| \[(\d{4})\]\(([^)]+)\) \| (.+) \| .+ \|$",
+        (ROOT / "docs" / "decisions" / "README.md").read_text(),
+        re.MULTILINE,
+    )
+    wanted = []
+    for path in DECISIONS:
+        title = path.read_text().split("\n")[0].partition(". ")[2]
+        wanted.append((path.stem[:4], path.name, title))
+    assert listed == wanted

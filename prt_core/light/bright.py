@@ -1,4 +1,8 @@
-"""The sun of an environment map, taken out of it: its shadows need rays, not texels."""
+"""The sun of an environment map, taken out of it: its shadows need rays, not texels.
+
+A texel has one traced direction, which displaces a shadow by up to half a texel at any resolution.
+So what pixels have above fifty times the mean is sampled by its power, like a lamp.
+"""
 
 from dataclasses import dataclass
 

@@ -11,6 +11,7 @@ from prt_core.light.environment import named_images
 
 
 def open_scene(path):
+    """The `Scene` of a .blend file, or of what is open in Blender where there is none."""
     from prt_core.api import import_bpy, open_blend
 
     if path:

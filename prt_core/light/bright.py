@@ -31,6 +31,8 @@ class BrightPixels:
         What each pixel has above the rest of the map.
     rotation : (3, 3) float64
         Of the environment.
+    name, kind : str
+        As those of a `Lamp`.
     """
 
     rows: np.ndarray

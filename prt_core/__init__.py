@@ -13,13 +13,22 @@ are the texels of a cube map, from the surface to the light, in Blender's world 
 *radiance* of a point is what it sends out. Lengths are Blender units.
 
 Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeStore`, `CubeMap`,
-`EnvironmentMap`, `Lamp`. Functions on arrays are in `prt_core.transport`, `prt_core.light` and
-`prt_core.sphere`.
+`EnvironmentMap`, `Lamp`, `Relighter` (one bake under changing light). Functions on arrays are in
+`prt_core.transport`, `prt_core.light` and `prt_core.sphere`.
 """
 
 __version__ = "0.1.0"
 
-from prt_core.api import bake, compress_bake, environment_light, relight
+from prt_core.api import (
+    CompressSettings,
+    Relighter,
+    bake,
+    compress_bake,
+    environment_light,
+    open_blend,
+    relight,
+    relight_points,
+)
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake_load import load
 from prt_core.errors import PRTError
@@ -36,6 +45,7 @@ __all__ = [
     "BakePoints",
     "BakeSettings",
     "BakeStore",
+    "CompressSettings",
     "CubeMap",
     "EnvironmentMap",
     "Hits",
@@ -44,6 +54,7 @@ __all__ = [
     "PRTError",
     "Progress",
     "RayCaster",
+    "Relighter",
     "Scene",
     "Transport",
     "bake",
@@ -52,6 +63,8 @@ __all__ = [
     "environment_light",
     "load",
     "make_caster",
+    "open_blend",
     "relight",
+    "relight_points",
     "run",
 ]

@@ -19,7 +19,7 @@ lint: $(VENV)/.ready
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 
-# Speed, memory and error tables into RESULTS.md; the Cycles truth takes hours the first time.
+# Speed, memory and error tables into docs/benchmarks; the Cycles truth takes hours the first time.
 bench: $(VENV)/.ready
 	$(RUN) tests/benchmarks/results.py
 
@@ -31,7 +31,7 @@ extension: $(VENV)/.ready
 test-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
 
-# How the add-on feels in a window, into RESULTS.md; BLENDER as for test-window.
+# How the add-on feels in a window, into docs/benchmarks; BLENDER as for test-window.
 bench-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) tests/benchmarks/window.py
 

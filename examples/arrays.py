@@ -8,8 +8,13 @@ import numpy as np
 from prt_core.rays import BruteForceCaster
 from prt_core.scene import Mesh, Scene
 from prt_core.sphere import CubeMap
-from prt_core.transport import all_bounces, gather_hits, gather_operator, visibility_bits
-from prt_core.transport.visibility import received_light
+from prt_core.transport import (
+    all_bounces,
+    gather_hits,
+    gather_operator,
+    received_light,
+    visibility_bits,
+)
 
 corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 # Five sides, counter-clockwise seen from inside; +z is open.

@@ -7,17 +7,16 @@ import sys
 
 import numpy as np
 
-from prt_core import BakeSettings, EnvironmentMap, bake_steps, load, run
-from prt_core.api import open_blend
+from prt_core import BakeSettings, EnvironmentMap, Scene, bake_steps, load, open_blend, run
 from prt_core.evaluate import render_view, to_srgb, write_png
 
 blend, image = sys.argv[1:3]
 open_blend(blend)
-from prt_core.blender.depsgraph import read_camera, read_scene  # noqa: E402  (needs bpy)
+from prt_core.blender import read_meshes  # noqa: E402  (needs bpy)
 
-scene = read_scene()
+scene = Scene.from_meshes(read_meshes())
 settings = BakeSettings(resolution=16, tolerance=0.01, caster="auto")
-steps = bake_steps(scene, "example_objects.prt", settings, camera=read_camera(), restart=True)
+steps = bake_steps(scene, "example_objects.prt", settings, restart=True)
 run(steps, lambda p: print(f"\r{p.stage} {p.done:,} of {p.total:,}", end=""))
 
 bake = load("example_objects.prt")

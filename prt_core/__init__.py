@@ -13,15 +13,24 @@ are the texels of a cube map, from the surface to the light, in Blender's world 
 *radiance* of a point is what it sends out. Lengths are Blender units.
 
 Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeStore`, `CubeMap`,
-`EnvironmentMap`, `Lamp`. Functions on arrays are in `prt_core.transport`, `prt_core.light` and
-`prt_core.sphere`.
+`EnvironmentMap`, `Lamp`, `Relighter` (one bake under changing light). Functions on arrays are in
+`prt_core.transport`, `prt_core.light` and `prt_core.sphere`.
 """
 
-from prt_core.api import bake, compress_bake, environment_light, relight
+from prt_core.api import (
+    bake,
+    compress_bake,
+    environment_light,
+    open_blend,
+    relight,
+    relight_points,
+)
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
+from prt_core.bake.compress import CompressSettings
 from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
+from prt_core.relight import Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.scene import BakePoints, Mesh, Scene
 from prt_core.sphere import CubeMap
@@ -34,6 +43,7 @@ __all__ = [
     "BakePoints",
     "BakeSettings",
     "BakeStore",
+    "CompressSettings",
     "CubeMap",
     "EnvironmentMap",
     "Hits",
@@ -42,6 +52,7 @@ __all__ = [
     "PRTError",
     "Progress",
     "RayCaster",
+    "Relighter",
     "Scene",
     "Transport",
     "__version__",
@@ -51,6 +62,8 @@ __all__ = [
     "environment_light",
     "load",
     "make_caster",
+    "open_blend",
     "relight",
+    "relight_points",
     "run",
 ]

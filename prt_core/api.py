@@ -158,6 +158,10 @@ def bake_blend_steps(
 def open_blend(path):
     """Open a .blend file in this process's Blender.
 
+    Parameters
+    ----------
+    path : str or Path
+
     Raises
     ------
     PRTError
@@ -394,7 +398,21 @@ def _loaded(bake):
 
 
 def environment_light(bake, light, rotation=None, strength=1.0):
-    """(n_directions, 3) float32 of any light `relight` takes, or None."""
+    """Light on the directions of a bake.
+
+    Parameters
+    ----------
+    bake : Bake
+    light : str, Path, EnvironmentMap, (n_directions, 3) array or None
+    rotation : float, (3,) or (3, 3), optional
+        See `rotation_matrix`.
+    strength : float
+
+    Returns
+    -------
+    (n_directions, 3) float32, or None
+        For any light that `relight` takes.
+    """
     expect_kind("bake", bake, Bake, "what `load` returns")
     if light is None:
         return None

@@ -89,6 +89,7 @@ class CompressSettings:
 
     @property
     def limits(self):
+        """The `Limits` that were asked for."""
         asked = self.tolerance, self.megabytes, self.milliseconds
         return Limits(0.01) if asked == (None, None, None) else Limits(*asked)
 

@@ -29,9 +29,11 @@ def expect_bake_input(
 
     Parameters
     ----------
-    scene, path, lamps, world, camera, source, restart, pace, lights, origin
+    scene, path
         See `bake_steps`.
     cube_map : CubeMap
+    lamps, world, camera, source, restart, pace, lights, origin
+        See `bake_steps`.
 
     Returns
     -------

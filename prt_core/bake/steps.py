@@ -108,10 +108,11 @@ class Bake:
 
     @property
     def cube_map(self):
+        """`CubeMap`: the directions that were baked."""
         return self.transport.cube_map
 
     def make_caster(self, name="auto"):
-        """A ray caster over the bake's triangles, for lamps and pictures."""
+        """A ray caster over the bake's triangles, as `rays.make_caster` makes it."""
         return self.scene.make_caster(name)
 
     def colours(self, radiance):
@@ -183,7 +184,9 @@ def bake_steps(
     path : str or Path
         `NAME.prt`, a folder.
     settings : BakeSettings
-    lamps : sequence of Lamp, world : (n_directions, 3) float32, camera : dict
+    lamps : sequence of Lamp
+    world : (n_directions, 3) float32, optional
+    camera : dict, optional
         Kept with the bake for relighting and pictures.
     source : dict of str -> str
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).

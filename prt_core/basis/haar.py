@@ -65,7 +65,18 @@ def _forward(faces, out, levels):
 
 
 def haar_inverse(coefficients, levels=None):
-    """Faces from their coefficients: the inverse, and the transpose, of `haar_forward`."""
+    """Faces from their coefficients: the inverse, and the transpose, of `haar_forward`.
+
+    Parameters
+    ----------
+    coefficients : (..., n, n) float
+    levels : int, optional
+        As `haar_forward` took them.
+
+    Returns
+    -------
+    (..., n, n) float
+    """
     result = np.array(expect_numbers("coefficients", coefficients))
     for level in reversed(range(_levels(result, levels))):
         size = result.shape[-1] >> level

@@ -55,7 +55,7 @@ class PointHaar:
 
     @classmethod
     def from_order(cls, order):
-        """The transform whose leaves are these points, a permutation of 0 to n - 1."""
+        """The transform whose leaves are the points in `order`, a permutation of 0 to n - 1."""
         order = expect_array("order", order, (None,), np.int64)
         expect((np.sort(order) == np.arange(len(order))).all(), "order: expected every point once")
         self = cls.__new__(cls)
@@ -77,7 +77,7 @@ class PointHaar:
             self._sizes.append(len(counts))
 
     def forward_step(self, vectors, level):
-        """One step down, in place, of (m, n) vectors in the order of the tree."""
+        """One step down, in place: (m, n) vectors in the order of the tree, at a `level`."""
         size, half = self._sizes[level], self._sizes[level + 1]
         left, right = (w.astype(vectors.dtype) for w in self._weights[level])
         pairs = size // 2
@@ -100,11 +100,11 @@ class PointHaar:
         return vectors
 
     def forward(self, vectors, depth=None):
-        """Coefficients after `depth` steps of (..., n) functions in the order of the points."""
+        """Coefficients after `depth` steps (None: all) of (..., n) vectors in the points' order."""
         return all_steps(self, expect_array_of(vectors, self.n)[..., self.order], depth, False)
 
     def inverse(self, coefficients, depth=None):
-        """Functions in the order of the points: undoes `forward`."""
+        """Functions (..., n) in the points' order of `coefficients` after `depth` steps."""
         result = np.empty_like(expect_array_of(coefficients, self.n))
         result[..., self.order] = all_steps(self, coefficients, depth, True)
         return result
@@ -114,7 +114,7 @@ class PointHaar:
         return vectors[:, : self._sizes[depth]]
 
     def weights(self, depth):
-        """(n,) float32: energy of the function that a coefficient of one alone stands for."""
+        """(n,) float32: energy of what a coefficient of one after `depth` steps stands for."""
         return np.ones(self.n, np.float32)
 
     def scales(self, depth):

@@ -52,7 +52,7 @@ class PointMultiwavelet(PointHaar):
 
     @classmethod
     def from_order(cls, order, features):
-        """The transform that has these leaves and features, as it was."""
+        """The transform with leaves in `order` (n,) and `features` (n, k) int8, as it was."""
         order = expect_array("order", order, (None,), np.int64)
         features = expect_numbers("features", features)
         expect(
@@ -91,7 +91,7 @@ class PointMultiwavelet(PointHaar):
             self._sizes.append(n_kept)
 
     def forward_step(self, vectors, level):
-        """One step down, in place, of (m, n) vectors in the order of the tree."""
+        """One step down, in place: (m, n) vectors in the order of the tree, at a `level`."""
         return self._step(vectors, level, lambda turn: turn)
 
     def inverse_step(self, vectors, level):

@@ -90,7 +90,7 @@ class ImageWavelet:
         return vectors.reshape(-1, *self.shape)[:, :height, :width]
 
     def weights(self, depth):
-        """(n,) float32: energy of the image that a coefficient of one alone stands for."""
+        """(n,) float32: energy of what a coefficient of one after `depth` steps stands for."""
         result = np.ones(self.shape, np.float32)
         if self.orthonormal:
             return result.ravel()
@@ -225,6 +225,7 @@ def _mirrored(taps, n, first):
 
 
 def all_steps(transform, vectors, depth, inverse):
+    """Copy of (..., n) vectors after so many steps of a transform (None: all), or back."""
     most = transform.depth
     depth = most if depth is None else expect_whole("depth", depth, 0, most)
     result = np.array(expect_array_of(vectors, transform.n))

@@ -103,6 +103,7 @@ class BlenderCaster:
         return triangle
 
     def occluded(self, origins, directions, distances=None):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         if not len(origins):
             return np.zeros(0, bool)
@@ -112,6 +113,7 @@ class BlenderCaster:
         return self._cast(origins, directions, distances) != MISS
 
     def intersect(self, origins, directions):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         triangle = np.zeros(0, np.int32)
         if len(origins):
@@ -152,6 +154,7 @@ class BVHTreeCaster:
         )
 
     def occluded(self, origins, directions, distances=None):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         cast = self._tree.ray_cast
         if distances is None:
@@ -165,6 +168,7 @@ class BVHTreeCaster:
         return np.fromiter(found, bool, len(origins))
 
     def intersect(self, origins, directions):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         cast = self._tree.ray_cast
         rays = zip(origins.tolist(), directions.tolist(), strict=True)
@@ -176,6 +180,7 @@ class BVHTreeCaster:
         return Hits(triangle, barycentric, distance)
 
     def close(self):
+        """See `RayCaster`."""
         self._tree = None
 
 
@@ -198,6 +203,7 @@ def remove_left_over():
 
 
 def register():
+    """Make both known by name."""
     register_caster("blender", BlenderCaster)
     register_caster("bvhtree", BVHTreeCaster)
 

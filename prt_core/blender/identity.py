@@ -38,6 +38,7 @@ class UniqueNames:
         self._taken, self._count = set(), Counter()
 
     def give(self, name):
+        """The name, with a number where it was given before."""
         found = name
         while found in self._taken:
             self._count[name] += 1

@@ -114,7 +114,7 @@ def stand_in_for(item, original):
 
 
 def remove_copies(target):
-    """Remove the preview's copies from a scene; how many there were."""
+    """Remove the preview's copies from a scene; returns how many there were."""
     copies = [item for item in target.objects if is_copy(item) and item.library is None]
     meshes = {copy.data for copy in copies}
     bpy.data.batch_remove(copies)

@@ -8,6 +8,7 @@ _IN_BLENDER = "the scene that is open"
 
 
 def scene_argument(parser, in_blender):
+    """Add the .blend file; inside Blender (`in_blender`) the open one is the default."""
     if in_blender:
         parser.add_argument("scene", nargs="?", help=f".blend; default: {_IN_BLENDER}")
     else:
@@ -31,6 +32,7 @@ def expect_used(options, needed):
 
 
 def caster_argument(parser):
+    """Add `--caster`."""
     parser.add_argument(
         "--caster", default="auto", choices=("auto", "blender", "bvhtree", "embree"),
         help="who traces rays; auto: Embree where installed, else Blender",
@@ -38,6 +40,7 @@ def caster_argument(parser):
 
 
 def transport_argument(parser):
+    """Add `--transport`."""
     parser.add_argument(
         "--transport", default="auto", choices=("auto", "exact", "compressed"),
         help="what distant light is relit from; auto: the compressed form where it is fresh",
@@ -45,11 +48,13 @@ def transport_argument(parser):
 
 
 def quiet_arguments(parser):
+    """Add `--json` and `--quiet`."""
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def bounces(text):
+    """A number of bounces; None for auto, "baked" as it is."""
     if text == "auto":
         return None
     if text == "baked":
@@ -64,6 +69,7 @@ def bounces(text):
 
 
 def size(text):
+    """(width, height) of WIDTHxHEIGHT."""
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")

@@ -10,6 +10,7 @@ from prt_core.runtime.files import expect_output
 
 
 def open_scene(path):
+    """The `Scene` of a .blend file, or of what is open in Blender where there is none."""
     from prt_core.api import import_bpy, open_blend
 
     if path:

@@ -27,6 +27,7 @@ class Bar:
         self._bar.update(progress.done - self._bar.n)
 
     def close(self):
+        """End the line."""
         if self._bar is not None:
             self._bar.close()
 

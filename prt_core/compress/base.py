@@ -34,6 +34,8 @@ class Compressor(Parameters, ABC):
         Parameters
         ----------
         rows : Rows, or (n_points, n_directions) or (n_points, n_directions, n_channels) array
+        y : object, optional
+            Not used: scikit-learn hands it over.
 
         Returns
         -------

@@ -21,7 +21,7 @@ class Parameters:
         return {name: getattr(self, name) for name in self._names()}
 
     def set_params(self, **params):
-        """Set some of the parameters; unknown names raise `PRTError`. Returns self."""
+        """Set some of the parameters; unknown names raise `PRTError`; returns self."""
         unknown = sorted(set(params) - set(self._names()))
         expect(not unknown, f"{type(self).__name__}: unknown parameter {', '.join(unknown)}")
         for name, value in params.items():

@@ -42,6 +42,12 @@ def expect_view(width, height, samples=2):
 def auto_camera(scene, width=960, height=540):
     """A camera that sees the whole scene from the front, a little from above.
 
+    Parameters
+    ----------
+    scene : Scene
+    width, height : int
+        Of the picture.
+
     Returns
     -------
     dict
@@ -124,14 +130,40 @@ class CameraRays:
 
 
 def render_view(bake, radiance, caster, width=960, height=540, background=None):
-    """One picture, (height, width, 3) float32 linear, from the bake's camera."""
+    """One picture from the bake's camera.
+
+    Parameters
+    ----------
+    bake : Bake
+    radiance : (n_points, 3) float32
+    caster : RayCaster
+    width, height : int
+    background : callable((m, 3) directions) -> (m, 3), optional
+        See `CameraRays.picture`.
+
+    Returns
+    -------
+    (height, width, 3) float32
+        Linear.
+    """
     expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
     rays = CameraRays(bake.scene, caster, bake.camera, width, height)
     return rays.picture(radiance, background)
 
 
 def to_srgb(linear, exposure=0.0):
-    """Linear radiance as sRGB bytes, `exposure` in stops; brighter than white is cut."""
+    """Linear radiance as sRGB bytes; brighter than white is cut.
+
+    Parameters
+    ----------
+    linear : (..., 3) float
+    exposure : float
+        Stops.
+
+    Returns
+    -------
+    (..., 3) uint8
+    """
     stops = expect_number("exposure", exposure, -64, 64)
     linear = expect_numbers("linear", linear)
     expect(not np.isnan(linear).any(), "linear: expected no NaN")
@@ -142,7 +174,7 @@ def to_srgb(linear, exposure=0.0):
 
 
 def write_png(path, image):
-    """Write (height, width, 3) uint8 sRGB pixels; through a temporary file, never half."""
+    """Write an `image` of (height, width, 3) uint8 sRGB pixels to a `path`, whole or not at all."""
     path = expect_path("picture", path)
     expect(path.suffix.lower() == ".png", f"{path}: expected a name that ends in .png")
     data = png_bytes(image)

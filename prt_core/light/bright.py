@@ -1,4 +1,8 @@
-"""The sun of an environment map, taken out of it: its shadows need rays, not texels."""
+"""The sun of an environment map, taken out of it: its shadows need rays, not texels.
+
+A texel has one traced direction, which displaces a shadow by up to half a texel at any resolution.
+So what pixels have above fifty times the mean is sampled by its power, like a lamp.
+"""
 
 from dataclasses import dataclass
 
@@ -27,6 +31,8 @@ class BrightPixels:
         What each pixel has above the rest of the map.
     rotation : (3, 3) float64
         Of the environment.
+    name, kind : str
+        As those of a `Lamp`.
     """
 
     rows: np.ndarray

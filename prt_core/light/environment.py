@@ -78,7 +78,21 @@ class EnvironmentMap:
 
     @classmethod
     def read(cls, path):
-        """Read an .exr or .hdr image; anything but twice as wide as high is refused."""
+        """The map of an .exr or .hdr image.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        EnvironmentMap
+
+        Raises
+        ------
+        PRTError
+            It cannot be read, or is anything but twice as wide as high.
+        """
         pixels, notes = read_picture(path)
         height, width = pixels.shape[:2]
         expect(
@@ -147,7 +161,7 @@ class EnvironmentMap:
         return (rows, columns, (height, width), base.reshape(-1, 3).astype(np.float32)), bright
 
     def sample(self, directions):
-        """Radiance (m, 3) float32 of the pixel each direction falls into."""
+        """Radiance (m, 3) float32 of the pixels that `directions` (m, 3) fall into."""
         directions = expect_array("directions", directions, (None, 3), np.float64)
         u, v = equirectangular(directions)
         height, width = self.pixels.shape[:2]

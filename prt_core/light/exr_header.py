@@ -42,6 +42,8 @@ class Part:
     window, display : (int, int, int, int)
         First column and row, last column and row: of what is stored, and of the image.
     chromaticities : (8,) tuple of float, or None
+    chunks : int or None
+        As the header says, where it does.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Part:
 
     @property
     def deep(self):
+        """Whether pixels hold several samples each."""
         return self.kind.startswith("deep")
 
     @property

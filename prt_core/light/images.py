@@ -103,8 +103,7 @@ def reads_in_threads(path):
 
 
 def write_image(path, pixels):
-    """Write (height, width, 3) float32 pixels as an OpenEXR image, ZIP compressed; whole or not
-    at all."""
+    """Write (height, width, 3) float32 pixels to a path, as OpenEXR; whole or not at all."""
     import OpenEXR
 
     path = expect_path("image", path)

@@ -1,4 +1,8 @@
-"""An environment on the texels of a cube map, turned in milliseconds."""
+"""An environment on the texels of a cube map, turned in milliseconds.
+
+It is cut once into parts finer than the texels; a rotation hands each part to the texel that it
+falls into.
+"""
 
 import numpy as np
 

@@ -6,7 +6,13 @@ from prt_core.rays.caster import MISS, Hits, as_limits, as_rays, register_caster
 
 
 class BruteForceCaster:
-    """Möller & Trumbore's test (1997) for all pairs; a hit on an edge or corner counts."""
+    """Möller & Trumbore's test (1997) for all pairs; a hit on an edge or corner counts.
+
+    Parameters
+    ----------
+    vertices : (n_vertices, 3) float
+    triangles : (n_triangles, 3) int
+    """
 
     name = "brute"
     batch = 1 << 14
@@ -19,11 +25,13 @@ class BruteForceCaster:
         self._edge2 = corner[:, 2] - corner[:, 0]
 
     def occluded(self, origins, directions, distances=None):
+        """See `RayCaster`."""
         distance = self.intersect(origins, directions).distance
         limits = as_limits(distances, len(distance))
         return distance < (np.inf if limits is None else limits)
 
     def intersect(self, origins, directions):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         n_rays, step = len(origins), max(1, 2_000_000 // max(1, len(self._a)))
         triangle = np.full(n_rays, MISS, np.int32)
@@ -53,6 +61,7 @@ class BruteForceCaster:
         return Hits(triangle, barycentric, distance)
 
     def close(self):
+        """See `RayCaster`."""
         self._a = self._edge1 = self._edge2 = None
 
 

@@ -31,7 +31,7 @@ class Hits:
 
     @classmethod
     def joined(cls, parts):
-        """Those of several calls, one after the other."""
+        """Those of several calls, `parts`, one after the other."""
         arrays = ((part.triangle, part.barycentric, part.distance) for part in parts)
         return cls(*map(np.concatenate, zip(*arrays, strict=True)))
 
@@ -64,14 +64,14 @@ class RayCaster(Protocol):
         """
 
     def intersect(self, origins, directions) -> Hits:
-        """The closest hit of each ray."""
+        """The closest hit of each ray, from `origins` along `directions` (m, 3) float32."""
 
     def close(self):
         """Free what the caster holds; it cannot be used afterwards."""
 
 
 def as_rays(origins, directions):
-    """Both arrays as (m, 3) float32, contiguous and finite."""
+    """`origins` and `directions` as (m, 3) float32, contiguous and finite."""
     origins = expect_array("origins", origins, (None, 3), np.float32)
     directions = expect_array("directions", directions, (len(origins), 3), np.float32)
     return np.ascontiguousarray(origins), np.ascontiguousarray(directions)
@@ -93,7 +93,8 @@ def barycentric_of(vertices, triangles, origins, directions, triangle):
 
     Parameters
     ----------
-    vertices : (n_vertices, 3), triangles : (n_triangles, 3)
+    vertices : (n_vertices, 3) float
+    triangles : (n_triangles, 3) int
     origins, directions : (m, 3)
     triangle : (m,) int
         The triangle each ray hits; -1 is a miss.
@@ -129,7 +130,7 @@ def _dot(a, b):
 
 
 def register_caster(name, factory):
-    """Make a back-end known: `factory(vertices, triangles) -> RayCaster`."""
+    """Make a back-end known by `name`: `factory(vertices, triangles) -> RayCaster`."""
     _FACTORIES[name] = factory
 
 
@@ -141,7 +142,12 @@ def make_caster(name, vertices, triangles):
     name : str
         `blender`, `bvhtree`, `embree`, `brute` or `auto`: Embree where it is installed, else
         Blender's BVH where bpy is there.
-    vertices : (n_vertices, 3) float32, triangles : (n_triangles, 3) int32
+    vertices : (n_vertices, 3) float32
+    triangles : (n_triangles, 3) int32
+
+    Returns
+    -------
+    RayCaster
 
     Raises
     ------

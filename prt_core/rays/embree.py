@@ -16,6 +16,11 @@ class EmbreeCaster:
     """Rays cut into slices that a pool of threads casts; up to one slice stays in the caller's.
 
     Several threads may call it at once.
+
+    Parameters
+    ----------
+    vertices : (n_vertices, 3) float
+    triangles : (n_triangles, 3) int
     """
 
     name = "embree"
@@ -43,6 +48,7 @@ class EmbreeCaster:
         return result
 
     def occluded(self, origins, directions, distances=None):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         limits = as_limits(distances, len(origins))
 
@@ -53,6 +59,7 @@ class EmbreeCaster:
         return self._slices(cast, len(origins), bool)
 
     def intersect(self, origins, directions):
+        """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
 
         def cast(part):
@@ -65,6 +72,7 @@ class EmbreeCaster:
         return Hits(triangle, barycentric, distance)
 
     def close(self):
+        """See `RayCaster`."""
         self._pool.shutdown()
         self._scene = None
 

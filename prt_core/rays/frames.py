@@ -43,7 +43,7 @@ class Frames:
         return len(self.centres)
 
     def local(self, vertices, triangles):
-        """(n_triangles, 3, 3) float64: the corners of each triangle in its own frame."""
+        """(n_triangles, 3, 3) float64: corners of triangles of vertices, each in its own frame."""
         return vertices[triangles] - self.centres[self.of_triangle][:, None]
 
 
@@ -114,7 +114,8 @@ class FramedCaster:
     Parameters
     ----------
     factory : callable(vertices, triangles) -> RayCaster
-    vertices : (n_vertices, 3) float64, triangles : (n_triangles, 3) int32
+    vertices : (n_vertices, 3) float64
+    triangles : (n_triangles, 3) int32
     frames : Frames
     """
 

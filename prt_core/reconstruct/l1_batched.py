@@ -75,7 +75,9 @@ def l1_batched(grams, moments, squares, strengths, start=None, most_iterations=4
 
     Parameters
     ----------
-    grams : (n, k, k), moments : (n, k), squares : (n,) float64
+    grams : (n, k, k) float64
+    moments : (n, k) float64
+    squares : (n,) float64
         See `gram`. Columns of zeros are allowed, as are equal ones, and k larger than the rank.
     strengths : (n,) float64
         lambda of each problem, > 0.
@@ -114,9 +116,19 @@ def expect_problems(grams, moments):
 
 
 def l1_certificate(grams, moments, squares, strengths, weights):
-    """Objective and duality gap of any weights, (n,) float64 each.
+    """Objective and duality gap of any weights.
 
     The dual point is the residual scaled into |A^T nu| <= lambda (Kim et al. 2007, equation 9).
+
+    Parameters
+    ----------
+    grams, moments, squares, strengths
+        As `l1_batched` takes them.
+    weights : (n, k) float64
+
+    Returns
+    -------
+    objective, gap : (n,) float64
     """
     grams, moments = expect_problems(grams, moments)
     n, k = moments.shape

@@ -13,7 +13,8 @@ def least_squares(grams, moments):
 
     Parameters
     ----------
-    grams : (n, k, k), moments : (n, k) float64
+    grams : (n, k, k) float64
+    moments : (n, k) float64
         See `gram`. Columns of zeros, equal columns and more columns than rows are allowed.
 
     Returns

@@ -59,6 +59,8 @@ class AgreementSettings:
     edge_halvings : int
         One in 2^edge_halvings of the texels beside a boundary is checked, at the last level; the
         fewer points are known, the more depends on them, and the more are checked.
+    first : int
+        One point in `first` is traced whole, to begin with; at least 64 points.
     boundaries : bool
         Whether all boundaries of a point are checked as soon as it contradicts its neighbours.
     looks : int
@@ -72,8 +74,6 @@ class AgreementSettings:
     look_share : float
         Only objects of whose entries at most this share is traced by then: where more was needed
         points are far apart, and to look again costs much and finds little.
-    first : int
-        One point in `first` is traced whole, to begin with; at least 64 points.
     growth : float
         Known points after a level, as a multiple of those before it.
     most_wrong : float or None
@@ -182,6 +182,8 @@ def refine_agreement(
 
     Parameters
     ----------
+    scene, cube_map, caster
+        As those of `sample_agreement`.
     settings : AgreementSettings
         Those of this turn: more neighbours and checks than before find more.
     sampled : Sampled
@@ -190,6 +192,8 @@ def refine_agreement(
         Those to ask again; all are asked.
     turn : int
         Counts the calls.
+    tally, pace
+        As those of `sample_agreement`.
 
     Returns
     -------
@@ -208,7 +212,23 @@ def refine_agreement(
 
 
 def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
-    """Trace whatever was not traced in some points; yields `Progress`, returns `Sampled`."""
+    """Trace whatever was not traced in some points; yields `Progress`.
+
+    Parameters
+    ----------
+    scene, cube_map, caster
+        As those of `sample_agreement`.
+    sampled : Sampled
+        Of the same scene, by any sampler; left as it is.
+    points : (n_points,) bool
+        Those to trace whole.
+    tally, pace
+        As those of `sample_agreement`.
+
+    Returns
+    -------
+    Sampled
+    """
     expect_sampled(sampled, scene, cube_map)
     work = _Work(scene, cube_map, caster, tally, pace, 0, sampled)
     points = expect_mask("points", points, len(scene.points))

@@ -52,7 +52,7 @@ _SUREST = 1 - 1e-4
 
 @dataclass(frozen=True)
 class Estimate:
-    """A relative L2 error and the interval that holds it 95 times of 100."""
+    """A relative L2 error and the interval, `low` to `high`, that holds it 95 times of 100."""
 
     error: float
     low: float
@@ -90,6 +90,7 @@ class ObjectError:
         return max((e.error for e in self.relit.values()), default=self.matrix.error)
 
     def facts(self):
+        """The same as plain numbers and dicts, for a report."""
         return asdict(self)
 
 
@@ -361,6 +362,10 @@ def _inclusion(rate, share):
 
 def probe_lights(cube_map):
     """An even sky, and a soft sun low and high in it: lights where no others are given.
+
+    Parameters
+    ----------
+    cube_map : CubeMap
 
     Returns
     -------

@@ -117,7 +117,7 @@ class HuangSettings:
 
 @dataclass
 class HuangSampled(Sampled):
-    """What came out, and the dense points it was made from.
+    """What came out, and the dense points it was made from; see `Sampled` for the rest.
 
     Attributes
     ----------

@@ -22,6 +22,16 @@ def on_rows(function, n_rows, *arguments):
 class Asked:
     """Some points that are asked about, and what is known of them; all (n, n_bytes) uint8.
 
+    Parameters
+    ----------
+    points : (n,) int
+    checks : (n, n_bytes) uint8
+        Entries that are traced even where all neighbours agree.
+    resolution : int
+        Of the cube map.
+    reach : int
+        See `AgreementSettings.look_reach`.
+
     Attributes
     ----------
     above, traced, bits
@@ -86,6 +96,8 @@ class Asked:
 
         Parameters
         ----------
+        part : slice
+            Of the rows.
         rows : (m,) int
         fresh : (m, n_bytes) uint8
             What was traced last; None: everything.

@@ -9,7 +9,17 @@ from prt_core.errors import expect_named, expect_offers
 
 
 def mesh_digests(meshes):
-    """Digest of all that a bake takes from each mesh but its name: {name: hexadecimal}."""
+    """Digests of all that a bake takes from meshes but their names.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+
+    Returns
+    -------
+    dict of str -> str
+        Hexadecimal, by the name of the mesh.
+    """
     digests = {}
     for mesh in meshes if isinstance(meshes, list | tuple) else [meshes]:
         expect_offers("meshes", mesh, ("corner_vertex", "corner_albedo"), "a list of Mesh")
@@ -40,6 +50,7 @@ class Changes:
     renamed : dict of str -> str
         Unchanged meshes by their name in the bake, and their name now; no change of the light.
     missing, changed, added : tuple of str
+        Names.
     """
 
     renamed: dict
@@ -49,6 +60,7 @@ class Changes:
 
     @property
     def fresh(self):
+        """Whether the light of the bake is that of the meshes."""
         return not (self.missing or self.changed or self.added)
 
     def __str__(self):

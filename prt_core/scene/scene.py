@@ -33,8 +33,17 @@ from prt_core.scene.ray_offset import ray_lifts
 class SceneObject:
     """One object of a scene: its name, its corners and how they map to points.
 
-    `corner_point` (n_corners,) int32 is the point of each corner, -1 where a corner belongs to
-    no triangle of area.
+    Attributes
+    ----------
+    name : str
+    corner_point : (n_corners,) int32
+        The point of each corner, -1 where a corner belongs to no triangle of area.
+    corner_vertex : (n_corners,) int32
+    face_sizes : (n_faces,) int32
+    n_vertices : int
+    receives, two_sided, own_mesh : bool
+    owner, library : str
+        As those of the `Mesh` it was made from.
     """
 
     name: str
@@ -55,19 +64,24 @@ class Scene:
 
     Attributes
     ----------
-    centre : (3,) float64, size : float
+    centre : (3,) float64
+    size : float
         World position = centre + size * frame position.
-    vertices : (n_vertices, 3) float64, triangles : (n_triangles, 3) int32
+    vertices : (n_vertices, 3) float64
+    triangles : (n_triangles, 3) int32
         What rays hit.
     points : BakePoints
     objects : list of SceneObject
     triangle_object : (n_triangles,) int32
     triangle_level : (n_triangles,) int32
         Segments an edge is cut into for bouncing; 1 where the corners suffice.
-    lattice_start : (n_triangles,) int64, lattice : (n,) int32
+    lattice_start : (n_triangles,) int64
+    lattice : (n,) int32
         Point indices of each triangle's lattice (see `refine`).
-    lattice_back : like lattice
+    lattice_back : (n,) int32
         Points of the back side, -1 where the back returns no light.
+    messages : list of str
+        What is to be said of the meshes.
     image : PointImage or None
         Pixels that some of the points belong to.
     details : Details
@@ -101,6 +115,10 @@ class Scene:
         meshes : sequence of Mesh
         max_hidden : int, optional
             Most hidden points to add; default: half of the others, at least 2,000.
+
+        Returns
+        -------
+        Scene
 
         Raises
         ------

@@ -53,6 +53,7 @@ class CubeMap:
 
     @property
     def n_directions(self):
+        """Texels of all faces."""
         return 6 * self.resolution**2
 
     def _edges(self):
@@ -145,7 +146,7 @@ class CubeMap:
         return self.texel_along(*directions.T)
 
     def texel_along(self, x, y, z):
-        """`texel_of` of components, unchecked, in their own precision: (m,) int32."""
+        """`texel_of` of components x, y, z (m,), unchecked, in their own precision: (m,) int32."""
         n = self.resolution
         ax, ay, az = np.abs(x), np.abs(y), np.abs(z)
         on_x, on_z = ax >= np.maximum(ay, az), az > np.maximum(ax, ay)

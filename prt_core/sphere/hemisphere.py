@@ -47,5 +47,5 @@ def hemisphere_square(directions):
 
 
 def hemisphere_solid_angle(width, height):
-    """Of each texel of a table of so many texels: all have the same."""
+    """Of each texel of a table of `width` x `height` texels: all have the same."""
     return 2 * np.pi / (width * height)

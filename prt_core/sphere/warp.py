@@ -8,7 +8,7 @@ import numpy as np
 
 
 def square_to_disc(uv):
-    """Places on the unit disc, evenly: (..., 2)."""
+    """Places (..., 2) on the unit disc, evenly, of `uv` (..., 2)."""
     radius, angle = np.sqrt(uv[..., 0]), _turn(uv)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
@@ -19,7 +19,7 @@ def disc_density():
 
 
 def square_to_cosine(uv):
-    """Directions of the hemisphere, as densely as their cosine: (..., 3) unit vectors.
+    """Directions of the hemisphere, as densely as their cosine: (..., 3) unit vectors of `uv`.
 
     Source: Malley's method; Pharr, Jakob and Humphreys 2023, section A.5.3.
     """
@@ -47,7 +47,7 @@ def square_to_cone(uv, cap):
 
 
 def cone_density(cap):
-    """Of directions within a cone, for solid angle."""
+    """Of directions within a cone of `cap` (see `square_to_cone`), for solid angle."""
     return 1 / (2 * np.pi * np.asarray(cap, np.float64))
 
 

@@ -68,7 +68,20 @@ def begin_bake(path, identity, restart=False):
 
 
 def finish_bake(store, path):
-    """Put a finished bake in its place; the `BakeStore` there."""
+    """Put a finished bake in its place.
+
+    Parameters
+    ----------
+    store : BakeStore
+        Of `begin_bake`.
+    path : str or Path
+        Its place.
+
+    Returns
+    -------
+    BakeStore
+        The one there.
+    """
     path = Path(path)
     if store.path != path:
         swap(path)

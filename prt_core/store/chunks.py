@@ -150,6 +150,7 @@ class Chunks(Store):
         raise PRTError(f"{self._name}: expected to be read by whole chunks, not in parts")
 
     async def set_partial_values(self, *_):
+        """Refused, as zarr's own."""
         raise PRTError(f"{self._name}: expected to be written by whole chunks, not in parts")
 
     async def list(self):

@@ -22,7 +22,8 @@ def write_compressed(store, state, facts):
     ----------
     store : BakeStore
         Opened to be written.
-    state : dict of str -> array, or a value that JSON knows
+    state : dict
+        Arrays of any shape, and values that JSON knows, by name.
         See `Compressor.state`.
     facts : dict
         Method, settings, what it is of, size, error and time.
@@ -48,6 +49,10 @@ def write_compressed(store, state, facts):
 def compressed_facts(store):
     """Facts of the compressed form, None where there is none.
 
+    Parameters
+    ----------
+    store : BakeStore
+
     Raises
     ------
     PRTError
@@ -67,7 +72,18 @@ def compressed_facts(store):
 
 
 def read_compressed(store, facts):
-    """The state that `write_compressed` was given."""
+    """The state that `write_compressed` was given.
+
+    Parameters
+    ----------
+    store : BakeStore
+    facts : dict
+        See `compressed_facts`.
+
+    Returns
+    -------
+    dict
+    """
     state = dict(facts["values"])
     for name in facts["arrays"]:
         try:
@@ -80,7 +96,18 @@ def read_compressed(store, facts):
 
 
 def remove_compressed(store):
-    """Remove the compressed form; whether there was one."""
+    """Remove the compressed form.
+
+    Parameters
+    ----------
+    store : BakeStore
+        Opened to be written.
+
+    Returns
+    -------
+    bool
+        Whether there was one.
+    """
     there = store.facts.get(COMPRESSED) is not None
     if there:
         store.update(**{COMPRESSED: None})

@@ -109,7 +109,17 @@ def write_facts(files, facts, now=None):
 
 @contextmanager
 def damage_said(path, what="its description", again=_AGAIN):
-    """Turns what goes wrong with facts of another shape than expected into one line."""
+    """Turns what goes wrong with facts of another shape than expected into one line.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the bake.
+    what : str
+        What is damaged.
+    again : str
+        What to do about it.
+    """
     try:
         yield
     except PRTError as error:

@@ -96,7 +96,7 @@ class RayJournal:
 
     @staticmethod
     def clear(store, name=NAME):
-        """Take the journal of a finished sampling out of a store, where it is there."""
+        """Take the journal `name` of a finished sampling out of a store, where it is there."""
         store.remove(name)
 
     def close(self):

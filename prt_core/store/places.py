@@ -118,7 +118,7 @@ def expect_removable(path):
 
 
 def is_removable(path):
-    """Whether a folder is there and holds nothing but what bakes consist of."""
+    """Whether a folder is at this `path` and holds nothing but what bakes consist of."""
     try:
         expect_removable(path)
     except PRTError:

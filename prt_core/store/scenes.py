@@ -47,6 +47,11 @@ def write_scene(store, scene):
 
     Arrays that are there already and the same are left, others are written again.
 
+    Parameters
+    ----------
+    store : BakeStore
+    scene : Scene
+
     Returns
     -------
     dict
@@ -87,6 +92,14 @@ def write_scene(store, scene):
 
 def read_scene(store):
     """The scene of a store.
+
+    Parameters
+    ----------
+    store : BakeStore
+
+    Returns
+    -------
+    Scene
 
     Raises
     ------
@@ -156,6 +169,12 @@ def read_scene(store):
 
 def read_details(store, scene):
     """Where the details of a scene lie, of a bake that is not finished.
+
+    Parameters
+    ----------
+    store : BakeStore
+    scene : Scene
+        Without them.
 
     Returns
     -------

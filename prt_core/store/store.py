@@ -118,7 +118,7 @@ class BakeStore:
         return [name for name in self.files.names() if name.isidentifier() and name in self]
 
     def write(self, name, array):
-        """Write a whole array, replacing one of the same name."""
+        """Write a whole array, replacing one of the same name; returns the `BakeArray`."""
         array = np.asarray(array)
         made = self.create(name, array.shape, array.dtype)
         if array.size:
@@ -126,7 +126,7 @@ class BakeStore:
         return made
 
     def keep(self, name, array):
-        """`write`, but for an array that is there already, whole and the same."""
+        """`write(name, array)`, but where that is there already, whole and the same."""
         array = np.asarray(array)
         try:
             found = self.read(name, array.shape, array.dtype)
@@ -170,12 +170,12 @@ class BakeStore:
         return made
 
     def remove(self, name):
-        """Remove an array, or a folder of arrays, where it is there."""
+        """Remove an array, or a folder of arrays, of this `name`, where it is there."""
         self.files.remove(name)
         self._used.discard(name)
 
     def array(self, name):
-        """The array itself, read where it is indexed.
+        """The array of this `name` itself, read where it is indexed.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class BakeStore:
         return values
 
     def expect_shape(self, array, shape=None, dtype=None):
-        """Raise `PRTError` unless an array is of a shape (None: any length) and a type."""
+        """Raise `PRTError` unless an array is of a `shape` (None: any length) and a `dtype`."""
         fits = shape is None or (
             len(array.shape) == len(shape)
             and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))

@@ -113,6 +113,13 @@ class Sharing:
     def choose(self, caster, places, pick):
         """Hand places to bake points.
 
+        Parameters
+        ----------
+        caster : RayCaster
+        places : Places
+        pick : (m,) float32
+            Uniform random numbers: which of the points around a place.
+
         Returns
         -------
         chosen : (m,) int32
@@ -128,7 +135,7 @@ class Sharing:
         return handed.chosen, handed.short
 
     def corner_distances(self, places):
-        """(m, 3) float64: how far the corners of its cell are from each place."""
+        """(m, 3) float64: how far the corners of its cell are from each of the `places`."""
         corners = self._scene.points.positions[places.around]
         return np.linalg.norm(corners - places.position[:, None], axis=2)
 

@@ -45,13 +45,13 @@ class Transport:
     normals : (n_points, 3) float32
     albedo : (n_points, 3) float32
         May be replaced after the bake: T follows.
-    mean_albedo : (n_points, 3) float32, or None
-        Of the area that each point stands for, with which it bounces; None: `albedo`. Replace it
-        as well where that is replaced.
     tolerance : float
         Of the bounces (see `all_bounces`).
     bounces : int or None
         Exactly so many; None: as many as the tolerance needs.
+    mean_albedo : (n_points, 3) float32, or None
+        Of the area that each point stands for, with which it bounces; None: `albedo`. Replace it
+        as well where that is replaced.
     """
 
     cube_map: CubeMap
@@ -81,10 +81,12 @@ class Transport:
 
     @property
     def n_points(self):
+        """Rows of T."""
         return len(self.bits)
 
     @property
     def n_directions(self):
+        """Columns of T."""
         return self.cube_map.n_directions
 
     @property
@@ -142,7 +144,18 @@ class Transport:
         return self.bounce(received, bounces)
 
     def bounce(self, received, bounces="baked"):
-        """Outgoing radiance for any received light (irradiance / pi)."""
+        """Outgoing radiance for any received light (irradiance / pi).
+
+        Parameters
+        ----------
+        received : (n_points, n_channels) float32
+        bounces : int or None
+            As `relight` takes them.
+
+        Returns
+        -------
+        (n_points, n_channels) float32
+        """
         shape = self.n_points, None
         received = expect_array(
             "received", received, shape, least=-MOST_RECEIVED, most=MOST_RECEIVED
@@ -164,7 +177,7 @@ class Transport:
         return all_bounces(gather, albedo, received, self.tolerance, bounces, mean)[0]
 
     def direct(self, points):
-        """Rows of D: irradiance / pi for unit radiance, (n, n_directions) float32."""
+        """(n, n_directions) float32, rows of D at points: irradiance / pi for unit radiance."""
         points = expect_indices("points", points, self.n_points)
         cosine = self.normals[points] @ self.cube_map.vectors.T.astype(np.float32) / np.pi
         return unpack(self.bits[points], self.n_directions) * cosine

@@ -1,4 +1,9 @@
-"""Visibility: one bit for each point and direction, and the light that the bits let through."""
+"""Visibility: one bit for each point and direction, and the light that the bits let through.
+
+Rays are prepared point by point, in the cache, and cast in batches as large as the caster likes
+them. Light is multiplied with bits unpacked in blocks: nine columns, the three channels of the
+light times the three axes of the cosine.
+"""
 
 import numpy as np
 

@@ -45,6 +45,7 @@ from tests.benchmarks.exhaustive import exhaustive_bits  # noqa: E402
 SHARES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
 TURNS = (0.0, 120.0, 240.0)
 CLUSTERS = (50, 120)
+PAGE = "compression"
 SCENES, RUNGS = ("bunny", "dragon", "05_street_bench"), (1, 2, 3)
 
 
@@ -327,23 +328,35 @@ def memory_table(blend, path, resolution=64):
     ]
 
 
-def section(path, blend, work):
-    """The section "Compression" of RESULTS.md; the report's plot goes to docs/."""
-    rows = _run("-m", "prt_core", "bench", "compress", path, "-o", work / "compress", "--json")
-    shutil.copy(work / "compress" / "error.png", ROOT / "docs" / "compression.png")
-    lines = ["## Compression", *method_table(json.loads(rows)), ""]
-    lines += [_run(__file__, "scenes", work), ""] if data_folder() else []
-    lines += [_run(__file__, "bounces", path), ""]
-    _run("-m", "prt_core", "compress", path, "--method", "cpca", "--tolerance", "0.005")
-    # Blender tells of the file it read, too.
-    lines += [_run(__file__, "frames", blend, path).splitlines()[-1]]
+def sections(path, blend, work):
+    """{title: what measures it} of a bake of `blend`, kept in a folder; the plot goes to docs/."""
     large = work / "large_64.prt"
-    lines += ["", _run(__file__, "memory", blend, large)]
-    for bake in (path, large):
-        lines += ["", _run(__file__, "haar", bake)]
-    if data_folder():
-        lines += ["", _run(__file__, "sparse", "bunny")]
-    return lines
+
+    def methods():
+        if not path.exists():
+            _run("-m", "prt_core", "bake", blend, "-o", path, "--caster", "embree")
+        rows = _run("-m", "prt_core", "bench", "compress", path, "-o", work / "compress", "--json")
+        shutil.copy(work / "compress" / "error.png", ROOT / "docs" / "compression.png")
+        return method_table(json.loads(rows))
+
+    def frames():
+        _run("-m", "prt_core", "compress", path, "--method", "cpca", "--tolerance", "0.005")
+        # Blender tells of the file it read, too.
+        return _run(__file__, "frames", blend, path).splitlines()[-1:]
+
+    return {
+        "Every method": methods,
+        "Other scenes": lambda: [_run(__file__, "scenes", work)] if data_folder() else [],
+        "Where the bounces are": lambda: [_run(__file__, "bounces", path)],
+        "A frame in Blender": frames,
+        "A fine cube map": lambda: [_run(__file__, "memory", blend, large)],
+        "Light in few wavelets": lambda: [
+            _run(__file__, "haar", path), "", _run(__file__, "haar", large)
+        ],
+        "Clusters of a sparse bake": lambda: (
+            [_run(__file__, "sparse", "bunny")] if data_folder() else []
+        ),
+    }  # fmt: skip
 
 
 def _run(*arguments):
@@ -363,7 +376,7 @@ def method_table(rows):
         "L2 against the exact bake; the matrix' error is estimated by white lights; seam: the "
         "largest jump of the error across a cluster's border, relative to the mean colour.",
         "",
-        "![Error against size, time of a light and time to compress](docs/compression.png)",
+        "![Error against size, time of a light and time to compress](../compression.png)",
         "",
         "| method | MB | bits / coefficient | s | ms median (worst) | dense / | bits / | matrix | "
         "relit mean | relit worst | PSNR dB | seam |",

@@ -1,8 +1,8 @@
-"""`make bench`: measure and write RESULTS.md with its pictures.
+"""`make bench`: measure and write the pages of docs/benchmarks with their pictures.
 
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
-Each part (rays, bake, large, sampling, compression, wavelets, truth) replaces its own section.
+Each part (rays, bake, large, sampling, compression, wavelets, truth) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -10,8 +10,6 @@ the first run takes hours.
 
 import argparse
 import json
-import os
-import platform
 import subprocess
 import sys
 import time
@@ -29,10 +27,11 @@ import prt_core.blender  # noqa: E402, F401
 from prt_core.blender.colours import corners_to_vertices  # noqa: E402
 from prt_core.evaluate import colour_error, contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
-from tests.benchmarks import sampling  # noqa: E402
-from tests.benchmarks.sections import write_section  # noqa: E402
+from tests.benchmarks import compress_tables, sampling, wavelet4d_tables  # noqa: E402
+from tests.benchmarks.sections import write_sections  # noqa: E402
 
 WORK = ROOT / "build" / "bench"
+MODEL = ROOT / "blend_scenes" / "01_model_on_ground.blend"
 LIGHTS = ("courtyard", "city", "sunset")
 TRUTH, NOISY = 2048, 256
 # Resolution of the cube map, and whether the image's sun gets shadow rays (--sharp-sun).
@@ -50,9 +49,8 @@ def prt(*arguments):
 
 
 def rays_table():
-    rows, _ = prt("bench", "rays", ROOT / "blend_scenes" / "01_model_on_ground.blend")
+    rows, _ = prt("bench", "rays", MODEL)
     lines = [
-        "## Rays",
         "`prt bench rays blend_scenes/01_model_on_ground.blend`: "
         f"{rows['points']:,} points, {rows['rays']:,} rays of the visibility stage.",
         "",
@@ -93,7 +91,6 @@ def bake_table():
         old.unlink()
     cycles = float(cycles_bake(scene, "courtyard", NOISY, "all", fresh)["seconds"])
     lines = [
-        "## Bake",
         f"`prt bake blend_scenes/{scene}.blend --caster …` (all bounces, every light) against "
         f"Cycles baking one HDRI at {NOISY} samples: {cycles:.0f} s.",
         "",
@@ -134,29 +131,10 @@ def large_table():
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
     report, spent = prt("bake", path, "-o", WORK / "large.prt", "--caster", "embree", "--restart")
     return [
-        "## A large bake",
         f"{report['points']:,} points at {report['directions']:,} directions with Embree: "
         f"{spent:.0f} s, peak memory {report['peak_bytes'] / 1e9:.2f} GB, "
         f"store {report['bytes'] / 1e6:.0f} MB.",
     ]
-
-
-def compression_tables():
-    """Every method at every budget, and what compression is worth beyond that."""
-    from tests.benchmarks import compress_tables
-
-    path = WORK / "embree.prt"
-    if not path.exists():
-        prt("bake", ROOT / "blend_scenes" / "01_model_on_ground.blend", "-o", path,
-            "--caster", "embree")  # fmt: skip
-    return compress_tables.section(path, ROOT / "blend_scenes" / "01_model_on_ground.blend", WORK)
-
-
-def wavelet_tables():
-    """Adaptive 4D wavelets against 2D and full 4D ones."""
-    from tests.benchmarks import wavelet4d_tables
-
-    return wavelet4d_tables.section()
 
 
 def hdri(name):
@@ -171,9 +149,9 @@ def by_vertex(bake, radiance):
     }
 
 
-def truth_table(truth):
+def truth_table():
+    truth = TRUTHS
     lines = [
-        "## Against Cycles",
         f"Relative L2 (and relative error of the mean) to Cycles' vertex-colour bake at {TRUTH:,} "
         f"samples, per vertex and object; beside it Cycles at {NOISY} samples. Bold: ours is "
         "nearer and its mean is within 0.4 %.",
@@ -199,7 +177,21 @@ def truth_table(truth):
     return lines
 
 
-SKIP = False
+TRUTHS, SKIP = ROOT / "build" / "truth", False
+
+# {part: (page, {title of a section: what measures it})}
+PARTS = {
+    "rays": ("rays", {"Back-ends": rays_table}),
+    "bake": ("bake", {"The model on the ground": bake_table}),
+    "large": ("bake", {"A large scene": large_table}),
+    "sampling": (sampling.PAGE, sampling.SECTIONS),
+    "compression": (
+        compress_tables.PAGE,
+        compress_tables.sections(WORK / "embree.prt", MODEL, WORK),
+    ),
+    "wavelets": (wavelet4d_tables.PAGE, wavelet4d_tables.sections(measure=True)),
+    "truth": ("cycles", {"Vertex colours": truth_table}),
+}
 
 
 def compared(bakes, scene, light, bounces, wanted, noisy):
@@ -259,38 +251,16 @@ def difference_picture(bake, scene, light, ours, wanted, noisy):
 
 
 def main():
-    global SKIP
+    global SKIP, TRUTHS
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--truth", type=Path, default=ROOT / "build" / "truth")
+    parser.add_argument("--truth", type=Path, default=TRUTHS)
     parser.add_argument("--skip-missing", action="store_true", help="do not run Cycles for truth")
-    parts = {
-        "rays": rays_table,
-        "bake": bake_table,
-        "large": large_table,
-        "sampling": sampling.section,
-        "compression": compression_tables,
-        "wavelets": wavelet_tables,
-        "truth": lambda: truth_table(options.truth),
-    }
-    parser.add_argument("--only", nargs="+", default=list(parts), choices=list(parts))
+    parser.add_argument("--only", nargs="+", default=list(PARTS), choices=list(PARTS))
     options = parser.parse_args()
-    SKIP = options.skip_missing
+    SKIP, TRUTHS = options.skip_missing, options.truth
     WORK.mkdir(parents=True, exist_ok=True)
-    path = ROOT / "RESULTS.md"
     for name in options.only:
-        title, *lines = parts[name]()
-        write_section(path, title, lines)
-    about = Path("/proc/cpuinfo").read_text().splitlines()
-    names = [line.split(":")[1].strip() for line in about if line.startswith("model name")]
-    cpu = names[0] if names else platform.processor()
-    head = (
-        "# Results\n"
-        f"Made by `make bench` on {time.strftime('%Y-%m-%d')}: {cpu}, {os.cpu_count()} cores, "
-        f"Python {platform.python_version()}, bpy {bpy.app.version_string}, "
-        f"prt_core {prt_core.__version__}. Pictures are in docs/."
-    )
-    text = path.read_text()
-    path.write_text(head + text[text.index("\n\n## ") :])
+        write_sections(*PARTS[name])
 
 
 if __name__ == "__main__":

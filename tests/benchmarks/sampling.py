@@ -1,4 +1,4 @@
-"""The section "Sampling" of RESULTS.md, a part at a time.
+"""docs/benchmarks/sampling.md, a part at a time.
 
 python tests/benchmarks/sampling.py objects [SCENE ...]   entries and errors against every entry
 python tests/benchmarks/sampling.py curve [SCENE ...]     errors against entries, with the rivals
@@ -9,7 +9,7 @@ python tests/benchmarks/sampling.py coverage [SCENE METHOD]   the certificate's 
 python tests/benchmarks/sampling.py tables [COMMAND]      what the other benchmarks print
 
 Scenes are those of `prt_core.blender.measuring`. Each part adds its rows to
-build/bench/sampling.json and writes the section anew; `make bench` runs all of them.
+build/bench/sampling.json and writes its section of the page anew; `make bench` runs all of them.
 """
 
 import json
@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ from prt_core.sampling.tracer import count_bits  # noqa: E402
 from prt_core.sphere import CubeMap  # noqa: E402
 from tests.benchmarks.certificate_coverage import coverage, scene_named  # noqa: E402
 from tests.benchmarks.exhaustive import exhaustive_bits  # noqa: E402
-from tests.benchmarks.sections import write_section  # noqa: E402
+from tests.benchmarks.sections import write_sections  # noqa: E402
 
 KEPT = ROOT / "build" / "bench" / "sampling.json"
 CUBE = CubeMap(32)
@@ -60,7 +61,7 @@ HARD = ("04_sheets_and_leaves", "05_street_bench", "07_hard_cases")
 N_SEEDS = 200
 TABLES = ("l1_solvers.py", "huang_tables.py radius dancer", "huang_tables.py rivals dancer",
           "huang_tables.py indirect")  # fmt: skip
-TITLE = "## Sampling"
+PAGE = "sampling"
 
 
 def objects(names):
@@ -178,7 +179,7 @@ def coverage_(names):
 
 def tables(commands):
     """What the benchmarks of the sparse method and of its solver print."""
-    for command in commands or TABLES:
+    for command in commands:
         script, *arguments = command.split()
         done = subprocess.run(
             [sys.executable, Path(__file__).with_name(script), *arguments],
@@ -188,31 +189,8 @@ def tables(commands):
         yield command, shown
 
 
-def section():
-    """Measure all parts; the section with its title."""
-    for part in PARTS:
-        keep(part, ())
-    return [TITLE, *lines(json.loads(KEPT.read_text()))]
-
-
-def lines(kept):
-    """The section's lines."""
-    return [
-        "6 x 32 x 32 directions, Embree where nothing else is said; `tests/benchmarks/` has "
-        "`sampling.py`, `huang_tables.py`, `l1_solvers.py`, `certificate_coverage.py`.",
-        *(_objects(kept["objects"]) if "objects" in kept else ()),
-        *(_curve(kept["curve"]) if "curve" in kept else ()),
-        *(_times(kept["time"]) if "time" in kept else ()),
-        *(_growth(kept["growth"]) if "growth" in kept else ()),
-        *(_hard(kept["hard"]) if "hard" in kept else ()),
-        *(_coverage(kept["coverage"]) if "coverage" in kept else ()),
-        *_tables(kept.get("tables", {})),
-    ]
-
-
 def _objects(rows):
     yield from (
-        "", "### Entries and errors",
         "Per cent of all n x 6,144 entries of the object that were traced, and the relative L2 "
         f"error of its matrix in per cent. Careful: `{CAREFUL}`. Sparse: `huang`, rebuilt after "
         "Huang and Ramamoorthi (2010) with a quarter of the points dense, 350 features and L1; "
@@ -242,10 +220,9 @@ def _curve(rows):
             found[row["label"], name, row["object"]] = value
     columns = [(name, item) for name in names for item in ("model", "ground")]
     yield from (
-        "", "### Against the rivals",
         "Entries and errors in per cent; `hasan` and `wang` are the sparse method with the columns "
         "of Hasan et al. (2007) and Wang et al. (2009) (`sampling.py curve`).",
-        "", *(f"![{name}: errors against entries](docs/sampling_{name}.png)" for name in names),
+        "", *(f"![{name}: errors against entries](../sampling_{name}.png)" for name in names),
         "", f"| method | {' | '.join(' '.join(column) for column in columns)} |",
         "|---" * (1 + len(columns)) + "|",
     )  # fmt: skip
@@ -256,7 +233,6 @@ def _curve(rows):
 
 def _times(rows):
     yield from (
-        "", "### Seconds",
         "Suzanne on the ground, 60,899 points: sampling by agreement, and the sparse method, "
         "against every entry traced, without the bounces, in one run (`sampling.py time`).",
         "", "| back-end | every entry s | rays | agreement s | rays | ratio | of it rays s "
@@ -281,7 +257,6 @@ def _growth(rows):
     logs = {key: np.log([row[key] for row in rows]) for key in ("points", "rays", "seconds")}
     slopes = {k: np.polyfit(logs["points"], logs[k], 1)[0] for k in ("rays", "seconds")}
     yield from (
-        "", "### Growth",
         "The same scene ever finer (`sampling.py growth`). Rays grow with the power "
         f"**{slopes['rays']:.2f}** of the points, seconds with {slopes['seconds']:.2f}.",
         "", "| points | rays | rays a point | seconds |", "|---|---|---|---|",
@@ -295,7 +270,6 @@ def _growth(rows):
 
 def _hard(rows):
     yield from (
-        "", "### Hard scenes",
         "As `prt bake --method agreement` bakes them: tolerance 1 % of the light that every object "
         "receives; under probe lights, and under a photographed sky with a hard sun "
         "(`sampling.py hard`). Turns: how often what missed the tolerance was asked again.",
@@ -314,7 +288,6 @@ def _coverage(rows):
     rows = {key: row for key, row in rows.items() if row["true"] > 0}
     by_chance = binom.cdf(183, 200, 0.95) + binom.sf(196, 200, 0.95)
     yield from (
-        "", "### The certificate",
         f"How often of {N_SEEDS} seeds the 95 % interval holds the true error, 6 x 16 x 16 "
         "directions (`sampling.py coverage`): the least, the mean and the most over objects, for "
         "relit colours over objects and lights. How many of these lie outside 92 to 98 %: of "
@@ -345,34 +318,50 @@ def _coverage(rows):
             )
 
 
-def _tables(printed):
-    for command, shown in printed.items():
-        yield from ("", f"### `{command}`", "```", *shown, "```")
-
-
+# {part: (title of its section, what measures its rows, what shows them)}
 PARTS = {
-    "objects": objects,
-    "curve": curve,
-    "time": time_,
-    "growth": growth,
-    "hard": hard,
-    "coverage": coverage_,
-    "tables": tables,
+    "objects": ("Entries and errors", objects, _objects),
+    "curve": ("Against the rivals", curve, _curve),
+    "time": ("Seconds", time_, _times),
+    "growth": ("Growth", growth, _growth),
+    "hard": ("Hard scenes", hard, _hard),
+    "coverage": ("The certificate", coverage_, _coverage),
 }
 
 
-def keep(part, names):
-    """Run a part; each row is kept as soon as it is there."""
+def sections(part, names=()):
+    """{title: what measures it} of a part."""
+    if part == "tables":
+        return {f"`{command}`": partial(_printed, command) for command in names or TABLES}
+    return {PARTS[part][0]: partial(_shown, part, names)}
+
+
+def _shown(part, names):
+    _, measure, show = PARTS[part]
+    return list(show(keep(part, measure(list(names)))))
+
+
+def _printed(command):
+    return ["```", *keep("tables", tables([command]))[command], "```"]
+
+
+SECTIONS = {
+    title: measure for part in [*PARTS, "tables"] for title, measure in sections(part).items()
+}
+
+
+def keep(part, rows):
+    """All rows of a part; each new one is kept as soon as it is there."""
     KEPT.parent.mkdir(parents=True, exist_ok=True)
-    for key, row in PARTS[part](list(names)):
+    for key, row in rows:
         kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
         kept.setdefault(part, {})[key] = row
         KEPT.write_text(json.dumps(kept, indent=1))
         print(key, json.dumps(row), flush=True)
+    return kept[part]
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2 or sys.argv[1] not in PARTS:
+    if len(sys.argv) < 2 or sys.argv[1] not in [*PARTS, "tables"]:
         sys.exit(__doc__)
-    keep(sys.argv[1], sys.argv[2:])
-    write_section(ROOT / "RESULTS.md", TITLE, lines(json.loads(KEPT.read_text())), keep=True)
+    write_sections(PAGE, sections(sys.argv[1], sys.argv[2:]))

@@ -6,7 +6,7 @@ python tests/benchmarks/wavelet4d_tables.py filters SCENE OBJECT      row filter
 python tests/benchmarks/wavelet4d_tables.py density SCENE            model at more and fewer points
 python tests/benchmarks/wavelet4d_tables.py image SCENE KIND N [ERROR ...]   column filters
 python tests/benchmarks/wavelet4d_tables.py image_times SCENE KIND N [ERROR [MODE ...]]   times
-python tests/benchmarks/wavelet4d_tables.py write                    what is kept, into RESULTS.md
+python tests/benchmarks/wavelet4d_tables.py write             what is kept, into docs/benchmarks
 
 `density` halves every edge of the model once, and leaves out points in its hierarchy's order.
 KIND is `camera` (N x N pixels of 2 x 2 points), `ground` (its geometry image, by UVs) or `model`
@@ -52,7 +52,7 @@ from prt_core.runtime.progress import run  # noqa: E402
 from prt_core.scene.images.closed_surface import closed_surface  # noqa: E402
 from prt_core.scene.images.spherical import spherical_positions  # noqa: E402
 from prt_core.sphere import octahedral_square  # noqa: E402
-from tests.benchmarks.sections import write_section  # noqa: E402
+from tests.benchmarks.sections import write_sections  # noqa: E402
 
 CACHE = Path(os.environ.get("PRT_CACHE", "/tmp")) / "wavelet4d"
 ERRORS = (0.05, 0.02, 0.01)
@@ -62,7 +62,7 @@ FRAMES = 15
 CUTS = {"all": 0.0, "cut": None}
 # Blender's own, of different kinds; each as it is and turned.
 HDRIS, TURNS = ("city", "courtyard", "interior", "sunset"), (0.0, 130.0)
-TITLE = "## 4D wavelets"
+PAGE = "wavelets"
 
 
 def baked(name, halvings=0):
@@ -359,8 +359,8 @@ def times(scene, item):
         print(scene, item, name, row, flush=True)
 
 
-def section():
-    """Measure what `make bench` measures; title and lines of the section "4D wavelets"."""
+def measured():
+    """Fit and time what `make bench` measures; the rest of the tables is made by hand."""
     if data_folder():
         for item in ("model", "ground"):
             fit("bunny", item)
@@ -369,21 +369,37 @@ def section():
         image("bunny", "model", 256, *ERRORS)
         image_times("bunny", "ground", 256)
         image_times("bunny", "model", 256)
-    return [TITLE, *lines()]
+    return sizes_table()
 
 
 def write():
-    """The section, from all that is kept."""
-    write_section(ROOT / "RESULTS.md", TITLE, lines())
+    """The page, from all that is kept."""
+    write_sections(PAGE, sections())
 
 
-def lines():
-    """Markdown lines: sizes and times, depths, what quantising adds, images."""
+def sections(measure=False):
+    """{title: what makes its lines of all that is kept}; the first one measures where asked to."""
+    return {
+        "Sizes and times": measured if measure else sizes_table,
+        "Columns by level": levels_table,
+        "Fewer and more points": density_table,
+        "What quantising adds": bits_table,
+        "Images": images_table,
+        "A new light for images": image_times_table,
+        "Colours read from an image": remesh_lines,
+    }
+
+
+def kept_names():
+    """Scene and object of every fit that is kept, as in names of files."""
     files = sorted(CACHE.glob("*-adaptive_0.02.json"))
-    names = [f.name.removesuffix("-adaptive_0.02.json") for f in files]
-    found = [
-        "`tests/benchmarks/wavelet4d_tables.py`: 6 x 32 x 32 directions, RGB, all bounces, 9 bits; "
-        "bytes at equal relative L2 of the matrix, quantisation included. The columns of meshes "
+    return [f.name.removesuffix("-adaptive_0.02.json") for f in files]
+
+
+def sizes_table():
+    rows = [row for name in kept_names() for row in _sizes(name)]
+    return rows and [
+        "Bytes at equal relative L2 of the matrix, quantisation included. The columns of meshes "
         "are transformed in the points' own hierarchy. Milliseconds of a new light in all its "
         "wavelets, and in those whose loss would add more than a tenth of the matrix' error to its "
         "colours, as is the default (so many of them); in brackets the error of the colours.",
@@ -391,102 +407,133 @@ def lines():
         "| scene | error | adaptive MB | 2D MB | 4D MB | 2D / adaptive | 4D / adaptive "
         "| ms, all: adaptive, 2D, 4D | ms, cut: adaptive, 2D, 4D | wavelets |",
         "|---" * 10 + "|",
+        *rows,
     ]
-    for name in names:
-        for error in ERRORS:
-            rows = [read(name, f"{mode}_{error}", "json") for mode in MODES]
-            ms = [read(name, f"{mode}_{error}", "ms.json") for mode in MODES]
-            if not all(rows):
-                continue
-            sizes = [row["bytes"] / 1e6 for row in rows]
-            told = " | ".join(f"{size:.2f}" for size in sizes)
-            cells = [""] * 3
-            if all(ms):
-                cells = [
-                    ", ".join(f"{m[f'ms_{cut}']:.0f} ({m[f'relit_{cut}']:.2%})" for m in ms)
-                    for cut in CUTS
-                ]
-                cells.append(f"{np.median(ms[0]['wavelets']):.0f}")
-            found.append(
-                f"| {name.replace('-', ', ')} | {error:.0%} | {told} | {sizes[1] / sizes[0]:.2f} "
-                f"| {sizes[2] / sizes[0]:.3f} | {' | '.join(cells)} |"
-            )
-    found += ["", "By level of the row's wavelet, coarsest first, at 2 %:", ""]
-    found += ["| scene | mode | mean depth | bytes a column |", "|---|---|---|---|"]
-    for name in names:
+
+
+def _sizes(name):
+    for error in ERRORS:
+        rows = [read(name, f"{mode}_{error}", "json") for mode in MODES]
+        ms = [read(name, f"{mode}_{error}", "ms.json") for mode in MODES]
+        if not all(rows):
+            continue
+        sizes = [row["bytes"] / 1e6 for row in rows]
+        told = " | ".join(f"{size:.2f}" for size in sizes)
+        cells = [""] * 3
+        if all(ms):
+            cells = [
+                ", ".join(f"{m[f'ms_{cut}']:.0f} ({m[f'relit_{cut}']:.2%})" for m in ms)
+                for cut in CUTS
+            ]
+            cells.append(f"{np.median(ms[0]['wavelets']):.0f}")
+        yield (
+            f"| {name.replace('-', ', ')} | {error:.0%} | {told} | {sizes[1] / sizes[0]:.2f} "
+            f"| {sizes[2] / sizes[0]:.3f} | {' | '.join(cells)} |"
+        )
+
+
+def levels_table():
+    rows = []
+    for name in kept_names():
         for mode in ("adaptive", "2d"):
             row = read(name, f"{mode}_0.02", "json")
             if row:
                 depths, sizes, _ = zip(*row["levels"], strict=True)
-                found.append(
+                rows.append(
                     f"| {name.replace('-', ', ')} | {mode} | "
                     f"{', '.join(f'{d:.1f}' for d in depths)} "
                     f"| {'; '.join(f'{s:,.0f}' for s in sizes)} |"
                 )
-    dense = sorted(CACHE.glob("*-model-density.json"))
-    if dense:
-        found += ["", "The same models in fewer and in more points, at 2 %:", ""]
-        found += ["| model | points | adaptive MB | 2D MB | 2D / adaptive |", "|---" * 5 + "|"]
-    for path in dense:
-        for n, adaptive, plain in json.loads(path.read_text()):
-            found.append(
-                f"| {path.name.split('-')[0]} | {n:,} | {adaptive / 1e6:.2f} | {plain / 1e6:.2f} "
-                f"| {plain / adaptive:.2f} |"
-            )
-    found += ["", "What quantising adds to the error of the same terms:", ""]
-    ways = None
-    for name in names:
+    return rows and [
+        "By level of the row's wavelet, coarsest first, at 2 %:",
+        "",
+        "| scene | mode | mean depth | bytes a column |",
+        "|---|---|---|---|",
+        *rows,
+    ]
+
+
+def density_table():
+    rows = [
+        f"| {path.name.split('-')[0]} | {n:,} | {adaptive / 1e6:.2f} | {plain / 1e6:.2f} "
+        f"| {plain / adaptive:.2f} |"
+        for path in sorted(CACHE.glob("*-model-density.json"))
+        for n, adaptive, plain in json.loads(path.read_text())
+    ]
+    return rows and [
+        "The same models in fewer and in more points, at 2 %:",
+        "",
+        "| model | points | adaptive MB | 2D MB | 2D / adaptive |",
+        "|---" * 5 + "|",
+        *rows,
+    ]
+
+
+def bits_table():
+    rows, ways = [], []
+    for name in kept_names():
         for error, row in (read(name, "bits", "json") or {}).items():
-            if ways is None:
-                ways = [way for way in row if way != "floats"]
-                found += [
-                    f"| scene | floats | {' | '.join(ways)} |",
-                    "|---" * (2 + len(ways)) + "|",
-                ]
+            ways = ways or [way for way in row if way != "floats"]
             added = " | ".join(f"{row[way] / row['floats'] - 1:+.1%}" for way in ways)
-            found.append(
+            rows.append(
                 f"| {name.replace('-', ', ')}, {float(error):.0%} | {row['floats']:.2%} | {added} |"
             )
-    pictures = sorted(CACHE.glob("*.image.json"))
-    if pictures:
-        found += [
-            "",
-            "Images in each column transform (`ground` by its UV map, `model` over the sphere, "
-            "`camera` with 2 x 2 points a pixel; the `hierarchy` is that of the same texels, and "
-            "holds the order and the features of the points, up to 12 bytes each):",
-            "",
-        ]
-        found += ["| image | transform | mode | MB | terms | error |", "|---|---|---|---|---|---|"]
-    for path in pictures:
-        rows = json.loads(path.read_text())
-        for name, mode, size, terms, error, _ in sorted(rows, key=lambda row: -row[-1]):
-            found.append(
-                f"| {path.name.removesuffix('.image.json')} | {name} | {mode} | {size / 1e6:.2f} "
-                f"| {terms:,} | {error:.2%} |"
-            )
-    timed = sorted(CACHE.glob("*.image_ms.json"))
-    if timed:
-        found += [
-            "",
-            "Milliseconds of a new light for images in Haar columns:",
-            "",
-            "| image | error | all wavelets: adaptive, 2D, 4D | cut: adaptive, 2D, 4D |",
-            "|---" * 4 + "|",
-        ]
-    for path in timed:
+    return rows and [
+        "What quantising adds to the error of the same terms:",
+        "",
+        f"| scene | floats | {' | '.join(ways)} |",
+        "|---" * (2 + len(ways)) + "|",
+        *rows,
+    ]
+
+
+def images_table():
+    rows = [
+        f"| {path.name.removesuffix('.image.json')} | {name} | {mode} | {size / 1e6:.2f} "
+        f"| {terms:,} | {error:.2%} |"
+        for path in sorted(CACHE.glob("*.image.json"))
+        for name, mode, size, terms, error, _ in sorted(
+            json.loads(path.read_text()), key=lambda row: -row[-1]
+        )
+    ]
+    return rows and [
+        "Images in each column transform (`ground` by its UV map, `model` over the sphere, "
+        "`camera` with 2 x 2 points a pixel; the `hierarchy` is that of the same texels, and "
+        "holds the order and the features of the points, up to 12 bytes each):",
+        "",
+        "| image | transform | mode | MB | terms | error |",
+        "|---|---|---|---|---|---|",
+        *rows,
+    ]
+
+
+def image_times_table():
+    rows = []
+    for path in sorted(CACHE.glob("*.image_ms.json")):
         error, spent = json.loads(path.read_text())
         told = [", ".join(f"{spent[m][cut]:.0f}" for m in MODES if m in spent) for cut in CUTS]
         named = path.name.removesuffix(".image_ms.json")
-        found.append(f"| {named} | {error:.0%} | {' | '.join(told)} |")
+        rows.append(f"| {named} | {error:.0%} | {' | '.join(told)} |")
+    return rows and [
+        "Milliseconds of a new light for images in Haar columns:",
+        "",
+        "| image | error | all wavelets: adaptive, 2D, 4D | cut: adaptive, 2D, 4D |",
+        "|---" * 4 + "|",
+        *rows,
+    ]
+
+
+def remesh_lines():
+    lines = []
     for path in sorted(CACHE.glob("*.remesh.json")):
         far = json.loads(path.read_text())
-        found += [
+        lines += [
             "",
             f"Relit colours of the vertices, read from {path.name.removesuffix('.remesh.json')} "
             f"with a linear filter, are {np.mean(far):.2%} from their own (relative L2, mean of "
             f"{', '.join(HDRIS)} at {len(TURNS)} rotations; worst {max(far):.2%}).",
         ]
-    return found
+    return lines
 
 
 def read(name, setting, kind):

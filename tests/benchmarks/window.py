@@ -1,4 +1,4 @@
-"""`make bench-window BLENDER=…`: how the add-on feels in a window; its section of RESULTS.md."""
+"""`make bench-window BLENDER=…`: how the add-on feels in a window; docs/benchmarks/window.md."""
 
 import argparse
 import json
@@ -13,32 +13,32 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "window")]
 
-from conftest import RealBlender  # noqa: E402
-
-from tests.benchmarks.sections import write_section  # noqa: E402
+from tests.benchmarks.sections import PAGES, write_sections  # noqa: E402
 
 SCENES = ("02_model_on_ground_small", "01_model_on_ground")
-TITLE = "## In the window"
+PAGE, TITLE = "window", "Buttons and sliders"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--blender", default=os.environ.get("BLENDER", ""), help="its command")
     parser.add_argument("--scenes", nargs="+", default=SCENES)
-    parser.add_argument("--results", type=Path, default=ROOT / "RESULTS.md")
+    parser.add_argument("--pages", type=Path, default=PAGES, help="the folder of the page")
     options = parser.parse_args()
     rows = []
     for command in filter(None, options.blender.split(":")):
         for scene in options.scenes:
             with tempfile.TemporaryDirectory() as folder:
                 rows.append(measure(command, scene, Path(folder)))
-    write_section(options.results, TITLE, table(rows))
+    write_sections(PAGE, {TITLE: lambda: table(rows)}, options.pages)
     print("\n".join(table(rows)))
     return 0
 
 
 def measure(command, scene, folder):
     """One scene in one Blender: the bake headless, then all of `inside/measure.py`."""
+    from conftest import RealBlender
+
     blender = RealBlender(command, folder)
     shutil.copy(ROOT / "blend_scenes" / f"{scene}.blend", folder / "scene.blend")
     found = blender.play("measure")

@@ -59,12 +59,12 @@ class Limits:
         expect(any(value is not None for value in asdict(self).values()), "limits: give one")
 
     def near(self, trial):
-        """Whether the tolerance will be kept; True where none was asked for."""
+        """Whether a trial will keep the tolerance; True where none was asked for."""
         wanted = None if self.tolerance is None else _SPARE * self.tolerance
         return wanted is None or (trial.error <= wanted and trial.worst <= WORST * wanted)
 
     def excess(self, trial):
-        """How many times over the limits of size and time, 1 or less: within."""
+        """How many times over the limits of size and time a trial is, 1 or less: within."""
         parts = [(trial.megabytes, self.megabytes), (trial.milliseconds, self.milliseconds)]
         return max((a / b for a, b in parts if b is not None), default=0.0)
 

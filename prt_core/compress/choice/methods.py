@@ -42,13 +42,14 @@ class Task:
 
     @classmethod
     def of(cls, transport, points, seed=0):
-        """All points of a bake; `points` are its `BakePoints`."""
+        """All points of a bake: its `transport`, its `BakePoints`, and a `seed`."""
         expect_offers("points", points, ("positions", "object_index"), "a bake's points")
         rows = TransportRows(transport, seed=seed)
         return cls(transport, rows, points.positions, points.normals, points.object_index, seed)
 
     @property
     def n_points(self):
+        """Rows of the matrix."""
         return self.rows.n_points
 
     def some(self, points):
@@ -66,7 +67,7 @@ class Task:
         return Task(part, rows, *place, self.seed)
 
     def sample(self, n_points, n_patches):
-        """About `n_points` of the points: in so many patches of neighbours, or evenly (None)."""
+        """About `n_points` of the points: in `n_patches` of neighbours, or evenly (None)."""
         n_points = expect_whole("n_points", n_points, 1)
         if n_patches is not None:
             n_patches = expect_whole("n_patches", n_patches, 1, n_points)
@@ -122,7 +123,7 @@ class Method:
 
 
 def register_method(method):
-    """Make a method known, in place of an older one of its name."""
+    """Make a `Method` known, in place of an older one of its name; returns `method`."""
     expect_kind("method", method, Method)
     expect(
         method.name.isidentifier() and method.name not in ("auto", "none"),

@@ -21,10 +21,12 @@ def lbg_steps(coordinates, labels, rank, rounds=2, ranks=None, last_rounds=4):
     labels : (n,) int
         Where to begin.
     rank : int
-    rounds, last_rounds : int
-        After each added component, and with all of them.
+    rounds : int
+        After each added component.
     ranks : sequence of int, optional
         Numbers of components to go through; default 1, 2, ... rank.
+    last_rounds : int
+        With all components.
 
     Returns
     -------

@@ -258,6 +258,7 @@ class Chunks:
     cluster: np.ndarray
 
     def some(self, which):
+        """Those of them."""
         return Chunks(self.first[which], self.size[which], self.cluster[which])
 
 

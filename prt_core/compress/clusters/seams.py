@@ -46,7 +46,19 @@ def neighbour_pairs(positions, normals=None, groups=None, k=6):
 
 
 def border_pairs(labels, pairs):
-    """The pairs whose points are in different clusters."""
+    """The pairs whose points are in different clusters.
+
+    Parameters
+    ----------
+    labels : (n,) int
+        The cluster of each point.
+    pairs : (m, 2) int
+        See `neighbour_pairs`.
+
+    Returns
+    -------
+    (k, 2) int
+    """
     labels = expect_array("labels", labels, (None,), np.int64)
     pairs = expect_array("pairs", pairs, (None, 2), np.int64, 0, len(labels) - 1)
     return pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]

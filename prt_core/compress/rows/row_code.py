@@ -61,7 +61,20 @@ class RowCode:
 
     @classmethod
     def plain(cls, n_directions, n_channels, resolution=None, natural=True):
-        """Each channel a group of its own."""
+        """The code in which each channel is a group of its own.
+
+        Parameters
+        ----------
+        n_directions, n_channels : int
+        resolution : int, optional
+            Of the cube map whose texels the directions are.
+        natural : bool
+            Whether wavelets are weighed by natural light (see `natural_scale`).
+
+        Returns
+        -------
+        RowCode
+        """
         n_directions = expect_whole("n_directions", n_directions, 1)
         n_channels = expect_whole("n_channels", n_channels, 1, 64)
         expect_flag("natural", natural)
@@ -88,7 +101,19 @@ class RowCode:
 
     @classmethod
     def from_state(cls, state, n_directions, n_channels, resolution):
-        """The code of a `state`; `PRTError` where its parts do not fit."""
+        """The code of a `state`; `PRTError` where its parts do not fit.
+
+        Parameters
+        ----------
+        state : dict
+            Of `RowCode.state`.
+        n_directions, n_channels : int
+        resolution : int or None
+
+        Returns
+        -------
+        RowCode
+        """
         shares = array_of(state, "code_shares", (None, n_channels), "float64")
         direct = array_of(state, "code_direct", (len(shares),), "bool")
         ranks = array_of(state, "code_ranks", (len(shares),), "int64")
@@ -118,20 +143,21 @@ class RowCode:
 
     @property
     def n_features(self):
+        """Length of a feature vector."""
         return self.slices[-1].stop
 
     def code(self, rows):
-        """(..., n_directions) of one channel: transformed and scaled."""
+        """(..., n_directions) `rows` of one channel: transformed and scaled."""
         coded = haar_rows(rows, self.resolution) if self.resolution else rows
         return coded if self.scale is None else coded * self.scale
 
     def encode(self, rows):
-        """(n, n_directions, n_channels) to (n, n_features), for codes made by `plain`."""
+        """(n, n_features) of `rows` (n, n_directions, n_channels), for codes made by `plain`."""
         coded = self.code(np.ascontiguousarray(np.moveaxis(rows, -1, 1)))
         return coded.reshape(len(rows), -1)
 
     def decode(self, features):
-        """(n, n_features) to rows (n, n_directions, n_channels)."""
+        """Rows (n, n_directions, n_channels) of `features` (n, n_features)."""
         result = np.zeros((len(features), self.n_channels, self.n_directions), features.dtype)
         for group, part in zip(self.groups, self.slices, strict=True):
             coded = features[:, part]

@@ -53,14 +53,15 @@ class Rows(ABC):
 
     @cached_property
     def code(self):
+        """The `RowCode` of the features."""
         return RowCode.plain(self.n_directions, self.n_channels, self.resolution)
 
     def features(self, points):
-        """(n, n_features) float32: `block` in the code of these rows."""
+        """(n, n_features) float32 of some `points`: `block` in the code of these rows."""
         return self.code.encode(self.block(points))
 
     def blocks(self, size=_BLOCK):
-        """Consecutive (n,) int blocks of all points."""
+        """Consecutive (n,) int blocks of all points, of at most `size`."""
         for first in range(0, self.n_points, size):
             yield np.arange(first, min(first + size, self.n_points))
 
@@ -125,7 +126,10 @@ class TransportRows(Rows):
         self._prepared = None
 
     def prepare_steps(self):
-        """Make the factors now, as a generator of `Progress`; else they are made when needed."""
+        """These rows with their factors made now; a generator of `Progress`.
+
+        Else they are made when needed.
+        """
         if self._prepared is None:
             self._prepared = yield from self._prepare()
         return self
@@ -168,7 +172,7 @@ class TransportRows(Rows):
         return result
 
     def direct(self, points):
-        """(n, n_directions) float32: received light of unit texels, without bounces."""
+        """(n, n_directions) float32 of some `points`: received light of unit texels, no bounces."""
         transport = self.transport
         vectors = (transport.cube_map.vectors.T / np.pi).astype(np.float32)
         result = transport.normals[points] @ vectors

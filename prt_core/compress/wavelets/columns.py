@@ -61,6 +61,7 @@ class ColumnFile:
         return result
 
     def close(self):
+        """Remove the file."""
         self._file.close()
 
     def __enter__(self):

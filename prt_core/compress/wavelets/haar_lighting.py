@@ -106,7 +106,7 @@ class HaarLighting(Compressor):
         return heaviest(weight, n_terms)
 
     def products(self, chosen, coefficients):
-        """Colours of some wavelets: (n_points, n_channels) float32."""
+        """(n_points, n_channels) float32: colours of the `chosen` wavelets' `coefficients`."""
         result = np.zeros((self.n_points_, self.n_channels_), np.float32)
         for shares, columns in zip(self._mix, self.columns_, strict=True):
             light = coefficients[chosen] * (shares * self.step_)

@@ -13,8 +13,8 @@ class LimitSearch:
 
     Parameters
     ----------
-    start, least : float
-        The first limit tried; below `least` nothing is tried any more.
+    start : float
+        The first limit tried.
     wanted : float
     rising : bool
         Whether the value grows with the limit (an error) or falls (a size).
@@ -22,6 +22,8 @@ class LimitSearch:
         Share of the wanted value below which another limit is tried.
     most : int
         Limits tried.
+    least : float
+        Below it nothing is tried any more.
 
     Attributes
     ----------

@@ -106,6 +106,7 @@ class SparseColumns:
 
     @property
     def nbytes(self):
+        """Bytes of all arrays."""
         arrays = self.names, self.counts, self.sizes, self.high, self.low, self.values
         return sum(array.nbytes for array in arrays)
 

@@ -131,6 +131,10 @@ class Wavelet4D(Compressor):
     def columns_steps(self, rows):
         """The first half of `fit`: rows in wavelets, and turned.
 
+        Parameters
+        ----------
+        rows : Rows
+
         Returns
         -------
         ColumnFile
@@ -145,7 +149,18 @@ class Wavelet4D(Compressor):
         return (yield from transposed_steps(encode, n_columns, order, self.memory))
 
     def fit_columns_steps(self, rows, file):
-        """The second half: columns in wavelets, cut and packed."""
+        """The second half of `fit`: columns in wavelets, cut and packed.
+
+        Parameters
+        ----------
+        rows : Rows
+        file : ColumnFile
+            Of `columns_steps`.
+
+        Returns
+        -------
+        self
+        """
         self._check(rows)
         mixed, _ = mixed_wavelets(rows, self.rows)
         self._prepare(rows.n_points, mixed)

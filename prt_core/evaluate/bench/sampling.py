@@ -34,6 +34,7 @@ class Method:
 
     @property
     def label(self):
+        """Name and settings, as tables and reports show them."""
         text = ", ".join(f"{key} {value}" for key, value in self.settings.items())
         return f"{self.name} ({text})" if text else self.name
 

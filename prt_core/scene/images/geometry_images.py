@@ -32,7 +32,8 @@ class Layout:
     ----------
     name : str
         The object.
-    vertices : (n, 3) float32, triangles : (m, 3) int32
+    vertices : (n, 3) float32
+    triangles : (m, 3) int32
     source : (m,) int64
         For each of them the triangle of the object (among those with an area); -1: a filled hole.
     places : (m, 3, 2) float

@@ -1,13 +1,21 @@
 from tests.benchmarks.sections import write_section
 
 
-def test_parts_measured_at_another_time_stay(tmp_path):
-    path = tmp_path / "R.md"
-    path.write_text("# R\n\n## A\na\n\n### one\n1\n\n### two\n2\n\n### three\n3\n\n## B\nb\n")
-    write_section(path, "## A", ["new", "", "### three", "drei", "### one", "eins"], keep=True)
+def test_a_section_is_replaced_alone_and_a_new_one_comes_last(tmp_path):
+    path = tmp_path / "page.md"
+    path.write_text("# P\nabout\n\n## A\n*then*\n\n1\n\n2\n\n## A b\n*then*\n\n3\n")
+    write_section(path, "A", ["one", "", "two"], "*now*")
+    write_section(path, "C", ["", "four"], "*now*")
     assert path.read_text() == (
-        "# R\n\n## A\nnew\n\n### three\ndrei\n\n### one\neins\n\n### two\n2\n\n## B\nb\n"
+        "# P\nabout\n\n## A\n*now*\n\none\n\ntwo\n\n## A b\n*then*\n\n3\n\n## C\n*now*\n\nfour\n"
     )
-    write_section(path, "## A", ["whole"])
-    write_section(path, "## C", ["c"], keep=True)
-    assert path.read_text() == "# R\n\n## A\nwhole\n\n## B\nb\n\n## C\nc\n"
+
+
+def test_figures_that_are_still_the_same_keep_their_date(tmp_path):
+    path = tmp_path / "page.md"
+    path.write_text("# P\n\n## A\n*then*\n\n1\n\n2\n\n## B\n*then*\n\n3\n")
+    before = path.read_text()
+    write_section(path, "A", ["1", "", "2", ""], "*now*")
+    assert path.read_text() == before
+    write_section(path, "B", ["4"], "*now*")
+    assert path.read_text() == before.replace("*then*\n\n3", "*now*\n\n4")

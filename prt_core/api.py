@@ -22,7 +22,7 @@ from prt_core.light import EnvironmentMap
 from prt_core.light.environment import expect_strength, named_images, read_environment
 from prt_core.relight.relighter import Relighter, on_texels
 from prt_core.runtime.files import expect_output
-from prt_core.runtime.progress import Errands, beside, run, steps_beside
+from prt_core.runtime.progress import Errands, beside, beside_each, run, steps_beside
 from prt_core.scene import Scene, mesh_digests
 from prt_core.store import BakeStore, remove_compressed
 
@@ -126,6 +126,7 @@ def bake_blend_steps(
     from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
     from prt_core.blender.identity import origin_of
     from prt_core.blender.lamps import read_lamps
+    from prt_core.blender.studio import studio_images, studio_lights
     from prt_core.blender.world import read_world_steps
     from prt_core.sphere import CubeMap
 
@@ -140,18 +141,24 @@ def bake_blend_steps(
         world = None
     meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace)
     say_copies(meshes, messages)
-    built = yield from beside("scene", Scene.from_meshes, meshes)
-    built.messages[:0] = messages
-    source = yield from beside("scene", mesh_digests, meshes)
-    built = yield from image_steps(built, meshes, camera, settings.caster, *image)
-    cube_map, probes = CubeMap(settings.resolution), None
-    if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
-        from prt_core.blender.studio import studio_light_steps
+    cube_map = CubeMap(settings.resolution)
 
-        probes = yield from studio_light_steps(cube_map)
+    def certified(n_points):
+        # Small scenes, of which every entry is traced, need no lights to be certified under.
+        return chosen_method(settings.method, n_points, cube_map.n_directions) != "exhaustive"
+
+    calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
+    if certified(sum(len(mesh.vertices) for mesh in meshes)):
+        calls.append((studio_lights, studio_images(), cube_map))
+    built, source, *probes = yield from beside_each("scene", *calls)
+    built.messages[:0] = messages
+    built = yield from image_steps(built, meshes, camera, settings.caster, *image)
+    if not probes and certified(len(built.points)):
+        probes = yield from beside_each("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
-        built, output, settings, lamps, world, camera, source, restart, pace, probes, origin
-    )
+        built, output, settings, lamps, world, camera, source, restart, pace,
+        probes[0] if probes else None, origin,
+    )  # fmt: skip
     return result
 
 

@@ -3,6 +3,7 @@
 import os
 import time
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -105,7 +106,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
         yield Progress("gather", 0, n_points)
         for first in range(0, len(parts), group):
             some = range(first, min(first + group, len(parts)))
-            todo = [(i, turn) for i in some for turn in turns if not is_done(i, turn)]
+            todo = [(i, turn) for turn in turns for i in some if not is_done(i, turn)]
             if todo:
                 start = time.perf_counter()
                 jobs = [(parts[index], turn) for index, turn in todo]
@@ -155,9 +156,14 @@ class _Clear:
 
     def __init__(self, bits, cube_map):
         self._bits, self._cube_map = bits, cube_map
+        # Of the blocks that are at work: all their rounds ask.
+        self._near = lru_cache(2 * _TOGETHER * (os.cpu_count() or 1))(self._blocked_nearby)
+
+    def _blocked_nearby(self, start, stop):
+        return dilate(~self._bits[start:stop], self._cube_map.resolution)
 
     def __call__(self, points, directions):
-        near = dilate(~self._bits[points], self._cube_map.resolution)
+        near = self._near(points.start, points.stop)
         texel = self._cube_map.texel_along(*np.moveaxis(directions, -1, 0))
         byte = (texel >> 3) + near.shape[1] * np.arange(len(near))[:, None]
         return near.take(byte) >> (texel & 7).astype(np.uint8) & 1 == 0

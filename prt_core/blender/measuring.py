@@ -37,6 +37,7 @@ def measuring_scene(name, ground=GROUND, levels=3, halvings=0):
 
     Parameters
     ----------
+    name : str
     ground : int
         Vertices along an edge of the ground.
     levels : int

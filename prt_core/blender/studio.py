@@ -6,8 +6,8 @@ import bpy
 
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
+from prt_core.light.environment import read_environment
 from prt_core.light.images import reads_in_threads
-from prt_core.runtime.progress import beside, maybe_beside
 
 # A hard sun over a street, an even sky between walls, and the small windows of a room.
 NAMES = ("city", "courtyard", "interior")
@@ -23,10 +23,17 @@ def studio_paths(names=NAMES):
     return paths
 
 
-def studio_light_steps(cube_map, names=NAMES):
-    """{name: (n_directions, 3) float32} of environments; a generator of `Progress`."""
-    lights = {}
-    for name, path in studio_paths(names).items():
-        image = yield from maybe_beside(reads_in_threads(path), "scene", EnvironmentMap.read, path)
-        lights[name] = yield from beside("scene", image.to_cube_map, cube_map)
-    return lights
+def studio_images():
+    """Environments by name, for `studio_lights`; main thread only.
+
+    Their paths, or the images themselves where only Blender can read them.
+    """
+    return {
+        name: path if reads_in_threads(path) else EnvironmentMap.read(path)
+        for name, path in studio_paths().items()
+    }
+
+
+def studio_lights(images, cube_map):
+    """{name: (n_directions, 3) float32} of `studio_images`; in any thread."""
+    return {name: read_environment(image).to_cube_map(cube_map) for name, image in images.items()}

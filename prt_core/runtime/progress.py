@@ -87,11 +87,24 @@ def beside(stage, function, *arguments):
 
     For single calls that take long and cannot be cut; `function` must not touch Blender's data.
     """
-    with ThreadPoolExecutor(1) as pool:
-        future = pool.submit(function, *arguments)
-        while not wait([future], _POLL).done:
+    (result,) = yield from beside_each(stage, (function, *arguments))
+    return result
+
+
+def beside_each(stage, *calls):
+    """`beside` for several calls at once, each in a thread of its own; returns their results.
+
+    Parameters
+    ----------
+    stage : str
+    *calls : tuple
+        Of a function and its arguments.
+    """
+    with ThreadPoolExecutor(len(calls)) as pool:
+        futures = [pool.submit(*call) for call in calls]
+        while wait(futures, _POLL).not_done:
             yield Progress(stage, 0, 0)
-        return future.result()
+        return [future.result() for future in futures]
 
 
 def maybe_beside(allowed, stage, function, *arguments):

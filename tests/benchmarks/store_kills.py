@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.store_kills                       # 60 of each kind of work
     python -m tests.benchmarks.store_kills --writes 200          # in the middle of writes alone
-    python -m tests.benchmarks.store_kills --blend SCENE.blend   # `prt` with Blender's own rays
+    python -m tests.benchmarks.store_kills --caster blender      # with Blender's own rays
+    python -m tests.benchmarks.store_kills --blend SCENE.blend   # `prt` of both, at moments
 
 Ends with code 1 where something does not go on to the same bytes.
 """
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import zarr
 
-from tests.core.store.kills import KINDS, Kills, compared, kill_all, prt
+from tests.core.store.kills import BLENDER_KINDS, KINDS, Kills, compared, kill_all, prt
 
 _GOOD = {"equal", "too late"}
 
@@ -29,8 +30,10 @@ def main():
     parser.add_argument("--moments", type=int, default=20, help="at random moments (20)")
     parser.add_argument("--writes", type=int, help="so many kills in the middle of writes")
     parser.add_argument("--blend", help="kill `prt bake` and `prt compress` of this scene")
+    parser.add_argument("--caster", choices=("auto", "blender"), default="auto")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
+    kinds = BLENDER_KINDS if options.caster == "blender" else KINDS
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         if options.blend:
@@ -39,7 +42,7 @@ def main():
             table = _writes(Path(folder), options)
         else:
             table = kill_all(
-                Path(folder), list(KINDS), options.kills, options.moments, options.seed, _report
+                Path(folder), list(kinds), options.kills, options.moments, options.seed, _report
             )
     print(f"zarr {zarr.__version__}, {time.perf_counter() - begun:.0f} s")
     for kind, found in table.items():

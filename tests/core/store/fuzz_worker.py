@@ -11,6 +11,7 @@ import os
 import resource
 import sys
 import traceback
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,9 +46,10 @@ def small_blocks():
     sys.modules["prt_core.store.journal"].CHUNK = 4096
 
 
-def steps(path, settings, **options):
+def steps(path, settings, caster="auto", **options):
     """The steps of the bake that every subject is one of."""
-    return bake_steps(scene(), path, SETTINGS[settings], LAMPS, world(), origin=ORIGIN, **options)
+    settings = replace(SETTINGS[settings], caster=caster)
+    return bake_steps(scene(), path, settings, LAMPS, world(), origin=ORIGIN, **options)
 
 
 def compressed(path, method):

@@ -47,6 +47,25 @@ KINDS = {
 }
 
 
+def _by_blender(kind):
+    """The same work with Blender's own rays."""
+    before, _ = KINDS[kind]
+
+    def work(path):
+        from prt_core.blender import casters
+
+        casters.register()
+        name, options = ("exhaustive", {"restart": True}) if kind == "restart" else (kind, {})
+        run(fuzz_worker.steps(path, name, caster="blender", **options))
+
+    return before, work
+
+
+# In a process with Blender in it.
+BLENDER_KINDS = {f"{kind} blender": _by_blender(kind) for kind in KINDS if kind != "compress"}
+_WORKS = {**KINDS, **BLENDER_KINDS}
+
+
 def arm(path, at, share=0.5, writes=False):
     """Kill this process at its event number `at` below the folder that `path` is in.
 
@@ -119,7 +138,7 @@ class _Dying:
 def _child(path, kind, answer, at, share, writes):
     fuzz_worker.small_blocks()
     seen = arm(path, at, share, writes)
-    KINDS[kind][1](path)
+    _WORKS[kind][1](path)
     answer.put(seen[0])
 
 
@@ -162,7 +181,7 @@ class Kills:
             self.seconds[kind] = time.perf_counter() - begun
 
     def _prepared(self, kind, folder):
-        before = KINDS[kind][0]
+        before = _WORKS[kind][0]
         folder.mkdir()
         if before is not None:
             kept = self.folder / f"before {kind}" / "a.prt"
@@ -203,7 +222,7 @@ class Kills:
 
     def _left(self, kind, path):
         """What is damaged by the kill alone."""
-        if kind in ("restart", "compress"):
+        if _WORKS[kind][0] is not None:
             # The old bake, or the new one, at any moment.
             lit = _lit(path)
             old, new = self.folder / f"before {kind}" / "a.prt", self._whole(kind)

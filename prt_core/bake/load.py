@@ -53,10 +53,10 @@ def load(path):
         bits,
         _read_gather(store, n_points, rounds) if rounds else None,
         points.normals,
-        points.albedo,
+        points.materials,
         min(settings.tolerance / 5, 1e-3),
         settings.bounces,
-        None if (points.mean_albedo == points.albedo).all() else points.mean_albedo,
+        None if points.mean_materials.equals(points.materials) else points.mean_materials,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
     return Bake(scene, transport, *parts)

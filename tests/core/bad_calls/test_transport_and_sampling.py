@@ -20,13 +20,13 @@ def sampled(there):
 
 def of_transport(there):
     baked = there.bake.transport
-    names = "cube_map", "bits", "gather", "normals", "albedo", "tolerance", "mean_albedo"
+    names = "cube_map", "bits", "gather", "normals", "materials", "tolerance", "mean_materials"
     good = {name: getattr(baked, name) for name in names}
 
     def call(**arguments):
         return transport.Transport(**arguments).relight(there.light)
 
-    may = "gather None", "bounces None", "mean_albedo None", "normals"
+    may = "gather None", "bounces None", "mean_materials None", "normals"
     return Call(call, {**good, "bounces": 2}, may)
 
 

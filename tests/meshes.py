@@ -21,9 +21,9 @@ class Stripes:
         self._x = mesh.vertices[mesh.corner_vertex, 0]
         self.edge = edge
 
-    def albedo(self, corners, weights):
+    def at(self, corners, weights):
         x = (self._x[corners] * weights).sum(axis=1)
-        return np.where((x < self.edge)[:, None], [0.8, 0.1, 0.0], [0.0, 0.6, 0.2])
+        return {"albedo": np.where((x < self.edge)[:, None], [0.8, 0.1, 0.0], [0.0, 0.6, 0.2])}
 
     def texels(self, corners):
         return np.full(len(corners), 4000.0)

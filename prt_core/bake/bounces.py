@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-import scipy.sparse as sp
 
 from prt_core.bake import visibility
+from prt_core.bake.gather import read_gather
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.dilate import dilate
 from prt_core.store import damage_said
-from prt_core.transport import Sharing, all_bounces, gather_operator, gather_parts
+from prt_core.transport import Sharing, all_bounces, gather_parts
 from prt_core.transport.gather import ROUND
 from prt_core.transport.visibility import received_light
 
@@ -219,29 +219,3 @@ def _bounce_error(hits, scene, rounds, probes, blocked, settings):
     spread = np.sqrt(((first - second) ** 2).sum(axis=0)) / 2
     size = np.sqrt((((first + second) / 2) ** 2).sum(axis=0))
     return float((spread / np.maximum(size, 1e-30)).max()) if size.any() else 0.0
-
-
-def read_gather(hits, rounds, blocked):
-    """K (CSR float32) from the stored hits of some rounds, block by block.
-
-    Parameters
-    ----------
-    hits : array of (n_points, MOST_ROUNDS * ROUND) int32
-    rounds : iterable of int
-    blocked : (n_points,) float32
-        See `gather_operator`.
-
-    Raises
-    ------
-    PRTError
-        A hit names a point that does not exist, or stands for a ray that was not cast.
-    """
-    rounds, n_points = list(rounds), len(blocked)
-
-    def one(block):
-        chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
-        chunk = chunk[:, rounds].reshape(len(chunk), -1)
-        return gather_operator(chunk, n_points, blocked[block])
-
-    parts = on_all_cores(one, blocks(n_points))
-    return sp.vstack(parts, format="csr") if len(parts) > 1 else parts[0]

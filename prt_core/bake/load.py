@@ -2,14 +2,14 @@
 
 from dataclasses import asdict
 
-from prt_core.bake.bounces import MOST_ROUNDS, read_gather
+from prt_core.bake.bounces import MOST_ROUNDS
+from prt_core.bake.gather import read_gather, stored_hits
 from prt_core.bake.lights import read_lights
 from prt_core.bake.steps import Bake, BakeSettings
 from prt_core.errors import expect, expect_path
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_said, read_scene
 from prt_core.transport import Transport
-from prt_core.transport.gather import ROUND
 
 
 def load(path):
@@ -53,10 +53,10 @@ def load(path):
         bits,
         _read_gather(store, n_points, rounds) if rounds else None,
         points.normals,
-        points.albedo,
+        points.materials,
         min(settings.tolerance / 5, 1e-3),
         settings.bounces,
-        None if (points.mean_albedo == points.albedo).all() else points.mean_albedo,
+        None if points.mean_materials.equals(points.materials) else points.mean_materials,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
     return Bake(scene, transport, *parts)
@@ -69,10 +69,8 @@ def _read_gather(store, n_points, rounds):
         bool(((blocked >= 0) & (blocked <= 1)).all()),
         f"{store.path}: 'blocked' is out of range; the bake is damaged",
     )
-    hits = store.array("gather")
-    store.expect_shape(hits, (n_points, rounds * ROUND), "int32")
-    hits.expect_whole()
-    with damage_said(store.path, "'gather'"):
-        gather = read_gather(hits, range(rounds), blocked)
-    store.expect_sealed(hits)
-    return gather
+    with (
+        stored_hits(store, n_points, rounds) as hits,
+        damage_said(store.path, "'gather'"),
+    ):
+        return read_gather(hits, range(rounds), blocked)

@@ -9,7 +9,7 @@ import numpy as np
 
 from prt_core.blender.compat import view_layer_of
 from prt_core.blender.identity import by_uid, display_names, place_of
-from prt_core.blender.materials import corner_albedo
+from prt_core.blender.materials import corner_materials
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.stand_ins import (
     hidden_in,
@@ -254,9 +254,9 @@ def _to_mesh(name, source, data, matrix, messages, pictures):
     sizes = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("loop_total", sizes)
     # Under the preview's material the object still has its own.
-    materials, faces = source, data
+    slotted, faces = source, data
     if is_shaded(source.original):
-        materials, faces = source.original, source.original.data
+        slotted, faces = source.original, source.original.data
     slots = np.empty(len(data.polygons), np.int32)
     faces.polygons.foreach_get("material_index", slots)
 
@@ -289,14 +289,16 @@ def _to_mesh(name, source, data, matrix, messages, pictures):
         data.uv_layers.active.data.foreach_get("uv", uv)
         uv = uv.reshape(-1, 2)
     corner_slot = np.repeat(slots, sizes)
-    albedo, paint = corner_albedo(materials, data, corner_slot, corner_vertex, messages, pictures)
+    materials, paint = corner_materials(
+        slotted, data, corner_slot, corner_vertex, messages, pictures
+    )
     return Mesh(
         name=name,
         vertices=world,
         corner_vertex=corner_vertex,
         corner_normal=turned,
         triangle_corners=triangles,
-        corner_albedo=albedo,
+        materials=materials,
         corner_material=corner_slot,
         face_sizes=sizes,
         corner_uv=uv,

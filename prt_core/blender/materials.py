@@ -1,4 +1,4 @@
-"""Diffuse albedo of Blender materials: at face corners, and of image textures between them."""
+"""`Materials` of Blender's: at face corners, and of image textures between them."""
 
 from dataclasses import replace
 
@@ -8,13 +8,14 @@ from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.textures import Picture, Texture, TexturePaint
 from prt_core.errors import PRTError
+from prt_core.reflectance import Materials
 
 # What Blender shows for a face without material.
 _NO_MATERIAL = (0.8, 0.8, 0.8)
 
 
-def corner_albedo(source, data, corner_slot, corner_vertex, messages, pictures=None):
-    """Albedo of a mesh; what is not understood is said in `messages`.
+def corner_materials(source, data, corner_slot, corner_vertex, messages, pictures=None):
+    """Those of the corners of a mesh; what is not understood is said in `messages`.
 
     Parameters
     ----------
@@ -28,8 +29,7 @@ def corner_albedo(source, data, corner_slot, corner_vertex, messages, pictures=N
 
     Returns
     -------
-    albedo : (n_corners, 3) float64
-        In [0, 1].
+    materials : Materials
     paint : TexturePaint or None
         What is between the corners, where images are.
     """
@@ -52,7 +52,8 @@ def corner_albedo(source, data, corner_slot, corner_vertex, messages, pictures=N
     if (albedo < 0).any() or (albedo > 1).any():
         _say(messages, f"{source.name}: albedo outside 0..1 was cut to it")
     albedo = np.clip(np.nan_to_num(albedo), 0, 1)
-    return albedo, TexturePaint(corner_slot, albedo, textures) if textures else None
+    paint = TexturePaint(corner_slot, albedo, textures) if textures else None
+    return Materials(albedo=albedo), paint
 
 
 def _say(messages, text):

@@ -100,7 +100,7 @@ class TexturePaint:
     def __init__(self, corner_slot, corner_albedo, textures):
         self._slot, self._albedo, self._textures = corner_slot, corner_albedo, textures
 
-    def albedo(self, corners, weights):
+    def at(self, corners, weights):
         """See `Paint`."""
         result = np.einsum("mk,mkc->mc", weights, self._albedo[corners])
         slot = self._slot[corners[:, 0]]
@@ -108,7 +108,7 @@ class TexturePaint:
             mine = np.flatnonzero(slot == number)
             uv = np.einsum("mk,mkx->mx", weights[mine], texture.uv[corners[mine]])
             result[mine] = texture.at(uv)
-        return np.clip(np.nan_to_num(result), 0, 1)
+        return {"albedo": np.nan_to_num(result)}
 
     def texels(self, corners):
         """See `Paint`."""

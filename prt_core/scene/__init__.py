@@ -14,7 +14,7 @@ from prt_core.scene.images import (
     with_geometry_image,
 )
 from prt_core.scene.mesh import Mesh
-from prt_core.scene.points import BakePoints
+from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
 from prt_core.scene.scene import Scene, SceneObject
 
@@ -23,6 +23,7 @@ __all__ = [
     "Changes",
     "Details",
     "Layout",
+    "MATERIALS",
     "MOST_OFFSET",
     "Mesh",
     "PARAMETRISATIONS",

@@ -22,14 +22,14 @@ def mesh_digests(meshes):
     """
     digests = {}
     for mesh in meshes if isinstance(meshes, list | tuple) else [meshes]:
-        expect_offers("meshes", mesh, ("corner_vertex", "corner_albedo"), "a list of Mesh")
+        expect_offers("meshes", mesh, ("corner_vertex", "materials"), "a list of Mesh")
         digest = hashlib.blake2b(digest_size=16)
         for array in (
             mesh.vertices,
             mesh.corner_vertex,
             mesh.corner_normal,
             mesh.triangle_corners,
-            mesh.corner_albedo,
+            *mesh.materials.digested(),
             mesh.corner_material,
             mesh.face_sizes,
             np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),

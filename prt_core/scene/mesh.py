@@ -11,6 +11,7 @@ from prt_core.errors import (
     expect_kind,
     expect_numbers,
 )
+from prt_core.reflectance import Materials, expect_materials
 from prt_core.scene.paint import Paint
 
 
@@ -30,8 +31,8 @@ class Mesh:
         Unit shading normals in world space.
     triangle_corners : (n_triangles, 3) int
         Corner indices of each triangle, counter-clockwise seen from its front.
-    corner_albedo : (n_corners, 3) float
-        Diffuse albedo in [0, 1].
+    materials : Materials or (n_corners, 3) float
+        Of the corners; an array is the diffuse albedo, in [0, 1], and all else has its default.
     corner_material : (n_corners,) int, optional
         Corners of different materials never share a point.
     receives : bool
@@ -49,7 +50,7 @@ class Mesh:
     corner_uv : (n_corners, 2) float, optional
         For geometry images.
     paint : Paint, optional
-        The albedo between the corners; default: as they say, in between.
+        The materials between the corners; default: as they say, in between.
     """
 
     name: str
@@ -57,7 +58,7 @@ class Mesh:
     corner_vertex: np.ndarray
     corner_normal: np.ndarray
     triangle_corners: np.ndarray
-    corner_albedo: np.ndarray
+    materials: Materials
     corner_material: np.ndarray | None = None
     receives: bool = True
     two_sided: bool = False
@@ -82,9 +83,7 @@ class Mesh:
         self.corner_normal = expect_array(
             f"{self.name}: corner_normal", self.corner_normal, (n_corners, 3), np.float64
         )
-        self.corner_albedo = expect_array(
-            f"{self.name}: corner_albedo", self.corner_albedo, (n_corners, 3), np.float64
-        )
+        self.materials = expect_materials(self.name, self.materials, n_corners, np.float64)
         triangles = expect_numbers(f"{self.name}: triangle_corners", self.triangle_corners)
         triangles = triangles if triangles.size else triangles.reshape(0, 3)
         self.triangle_corners = expect_array(
@@ -121,13 +120,6 @@ class Mesh:
                     f"{self.name}: {name} expected indices in 0..{limit - 1}, "
                     f"got {index.min()}..{index.max()}",
                 )
-        if n_corners:
-            low, high = self.corner_albedo.min(), self.corner_albedo.max()
-            expect(
-                low >= 0 and high <= 1,
-                f"{self.name}: albedo expected in 0..1, got {low:.3g}..{high:.3g}; "
-                "a surface cannot reflect more light than it receives",
-            )
 
     def solid_triangles(self):
         """(n, 3) int64: the triangles that have an area, by their corners."""

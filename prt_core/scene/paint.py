@@ -1,7 +1,7 @@
 """What surfaces look like between their corners, and what a bake point stands for.
 
 An image on a face of two triangles may differ everywhere from the colours of its four corners.
-Bake points inside a face take the albedo of their own place; and what any point bounces is the mean
+Bake points inside a face take the materials of their own place; and any point bounces by the mean
 over the area around it, weighted as K shares it out, for light that meets the face does so
 everywhere.
 """
@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.scene.lattice import lattice_of_hits
 
 # Samples along an edge of a lattice cell, and of all cells together, at most.
@@ -18,10 +19,17 @@ _BLOCK = 1 << 19
 
 
 class Paint(Protocol):
-    """The albedo of a mesh anywhere on its faces; `Mesh.paint`, where corners do not tell it."""
+    """The materials of a mesh anywhere on its faces; `Mesh.paint`, where corners do not tell."""
 
-    def albedo(self, corners, weights):
-        """(m, 3) float64 in [0, 1] at places: (m, 3) int corners of a face, (m, 3) weights."""
+    def at(self, corners, weights):
+        """Name -> (m, n_channels) float64 of what is painted, at places.
+
+        Parameters
+        ----------
+        corners : (m, 3) int
+            Of a face.
+        weights : (m, 3) float
+        """
 
     def texels(self, corners):
         """(m,) float: about how many different colours lie between each three corners."""
@@ -31,7 +39,7 @@ class Paint(Protocol):
 
 
 class Surfaces:
-    """The albedo of a scene's meshes, anywhere on their triangles.
+    """The materials of a scene's meshes, anywhere on their triangles.
 
     Parameters
     ----------
@@ -45,43 +53,45 @@ class Surfaces:
 
     def __init__(self, stacked, paints, first_corner):
         self._corners = stacked["triangle_corners"].astype(np.int64)
-        self._albedo = stacked["corner_albedo"]
+        self._materials = stacked["materials"]
         self._object = stacked["triangle_object"].astype(np.int64)
         self._paints, self._first = paints, first_corner
         self.painted = np.array([paint is not None for paint in paints], bool)[self._object]
 
-    def albedo(self, triangle, barycentric):
-        """(m, 3) float64 at places: (m,) triangles, (m, 2) weights of the 2nd and 3rd corner."""
+    def at(self, triangle, barycentric):
+        """`Materials` at places: (m,) triangles, (m, 2) weights of the 2nd and 3rd corner."""
         second, third = np.asarray(barycentric, np.float64).T
         weights = np.stack([1 - second - third, second, third], axis=1)
         corners = self._corners[triangle]
-        result = np.einsum("mk,mkc->mc", weights, self._albedo[corners])
+        found = self._materials.between(corners, weights)
         owners = self._object[triangle]
         for owner in np.unique(owners[self.painted[triangle]]):
             mine = owners == owner
-            paint = self._paints[owner]
-            result[mine] = paint.albedo(corners[mine] - self._first[owner], weights[mine])
-        return np.clip(result, 0, 1)
+            painted = self._paints[owner].at(corners[mine] - self._first[owner], weights[mine])
+            for name, values in painted.items():
+                getattr(found, name)[mine] = QUANTITIES[name].settled(values)
+        return found
 
-    def mean_albedo(self, levels, lattice_start, lattice, albedo):
+    def mean(self, levels, lattice_start, lattice, materials):
         """What each bake point stands for.
 
         Parameters
         ----------
         levels, lattice_start : (n_triangles,) int
         lattice : (n,) int
-        albedo : (n_points, 3) float
-            What is taken where no painted triangle is around a point.
+        materials : Materials
+            Of the points; what is taken where no painted triangle is around one.
 
         Returns
         -------
-        (n_points, 3) float64
+        Materials
         """
         painted = np.flatnonzero(self.painted)
         if not len(painted):
-            return albedo
+            return materials
         along = self._samples_along(painted, levels[painted])
-        sums, total = np.zeros((len(albedo), 3)), np.zeros(len(albedo))
+        total = np.zeros(len(materials))
+        sums = materials.map(lambda _, values: np.zeros(values.shape))
         for level, count in np.unique(np.stack([levels[painted], along], axis=1), axis=0):
             some = painted[(levels[painted] == level) & (along == count)]
             places = _centroids(int(level * count))
@@ -89,16 +99,24 @@ class Surfaces:
             each = max(1, _BLOCK // len(places))
             for first in range(0, len(some), each):
                 part = some[first : first + each]
-                colour = self.albedo(
-                    np.repeat(part, len(places)), np.tile(places, (len(part), 1))
-                ).reshape(len(part), len(places), 3)
+                found = self.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
                 points = lattice[lattice_start[part][:, None, None] + cell]
                 share = np.broadcast_to(weights, points.shape).ravel().astype(np.float64)
                 total += np.bincount(points.ravel(), share, len(total))
-                for channel in range(3):
-                    value = np.repeat(colour[..., channel].ravel(), 3) * share
-                    sums[:, channel] += np.bincount(points.ravel(), value, len(total))
-        return np.where(total[:, None] > 0, sums / np.maximum(total, 1e-30)[:, None], albedo)
+                for name, values in found.arrays().items():
+                    for channel, column in enumerate(values.T):
+                        value = np.repeat(column, 3) * share
+                        summed = np.bincount(points.ravel(), value, len(total))
+                        getattr(sums, name)[:, channel] += summed
+        means = sums.map(
+            lambda quantity, summed: quantity.settled(summed / np.maximum(total, 1e-30)[:, None])
+        )
+        return Materials(
+            **{
+                name: np.where(total[:, None] > 0, getattr(means, name), values)
+                for name, values in materials.arrays().items()
+            }
+        )
 
     def _samples_along(self, triangles, levels):
         """(n,) int: samples along an edge of each triangle's cells, as its texels ask for."""

@@ -1,16 +1,18 @@
-"""Bake points: where light is received, one per distinct corner normal, material and albedo."""
+"""Bake points: where light is received, one per distinct corner normal and material."""
 
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
 
 import numpy as np
 
+from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.scene.lattice import lattice_coordinates, lattice_size
 from prt_core.scene.ray_offset import ray_lifts
 
-# Corners of one vertex share a point when normals and albedo agree to these steps.
+# Corners of one vertex share a point when normals agree to this step (and see `Quantity.step`).
 NORMAL_STEP = 1e-3
-ALBEDO_STEP = 1 / 32
+# The materials that a point has, and how the names of their arrays begin.
+MATERIALS = {"materials": "", "mean_materials": "mean_"}
 # Cosine between face normals above which the surface around a point counts as flat.
 _FLAT = 0.9999
 
@@ -30,9 +32,9 @@ class BakePoints:
         touches it there.
     areas : (n_points,) float32
         Share of the surface, in squared frame units.
-    albedo : (n_points, 3) float32
+    materials : Materials
         Of the place itself: what it shows.
-    mean_albedo : (n_points, 3) float32
+    mean_materials : Materials
         Of the area that the point stands for: what it bounces.
     object_index : (n_points,) int32
     visible : (n_points,) bool
@@ -44,25 +46,55 @@ class BakePoints:
     geometric_normals: np.ndarray
     ray_offset: np.ndarray
     areas: np.ndarray
-    albedo: np.ndarray
-    mean_albedo: np.ndarray
+    materials: Materials
+    mean_materials: Materials
     object_index: np.ndarray
     visible: np.ndarray
 
     def __len__(self):
         return len(self.positions)
 
+    @property
+    def albedo(self):
+        """(n_points, 3) float32: what is shown."""
+        return self.materials.albedo
+
+    @property
+    def mean_albedo(self):
+        """(n_points, 3) float32: what is bounced."""
+        return self.mean_materials.albedo
+
+    def told(self):
+        """Names of the quantities of materials that are not their default everywhere."""
+        told = {*self.materials.told(), *self.mean_materials.told()}
+        return [name for name in QUANTITIES if name in told]
+
     def arrays(self):
-        """Name -> array of everything stored."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        """Name -> array of everything stored; quantities that are their default are left out."""
+        arrays = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in MATERIALS:
+                prefix = MATERIALS[field.name]
+                arrays |= {prefix + name: getattr(value, name) for name in self.told()}
+            else:
+                arrays[field.name] = value
+        return arrays
 
 
 def joined(points, more):
     """`BakePoints` one after the other."""
-    more = more.arrays()
     return BakePoints(
-        **{name: np.concatenate([array, more[name]]) for name, array in points.arrays().items()}
+        **{
+            field.name: _joined([getattr(part, field.name) for part in (points, more)])
+            for field in fields(BakePoints)
+        }
     )
+
+
+def _joined(parts):
+    whole = Materials.joined if isinstance(parts[0], Materials) else np.concatenate
+    return whole(parts)
 
 
 def make_points(stacked, levels, frames, surfaces):
@@ -120,7 +152,9 @@ def make_points(stacked, levels, frames, surfaces):
         "geometric_normals": geometric,
         "ray_offset": _ray_offset(geometric, inward, lift, sideways),
         "areas": np.bincount(columns.ravel(), share.ravel(), n_points),
-        "albedo": summed.mean(stacked["corner_albedo"][of_corner], weight),
+        "materials": stacked["materials"][of_corner].map(
+            lambda quantity, values: quantity.settled(summed.mean(values, weight))
+        ),
         "object_index": np.zeros(n_points, np.int64),
         "visible": np.zeros(n_points, bool),
     }
@@ -132,8 +166,8 @@ def make_points(stacked, levels, frames, surfaces):
     )
     lattice_back = np.full(len(lattice), -1, np.int64)
     two_sided = stacked["two_sided"][stacked["triangle_object"].astype(np.int64)]
-    points = {key: np.concatenate([points[key], hidden[key]]) for key in points}
-    points["mean_albedo"] = surfaces.mean_albedo(levels, start, lattice, points["albedo"])
+    points = {key: _joined([points[key], hidden[key]]) for key in points}
+    points["mean_materials"] = surfaces.mean(levels, start, lattice, points["materials"])
     if two_sided.any():
         owner = np.repeat(np.arange(len(levels)), lattice_size(levels))
         front = np.unique(lattice[two_sided[owner]])
@@ -148,12 +182,14 @@ def make_points(stacked, levels, frames, surfaces):
         )
         back["normals"], back["geometric_normals"] = -back["normals"], -normal
         back["visible"] = np.zeros(len(front), bool)
-        points = {key: np.concatenate([points[key], back[key]]) for key in points}
+        points = {key: _joined([points[key], back[key]]) for key in points}
     kinds = {"positions": np.float64, "object_index": np.int32, "visible": bool}
+    stored = {
+        key: value.stored() if key in MATERIALS else np.asarray(value, kinds.get(key, np.float32))
+        for key, value in points.items()
+    }
     return SimpleNamespace(
-        points=BakePoints(
-            **{k: np.asarray(v, kinds.get(k, np.float32)) for k, v in points.items()}
-        ),
+        points=BakePoints(**stored),
         corner_point=corner_point,
         lattice_start=start,
         lattice=lattice.astype(np.int32),
@@ -194,9 +230,9 @@ def _merge_corners(stacked, corners, normal):
             stacked["corner_vertex"][used],
             stacked["corner_material"][used],
             np.rint(normal[used] / NORMAL_STEP),
-            np.rint(stacked["corner_albedo"][used] / ALBEDO_STEP),
+            stacked["materials"][used].in_steps(),
         ]
-    ).astype(np.int64)
+    )
     order = np.lexsort(key.T[::-1])
     new = np.ones(len(order), bool)
     new[1:] = (np.diff(key[order], axis=0) != 0).any(axis=1)
@@ -268,8 +304,8 @@ def _lattices(columns, levels, face_normal, doubled, points, surfaces, normal, c
                 _unit(np.einsum("lk,tkx->tlx", weights, corner_normals).reshape(-1, 3))
             )
             hidden["geometric_normals"].append(np.repeat(face_normal[which], len(inner), axis=0))
-            hidden["albedo"].append(
-                surfaces.albedo(np.repeat(which, len(inner)), np.tile(uv, (len(which), 1)))
+            hidden["materials"].append(
+                surfaces.at(np.repeat(which, len(inner)), np.tile(uv, (len(which), 1)))
             )
             hidden["areas"].append(np.repeat(cell, len(inner)))
             middle = points["positions"][triangle].mean(axis=1, keepdims=True)
@@ -285,7 +321,5 @@ def _lattices(columns, levels, face_normal, doubled, points, surfaces, normal, c
             )
             hidden["visible"].append(np.zeros(n_new, bool))
         lattice[(start[which][:, None] + np.arange(len(coordinates))).ravel()] = ids.ravel()
-    joined = {
-        key: np.concatenate(values) if values else points[key][:0] for key, values in hidden.items()
-    }
+    joined = {key: _joined(values) if values else points[key][:0] for key, values in hidden.items()}
     return start, lattice, joined

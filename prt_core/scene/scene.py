@@ -19,6 +19,7 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.rays import FramedCaster, make_caster, precision_frames
+from prt_core.reflectance import Materials
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
@@ -259,12 +260,11 @@ class Scene:
         points[behind] = self.lattice_back.take(cell[behind])
         return points.astype(np.int32, copy=False), weights
 
-    def albedo_at(self, triangle, barycentric, back):
-        """(m, 3) float64 albedo of places (see `hit_points`)."""
+    def materials_at(self, triangle, barycentric, back):
+        """`Materials` of m places (see `hit_points`), in float64."""
         if self.surfaces is not None:
-            return self.surfaces.albedo(triangle, barycentric)
-        around, weights = self.hit_points(triangle, barycentric, back)
-        return np.einsum("mk,mkc->mc", weights, self.points.albedo[around].astype(np.float64))
+            return self.surfaces.at(triangle, barycentric)
+        return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
 
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""
@@ -286,8 +286,8 @@ class Scene:
             self.points.normals,
             self.points.geometric_normals,
             self.points.ray_offset,
-            self.points.albedo,
-            self.points.mean_albedo,
+            *self.points.materials.digested(),
+            *self.points.mean_materials.digested(),
             self.points.visible,
             self.lattice,
             self.lattice_back,
@@ -308,7 +308,7 @@ def _stack(meshes, messages):
     first_vertex = first_corner = 0
     parts = {
         key: []
-        for key in "vertices corner_vertex corner_normal corner_albedo corner_material "
+        for key in "vertices corner_vertex corner_normal corner_material materials "
         "corner_object triangle_corners triangle_object".split()
     }
     counts = {"first_corner": [], "n_corners": []}
@@ -320,7 +320,7 @@ def _stack(meshes, messages):
         parts["vertices"].append(mesh.vertices)
         parts["corner_vertex"].append(mesh.corner_vertex + first_vertex)
         parts["corner_normal"].append(mesh.corner_normal)
-        parts["corner_albedo"].append(mesh.corner_albedo)
+        parts["materials"].append(mesh.materials)
         parts["corner_material"].append(mesh.corner_material)
         parts["corner_object"].append(np.full(len(mesh.corner_vertex), index))
         parts["triangle_corners"].append(corners + first_corner)
@@ -329,12 +329,13 @@ def _stack(meshes, messages):
         counts["n_corners"].append(len(mesh.corner_vertex))
         first_vertex += len(mesh.vertices)
         first_corner += len(mesh.corner_vertex)
-    shapes = {"vertices": (0, 3), "corner_normal": (0, 3), "corner_albedo": (0, 3)}
-    shapes["triangle_corners"] = (0, 3)
+    shapes = {name: (0, 3) for name in ("vertices", "corner_normal", "triangle_corners")}
+    materials = Materials.joined(parts.pop("materials"))
     stacked = {
         key: np.concatenate(values) if values else np.zeros(shapes.get(key, 0))
         for key, values in parts.items()
     }
+    stacked["materials"] = materials
     stacked["receives"] = np.array([mesh.receives for mesh in meshes], bool)
     stacked["two_sided"] = np.array([mesh.two_sided for mesh in meshes], bool)
     stacked["triangles"] = stacked["corner_vertex"][stacked["triangle_corners"].astype(np.int64)]

@@ -3,7 +3,16 @@
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.scene import MOST_OFFSET, BakePoints, Details, PointImage, Scene, SceneObject
+from prt_core.reflectance import QUANTITIES, Materials
+from prt_core.scene import (
+    MATERIALS,
+    MOST_OFFSET,
+    BakePoints,
+    Details,
+    PointImage,
+    Scene,
+    SceneObject,
+)
 from prt_core.store.facts import damage_said
 
 _POINTS = {
@@ -12,8 +21,6 @@ _POINTS = {
     "geometric_normals": ("float32", 3),
     "ray_offset": ("float32", 3),
     "areas": ("float32", 0),
-    "albedo": ("float32", 3),
-    "mean_albedo": ("float32", 3),
     "object_index": ("int32", 0),
     "visible": ("bool", 0),
 }
@@ -37,6 +44,8 @@ _OBJECT = {
     "owner": str,
     "library": str,
 }
+# What the materials of bakes have that do not say it: they were made when there was no more.
+_FIRST = ["albedo"]
 # How far weighted means of float32 may leave their range, and unit vectors a length of 1.
 _ROUNDING = 1e-5
 _LENGTH = 1e-3
@@ -70,6 +79,7 @@ def write_scene(store, scene):
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
     return {
+        "materials": scene.points.told(),
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         "centre": scene.centre,
         "size": scene.size,
@@ -107,12 +117,11 @@ def read_scene(store):
         Arrays that do not fit each other: the store was damaged or tampered with.
     """
     n_points = store.array("point_positions").shape[0]
-    points = BakePoints(
-        **{
-            name: store.read(f"point_{name}", (n_points, 3) if width else (n_points,), dtype)
-            for name, (dtype, width) in _POINTS.items()
-        }
-    )
+    points = {
+        name: store.read(f"point_{name}", (n_points, 3) if width else (n_points,), dtype)
+        for name, (dtype, width) in _POINTS.items()
+    }
+    points = BakePoints(**points, **_read_materials(store, n_points))
     vertices = store.read("scene_vertices", (None, 3), "float64")
     triangles = store.read("scene_triangles", (None, 3), "int32")
     lattice = store.read("scene_lattice", (None,), "int32")
@@ -165,6 +174,28 @@ def read_scene(store):
             "its objects have more or fewer corners than there are",
         )
     return scene
+
+
+def _read_materials(store, n_points):
+    """Name -> `Materials`: those that each point has."""
+    names = store.facts.get("materials", _FIRST)
+    with damage_said(store.path):
+        whole = all(name in names for name, q in QUANTITIES.items() if q.default is None)
+        expect(
+            isinstance(names, list) and set(names) <= set(QUANTITIES) and whole,
+            f"its materials have {', '.join(map(str, names))}, this library knows "
+            f"{', '.join(QUANTITIES)}",
+        )
+
+    def read(prefix, name):
+        quantity = QUANTITIES[name]
+        shape = n_points, quantity.n_channels
+        return store.read(f"point_{prefix}{name}", shape, quantity.dtype)
+
+    return {
+        field: Materials(**{name: read(prefix, name) for name in names})
+        for field, prefix in MATERIALS.items()
+    }
 
 
 def read_details(store, scene):
@@ -234,8 +265,7 @@ def check_scene(scene):
         ("positions", _finite(points.positions, -most, most)),
         ("areas", _finite(points.areas, -_ROUNDING)),
         ("visible", bool((points.visible.view(np.uint8) <= 1).all())),
-        ("albedo", _finite(points.albedo, 0, 1 + _ROUNDING)),
-        ("mean_albedo", _finite(points.mean_albedo, 0, 1 + _ROUNDING)),
+        *_in_range(points),
         ("normals", _unit(points.normals)),
         ("geometric_normals", _unit(points.geometric_normals)),
         ("ray_offset", _off_surface(points)),
@@ -247,6 +277,14 @@ def check_scene(scene):
         _leads_inside(scene),
         "scene: its indices do not fit each other; it is damaged or tampered with",
     )
+
+
+def _in_range(points):
+    """(name, whether all values are in their range) of each quantity of the materials."""
+    for field, prefix in MATERIALS.items():
+        for name, values in getattr(points, field).arrays().items():
+            quantity = QUANTITIES[name]
+            yield prefix + name, _finite(values, quantity.lowest, quantity.highest)
 
 
 def _finite(array, low=-np.inf, high=np.inf):

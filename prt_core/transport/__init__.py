@@ -2,14 +2,9 @@
 
 from prt_core.transport.bounce import all_bounces
 from prt_core.transport.details import detail_steps
-from prt_core.transport.gather import (
-    gather_directions,
-    gather_hits,
-    gather_operator,
-    gather_parts,
-    ray_ends,
-)
+from prt_core.transport.gather import gather_directions, gather_hits, gather_parts
 from prt_core.transport.lamps import lamp_light, lamp_steps
+from prt_core.transport.operator import gather_operator, ray_ends
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.sharing import Sharing
 from prt_core.transport.transport import Transport

@@ -10,11 +10,11 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
+from prt_core.reflectance import QUANTITIES
 
 # Bounces after which the light must have settled: as many as are needed, or a number asked for.
 _MOST, _MOST_ASKED = 2000, 20_000
-# What is interpolated between 1 and 1 may be a little more.
-MOST_ALBEDO = 1 + 1e-5
+MOST_ALBEDO = QUANTITIES["albedo"].highest
 # Of float32, so that sums of many bounces stay numbers.
 MOST_RECEIVED = 1e30
 

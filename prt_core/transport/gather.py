@@ -1,25 +1,18 @@
-"""The gather operator K: what each point sees of the scene, by cosine-distributed rays.
+"""Gather rays: what each point sees of the scene, by cosine-distributed rays.
 
 Each round shoots ROUND rays from every point. A hit is handed to one of the bake points around
 it, chosen with the probability of its barycentric weight among those that it sees (see
-`transport.sharing`), so `K[x, y]` is the share of x's rays that ended at y: unbiased, and one
-non-zero a ray at most. Where the visibility says that rays will meet nothing, one of them is cast
+`transport.sharing`). Where the visibility says that rays will meet nothing, one of them is cast
 for many: unbiased as well, for any of them may be the one. Hits keep the order of their rays, so
-that each still has its direction (`gather_directions`).
-
-How much of its sky is blocked a point knows from its visibility, far better than from some dozen
-rays. So a row is scaled until its rays meet something as often as that: what is left to chance is
-what they meet, not how many do.
+that each still has its direction (`gather_directions`), and any term of a reflectance can weigh
+them (`transport.operator`).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from prt_core.errors import (
-    expect,
-    expect_array,
     expect_caster,
     expect_kind,
     expect_seed,
@@ -39,8 +32,6 @@ STAND = -4
 _GROUP = 16
 # Blocks of points and rounds whose rays are cast in one call.
 _BUNDLE = 8
-# Rays of a row that should meet something, at least, for the row to be scaled.
-_ENOUGH = 2
 
 
 @dataclass(frozen=True)
@@ -246,70 +237,3 @@ def cosine_directions(normals, shift, count=ROUND, first=0):
     uv = (base.astype(np.float32)[None] + shift[:, None]) % np.float32(1)
     frames = tangent_frames(normals).astype(np.float32)
     return np.matmul(square_to_cosine(uv), frames)
-
-
-def ray_ends(hits):
-    """What every ray of a row stands for: `hits` without those that stand for others.
-
-    Parameters
-    ----------
-    hits : (n, n_rounds * ROUND) int32
-        See `Gathered`.
-
-    Returns
-    -------
-    (n, n_rounds * ROUND) int32
-        Bake points, MISS or DARK.
-
-    Raises
-    ------
-    PRTError
-        A ray stands for one that does so itself, or for none.
-    """
-    silent = hits <= STAND
-    if silent.any():
-        slot = np.arange(hits.shape[1])
-        speaker = np.where(silent, slot - slot % ROUND + STAND - hits.astype(np.int64), slot)
-        good = hits.min() > STAND - ROUND and hits.shape[1] % ROUND == 0
-        hits = np.take_along_axis(hits, speaker, axis=1) if good else hits
-    expect(
-        not hits.size or hits.min() >= DARK,
-        f"hits: expected points, {MISS}, {DARK}, or {STAND} and less for the slot of a ray of the "
-        f"same {ROUND} that was cast, got something else",
-    )
-    return hits
-
-
-def gather_operator(hits, n_points, blocked=None):
-    """K from hits: (n, n_points) CSR float32, each row sums to the share of rays that hit.
-
-    Parameters
-    ----------
-    hits : (n, n_rounds * ROUND) int32
-        Of any number of rounds side by side (see `Gathered`).
-    n_points : int
-    blocked : (n,) float32, optional
-        Share of the cosine-weighted hemisphere of each point in which something is in the way:
-        rows are scaled until they meet as much (a ratio estimate, Cochran 1977). Those with so
-        small a share that its rays are few are left as they are, unbiased.
-    """
-    n_points = expect_whole("n_points", n_points, 1, np.iinfo(np.int32).max)
-    hits = expect_array("hits", hits, (None, None), np.int32, most=n_points - 1)
-    expect(hits.size, "hits: expected at least one ray")
-    n, n_rays = hits.shape
-    if blocked is not None:
-        blocked = expect_array("blocked", blocked, (n,), np.float32, 0, 1)
-    hits = np.sort(ray_ends(hits), axis=1)
-    first = np.ones(hits.shape, bool)
-    first[:, 1:] = hits[:, 1:] != hits[:, :-1]
-    start = np.flatnonzero(first)
-    counts = np.diff(np.append(start, hits.size))
-    columns = hits.ravel()[start]
-    kept = columns >= 0
-    row = start[kept] // n_rays
-    pointer = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))]).astype(np.int64)
-    data = (counts[kept] / n_rays).astype(np.float32)
-    if blocked is not None:
-        met = np.maximum(np.count_nonzero(hits != MISS, axis=1), 1) / n_rays
-        data *= np.where(blocked * n_rays >= _ENOUGH, blocked / met, 1)[row].astype(np.float32)
-    return sp.csr_matrix((data, columns[kept], pointer), shape=(n, n_points))

@@ -98,7 +98,7 @@ def _bounce(scene, caster, alive, state, rng):
     normal = np.einsum("ij,ijk->ik", share, scene.points.normals[around])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     side = np.where(back[:, None], -flat, flat)
-    albedo = scene.albedo_at(triangle[lit], barycentric[lit], back)
+    albedo = scene.materials_at(triangle[lit], barycentric[lit], back).albedo
     state = (
         position + scene.triangle_lifts[triangle[lit], None] * side,
         normal.astype(np.float32),

@@ -16,9 +16,9 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
+from prt_core.reflectance import Materials, expect_materials
 from prt_core.sphere import CubeMap
 from prt_core.transport.bounce import (
-    MOST_ALBEDO,
     MOST_RECEIVED,
     all_bounces,
     bounce_series,
@@ -43,25 +43,25 @@ class Transport:
     gather : (n_points, n_points) CSR float32, or None
         K; None where only direct light was baked.
     normals : (n_points, 3) float32
-    albedo : (n_points, 3) float32
-        May be replaced after the bake: T follows.
+    materials : Materials, or (n_points, 3) float32
+        May be replaced after the bake: T follows. An array is the albedo alone.
     tolerance : float
         Of the bounces (see `all_bounces`).
     bounces : int or None
         Exactly so many; None: as many as the tolerance needs.
-    mean_albedo : (n_points, 3) float32, or None
-        Of the area that each point stands for, with which it bounces; None: `albedo`. Replace it
-        as well where that is replaced.
+    mean_materials : Materials, (n_points, 3) float32, or None
+        Of the area that each point stands for, with which it bounces; None: `materials`. Replace
+        them as well where those are replaced.
     """
 
     cube_map: CubeMap
     bits: np.ndarray
     gather: sp.csr_matrix | None
     normals: np.ndarray
-    albedo: np.ndarray
+    materials: Materials
     tolerance: float = 1e-3
     bounces: int | None = None
-    mean_albedo: np.ndarray | None = None
+    mean_materials: Materials | None = None
     _coarse: dict = field(default_factory=dict, repr=False)
 
     def __post_init__(self):
@@ -69,10 +69,10 @@ class Transport:
         expect_bits("bits", self.bits, self.n_directions)
         n_points = len(self.bits)
         self.normals = expect_array("normals", self.normals, (n_points, 3), None, -UNIT, UNIT)
-        self.albedo = expect_array("albedo", self.albedo, (n_points, 3), None, 0, MOST_ALBEDO)
-        if self.mean_albedo is not None:
-            self.mean_albedo = expect_array(
-                "mean_albedo", self.mean_albedo, (n_points, 3), None, 0, MOST_ALBEDO
+        self.materials = expect_materials("materials", self.materials, n_points, rounded=True)
+        if self.mean_materials is not None:
+            self.mean_materials = expect_materials(
+                "mean_materials", self.mean_materials, n_points, rounded=True
             )
         expect_gather(self.gather, n_points)
         expect_number("tolerance", self.tolerance, above=0, below=1)
@@ -95,14 +95,34 @@ class Transport:
         return self.n_points, self.n_directions
 
     @property
+    def albedo(self):
+        """(n_points, 3) float32: what points reflect towards the viewer; may be replaced."""
+        return self.materials.albedo
+
+    @albedo.setter
+    def albedo(self, albedo):
+        self.materials = self.materials.replaced(albedo=albedo)
+
+    @property
+    def mean_albedo(self):
+        """(n_points, 3) float32 of `mean_materials`, None where there are none."""
+        return None if self.mean_materials is None else self.mean_materials.albedo
+
+    @property
     def bounced_albedo(self):
         """(n_points, 3) float32: what points reflect towards others."""
-        return self.albedo if self.mean_albedo is None else self.mean_albedo
+        return self.bounced_materials.albedo
+
+    @property
+    def bounced_materials(self):
+        """`Materials` with which points reflect towards others."""
+        return self.materials if self.mean_materials is None else self.mean_materials
 
     def fingerprint(self):
         """A digest of all that the colours depend on: the same for the same transport only."""
         digest = hashlib.blake2b(digest_size=16)
-        arrays = [self.bits, self.normals, self.albedo, self.bounced_albedo]
+        arrays = [self.bits, self.normals]
+        arrays += self.materials.digested() + self.bounced_materials.digested()
         if self.gather is not None:
             arrays += [self.gather.data, self.gather.indices, self.gather.indptr]
         for array in arrays:

@@ -111,7 +111,7 @@ def material_with(node_tree):
     bpy.context.object.data.materials.append(material)
     messages = []
     (mesh,) = read_meshes(messages=messages)
-    return mesh.corner_albedo, messages
+    return mesh.materials.albedo, messages
 
 
 def test_principled_colour_from_an_attribute():

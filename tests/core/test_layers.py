@@ -13,6 +13,7 @@ FLOORS = [
     {"errors", "version"},
     {"runtime", "sphere"},
     {"rays", "basis", "reconstruct"},
+    {"reflectance"},
     {"light", "scene"},
     {"transport", "store", "blender"},
     {"sampling", "compress"},

@@ -59,8 +59,8 @@ class Task:
             bits=self.transport.bits[points],
             gather=None,
             normals=self.transport.normals[points],
-            albedo=self.transport.albedo[points],
-            mean_albedo=None,
+            materials=self.transport.materials[points],
+            mean_materials=None,
         )
         rows = SomeRows(self.rows, points)
         place = self.positions[points], self.normals[points], self.groups[points]

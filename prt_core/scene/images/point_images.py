@@ -159,15 +159,15 @@ def surface_points(scene, triangle, barycentric, back):
     normals = between(scene.points.normals)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-30), geometric)
-    albedo = scene.albedo_at(triangle, barycentric[lit], back[lit]).astype(np.float32)
+    materials = scene.materials_at(triangle, barycentric[lit], back[lit]).stored()
     points = BakePoints(
         positions=np.einsum("mk,mkx->mx", places, corners),
         normals=normals.astype(np.float32),
         geometric_normals=geometric.astype(np.float32),
         ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
         areas=np.zeros(len(around), np.float32),
-        albedo=albedo,
-        mean_albedo=albedo,
+        materials=materials,
+        mean_materials=materials,
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
     )

@@ -1,9 +1,9 @@
-"""Wrong calls of `prt_core.scene` and `prt_core.rays`."""
+"""Wrong calls of `prt_core.reflectance`, `prt_core.scene` and `prt_core.rays`."""
 
 import numpy as np
 import pytest
 
-from prt_core import rays, scene
+from prt_core import rays, reflectance, scene
 from prt_core.scene import Mesh, Scene
 
 from .calls import (
@@ -22,7 +22,7 @@ from .calls import (
 
 def mesh_call(there):
     mesh = there.meshes[0]
-    names = ("name vertices corner_vertex corner_normal triangle_corners corner_albedo "
+    names = ("name vertices corner_vertex corner_normal triangle_corners materials "
              "corner_material receives two_sided face_sizes own_mesh owner").split()  # fmt: skip
     good = {name: getattr(mesh, name) for name in names}
     good["corner_uv"] = RNG.random((len(mesh.corner_vertex), 2))
@@ -51,6 +51,11 @@ def geometry_image(there):
 
 
 CALLS = {
+    "Materials": plain(
+        reflectance.Materials,
+        ("albedo one more", "albedo one less", "albedo negative", "albedo 3e38"),
+        albedo=np.full((5, 3), 0.5),
+    ),
     "Mesh, Scene.from_meshes": mesh_call,
     "Scene.from_meshes": lambda t: Call(Scene.from_meshes, {"meshes": t.meshes, "max_hidden": 10}),
     "Scene.to_frame": method(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from prt_core import light, sampling, sphere, transport
+from prt_core.bake import gather_terms
 from prt_core.sampling.groups import certified_together
 
 from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scene
@@ -20,13 +21,13 @@ def sampled(there):
 
 def of_transport(there):
     baked = there.bake.transport
-    names = "cube_map", "bits", "gather", "normals", "albedo", "tolerance", "mean_albedo"
+    names = "cube_map", "bits", "gather", "normals", "materials", "tolerance", "mean_materials"
     good = {name: getattr(baked, name) for name in names}
 
     def call(**arguments):
         return transport.Transport(**arguments).relight(there.light)
 
-    may = "gather None", "bounces None", "mean_albedo None", "normals"
+    may = "gather None", "bounces None", "mean_materials None", "normals"
     return Call(call, {**good, "bounces": 2}, may)
 
 
@@ -81,6 +82,23 @@ CALLS = {
         hits=np.tile(np.array([[0, 1], [-1, 1]], np.int32), 16),
         n_points=2,
         blocked=np.array([0.5, 0.5], np.float32),
+    ),
+    "gather_operator of weights": plain(
+        transport.gather_operator,
+        ("weights None", "blocked None"),
+        hits=np.tile(np.array([[0, 1], [-1, 1]], np.int32), 16),
+        n_points=2,
+        blocked=np.array([0.5, 0.5], np.float32),
+        weights=np.linspace(0.3, 2, 64).reshape(2, 32),
+    ),
+    "gather_terms": lambda t: Call(
+        gather_terms,
+        {
+            "bake": t.bake,
+            "weigh": lambda block, directions: np.abs(directions[None, :, :, 2]),
+            "blocked": np.full((1, len(t.bake.scene.points)), 0.2, np.float32),
+        },
+        ("blocked None",),
     ),
     "lamp_light": with_scene(
         transport.lamp_light,

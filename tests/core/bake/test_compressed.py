@@ -271,7 +271,7 @@ def test_the_fingerprint_is_of_all_that_colours_depend_on(original):
     assert transport.fingerprint() == same.fingerprint()
     other = [
         replace(transport, bits=transport.bits ^ np.uint8(1)),
-        replace(transport, albedo=transport.albedo * np.float32(0.9)),
+        replace(transport, materials=transport.albedo * np.float32(0.9)),
         replace(transport, gather=transport.gather * np.float32(0.9)),
         replace(transport, normals=-transport.normals),
         replace(transport, bounces=2),

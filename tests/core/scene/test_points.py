@@ -17,7 +17,7 @@ def mesh(vertices, faces, normals=None, name="mesh", **settings):
         normals = np.repeat(of_face, 3, axis=0)
     elif len(normals) == len(vertices):
         normals = np.array(normals, float)[faces.ravel()]
-    settings.setdefault("corner_albedo", np.full((faces.size, 3), 0.5))
+    settings.setdefault("materials", np.full((faces.size, 3), 0.5))
     corners = np.arange(faces.size)
     return Mesh(name, vertices, faces.ravel(), normals, corners.reshape(-1, 3), **settings)
 
@@ -103,7 +103,7 @@ def test_corners_share_a_point_where_normal_material_and_albedo_agree():
     for step, n_points in ((1 / 200, 4), (1 / 8, 6)):
         albedo = np.full((6, 3), 0.5)
         albedo[3:, 1] += step
-        assert count(corner_albedo=albedo) == n_points
+        assert count(materials=albedo) == n_points
     for angle, n_points in ((1e-4, 4), (0.02, 6)):
         up[3:] = [np.sin(angle), 0, np.cos(angle)]
         assert count() == n_points

@@ -127,7 +127,7 @@ def test_the_series_ends_when_what_is_left_is_below_the_tolerance(transport):
 
 
 def test_grey_light_on_grey_surfaces_is_made_once_and_is_the_same(transport):
-    grey = replace(transport, albedo=np.repeat(transport.albedo[:, :1], 3, axis=1))
+    grey = replace(transport, materials=np.repeat(transport.albedo[:, :1], 3, axis=1))
     light = np.random.default_rng(0).random((transport.n_directions, 1)).astype(np.float32)
     wanted = np.einsum("pdc,d->pc", written_out(grey, None), light[:, 0])
     found = grey.relight(light * np.ones(3, np.float32))
@@ -139,7 +139,7 @@ def test_grey_light_on_grey_surfaces_is_made_once_and_is_the_same(transport):
     np.testing.assert_allclose(grey.relight(coloured), wanted, rtol=1e-4)
     albedo = grey.albedo.copy()
     albedo[:, 2] = transport.albedo[:, 2]
-    two = replace(grey, albedo=albedo)
+    two = replace(grey, materials=albedo)
     wanted = written_out(two, None)
     np.testing.assert_allclose(
         two.relight(light * np.ones(3, np.float32)),

@@ -193,7 +193,7 @@ def test_fewer_terms_cost_what_was_asked_for(transport, compressed, light):
 def test_another_transport_is_refused(transport, compressed):
     from dataclasses import replace
 
-    parts = {name: getattr(transport, name)[:-1] for name in ("bits", "normals", "albedo")}
+    parts = {name: getattr(transport, name)[:-1] for name in ("bits", "normals", "materials")}
     other = replace(transport, gather=None, **parts)
     with pytest.raises(PRTError, match="transport"):
         ClusterRelighter(compressed, other)

@@ -40,7 +40,7 @@ def test_more_rank_is_never_worse(transport):
 def test_a_grey_scene_needs_no_colour_differences(transport):
     from dataclasses import replace
 
-    grey = replace(transport, albedo=np.full_like(transport.albedo, 0.5))
+    grey = replace(transport, materials=np.full_like(transport.albedo, 0.5))
     rows = TransportRows(grey, rank=40)
     assert len(rows.code.slices) == 2 or rows.code.n_features < 384 + 40 + 2
     assert relative(rows.block(np.arange(9)) * 0.5, grey.block(np.arange(9))) < 2e-2

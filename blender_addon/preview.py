@@ -15,7 +15,8 @@ from prt_core.blender.realised import PREVIEW
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
-from prt_core.relight.relighter import Relighter, lamp_signature
+from prt_core.relight.lamps import lamp_signature
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import beside
 from prt_core.scene import changes
 from prt_core.sphere import rotation_matrix

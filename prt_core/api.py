@@ -20,7 +20,8 @@ from prt_core.errors import (
 )
 from prt_core.light import EnvironmentMap
 from prt_core.light.environment import expect_strength, named_images, read_environment
-from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.relight.environments import on_texels
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import Errands, beside, run, steps_beside
 from prt_core.scene import Scene, mesh_digests

@@ -2,9 +2,10 @@
 
 from dataclasses import asdict
 
+from prt_core.bake.bake import Bake
 from prt_core.bake.bounces import MOST_ROUNDS, read_gather
 from prt_core.bake.lights import read_lights
-from prt_core.bake.steps import Bake, BakeSettings
+from prt_core.bake.settings import BakeSettings
 from prt_core.errors import expect, expect_path
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_said, read_scene

@@ -7,8 +7,7 @@ import prt_core
 
 ROOT = Path(prt_core.__file__).parent
 # From the ground. Folders and modules of the root by name; no floor imports one above it, and
-# neighbours do not import each other. `bake` is below `relight` while it holds the compressed
-# form that `Relighter` reads; `__init__` is the package as `import prt_core` finds it.
+# neighbours do not import each other. `__init__` is the package as `import prt_core` finds it.
 FLOORS = [
     {"errors", "version"},
     {"runtime", "sphere"},
@@ -16,8 +15,9 @@ FLOORS = [
     {"light", "scene"},
     {"transport", "store", "blender"},
     {"sampling", "compress"},
-    {"evaluate", "bake"},
+    {"evaluate"},
     {"relight"},
+    {"bake"},
     {"api"},
     {"__init__"},
     {"cli"},

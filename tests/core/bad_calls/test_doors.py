@@ -12,7 +12,8 @@ from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.load import load
 from prt_core.bake.preflight import preflight
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
-from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.relight.environments import on_texels
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.store import BakeStore
 

@@ -9,13 +9,15 @@ import pytest
 import prt_core
 from prt_core import BakeSettings, BakeStore, Lamp, PRTError, Scene, bake_steps, load, run
 from prt_core.api import compress_bake, relight_points
-from prt_core.bake.compress import CompressSettings, compress_steps, standing_lights
+from prt_core.bake.compress import CompressSettings, compress_steps
+from prt_core.bake.measure import standing_lights
 from prt_core.bake.report_lines import compressed_lines, trial_lines
 from prt_core.compress import Harmonics, Limits, Method, method_names, register_method
 from prt_core.compress.choice import methods
 from prt_core.compress.choice.choose import Trial
 from prt_core.light import EnvironmentMap
-from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.relight.environments import on_texels
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Errands, steps_beside
 from tests.meshes import plane, sphere
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.light import write_image
 from prt_core.scene import with_camera_image

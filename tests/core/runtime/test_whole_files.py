@@ -11,7 +11,7 @@ import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, relight, run
 from prt_core.api import compress_bake
-from prt_core.bake.compress import standing_lights
+from prt_core.bake.measure import standing_lights
 from prt_core.errors import system_errors
 from prt_core.evaluate import write_png
 from prt_core.evaluate.report import Report, write_report

@@ -15,7 +15,7 @@ import traceback
 import numpy as np
 
 from prt_core import BakeSettings, PRTError, bake_steps, compress_bake, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.machine import peak_bytes, reset_peak

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, compress_bake, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core.bake.measure import standing_lights
 from prt_core.store import BakeStore, begin_bake, finish_bake, remove_bake
 from tests.core.store.conftest import (
     LAMPS,

@@ -1,5 +1,6 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import expect_image, image_steps
 from prt_core.bake.load import load
 from prt_core.bake.visibility import chosen_method
+from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
     PRTError,
     expect,
@@ -16,9 +18,7 @@ from prt_core.errors import (
     expect_flag,
     expect_kind,
     expect_path,
-    system_errors,
 )
-from prt_core.light import EnvironmentMap
 from prt_core.light.environment import expect_strength, named_images, read_environment
 from prt_core.relight.environments import on_texels
 from prt_core.relight.relighter import Relighter
@@ -156,65 +156,10 @@ def bake_blend_steps(
     return result
 
 
-def open_blend(path):
-    """Open a .blend file in this process's Blender.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Raises
-    ------
-    PRTError
-        bpy is not installed, or the file cannot be opened.
-    """
-    path = expect_blend(path)
-    bpy = import_bpy()
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise PRTError(f"{path}: Blender cannot open it ({reason})") from error
-
-
-def expect_blend(path):
-    """The path of a .blend file that is there.
-
-    Raises
-    ------
-    PRTError
-        It is not, or is something else.
-    """
-    path = expect_path("scene", path)
-    with system_errors(path):
-        expect(path.is_file(), f"{path}: there is no such .blend file")
-    expect(path.suffix == ".blend", f"{path}: expected a .blend file")
-    return path
-
-
 def _names(what, names):
     """Names of objects, as a list."""
     names = sorted(names) if isinstance(names, set | frozenset) else names
     return expect_all(what, names, str, "objects' names")
-
-
-def import_bpy():
-    """The bpy module, with the core's Blender side loaded.
-
-    Raises
-    ------
-    PRTError
-        It is not installed for this Python.
-    """
-    try:
-        # Makes its ray casters known as well.
-        from prt_core.blender import bpy
-    except ImportError as error:
-        raise PRTError(
-            f"bpy: Blender's module cannot be loaded ({error}); pip install 'prt-core[blender]' "
-            "or run inside Blender"
-        ) from error
-    return bpy
 
 
 def compress_bake(
@@ -285,24 +230,11 @@ def compress_bake_steps(
     if not isinstance(bake, Bake):
         bake = yield from beside("load", load, expect_path("bake", bake))
     if lights is None:
-        lights = _studio_lights()
+        with suppress(PRTError):  # without Blender plain skies stand in
+            lights = studio_lights()
     steps = compress_steps(bake, settings, lights)
     result = yield from steps_beside(steps, Errands(), "compress")
     return result
-
-
-def _studio_lights():
-    """All environments that come with Blender; None without it."""
-    try:
-        import_bpy()
-    except PRTError:
-        return None
-    from prt_core.blender.studio import ALL, studio_paths
-
-    try:
-        return {name: EnvironmentMap.read(path) for name, path in studio_paths(ALL).items()}
-    except PRTError:
-        return None
 
 
 def relight(

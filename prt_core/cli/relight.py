@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 import prt_core
-from prt_core.api import expect_blend
+from prt_core.blender_access import expect_blend, import_bpy, open_blend
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
@@ -81,7 +81,7 @@ def _frames(text):
 def _relight(options):
     _expect_request(options)
     if options.caster in ("blender", "bvhtree") or options.blend:
-        _load_bpy()
+        import_bpy()
     baked = prt_core.load(options.bake)
     expect(
         not options.image or baked.scene.image is not None,
@@ -229,12 +229,6 @@ def _print_notes(baked, options, notes):
         print(f"  note    {note}")
 
 
-def _load_bpy():
-    from prt_core.api import import_bpy
-
-    return import_bpy()
-
-
 def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     if (options.lamps or options.sharp_sun) and options.caster == "auto":
@@ -258,7 +252,7 @@ def _bpy_where_needed():
     from prt_core.rays.caster import known_casters
 
     if "embree" not in known_casters():
-        _load_bpy()
+        import_bpy()
 
 
 def _write_png(baked, radiance, options):
@@ -285,10 +279,9 @@ def _sky(environment, rotation, options):
 
 def _write_blend(baked, colours, options):
     """Colours on the meshes of the scene that is open, of a named .blend, or on built ones."""
-    from prt_core.api import open_blend
     from prt_core.blender.colours import save_scene, write_all
 
-    bpy = _load_bpy()
+    bpy = import_bpy()
     with Hushed():
         if options.scene:
             open_blend(options.scene)

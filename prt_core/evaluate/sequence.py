@@ -14,7 +14,8 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
-from prt_core.evaluate.view import CameraRays, expect_view, to_srgb, write_png
+from prt_core.evaluate.png import to_srgb, write_png
+from prt_core.evaluate.view import CameraRays, expect_view
 from prt_core.runtime.files import written
 
 

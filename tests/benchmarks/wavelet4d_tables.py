@@ -46,9 +46,9 @@ from prt_core.compress import ImageRows, SomeRows, TransportRows, Wavelet4D  # n
 from prt_core.compress.wavelets.column_coder import ColumnCoder  # noqa: E402
 from prt_core.compress.wavelets.sparse_columns import column_bytes  # noqa: E402
 from prt_core.errors import PRTError  # noqa: E402
-from prt_core.evaluate.view import auto_camera  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.runtime.progress import run  # noqa: E402
+from prt_core.scene import auto_camera  # noqa: E402
 from prt_core.scene.images.closed_surface import closed_surface  # noqa: E402
 from prt_core.scene.images.spherical import spherical_positions  # noqa: E402
 from prt_core.sphere import octahedral_square  # noqa: E402

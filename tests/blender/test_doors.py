@@ -102,7 +102,7 @@ def test_images_are_baked_and_written(blend, hdri, tmp_path):
     bake = prt_core.load(output)
     found = bake.image(prt_core.api.relight_points(bake, hdri("city")))
     assert found.shape == (16, 24, 3) and found.max() > 0
-    prt_core.api.open_blend(blend)
+    prt_core.open_blend(blend)
     mesh = bpy.data.objects["floor"].data
     layer = mesh.uv_layers.active or mesh.uv_layers.new(name="flat")
     for loop, place in zip(mesh.loops, layer.data, strict=True):

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from prt_core.evaluate.png import to_srgb
 from prt_core.evaluate.report import Report, curve_plot
-from prt_core.evaluate.view import CameraRays, auto_camera, to_srgb
+from prt_core.evaluate.view import CameraRays
+from prt_core.scene import auto_camera
 
 _COLUMNS = [
     ("label", ""),

@@ -4,10 +4,12 @@ from dataclasses import asdict
 
 import numpy as np
 
+from prt_core.evaluate.png import to_srgb
 from prt_core.evaluate.report import Report, curve_plot, flattened, heat_colours
-from prt_core.evaluate.view import CameraRays, auto_camera, to_srgb
+from prt_core.evaluate.view import CameraRays
 from prt_core.sampling import sampler_named
 from prt_core.sampling.tracer import count_bits
+from prt_core.scene import auto_camera
 from prt_core.transport import received_light
 
 _COLUMNS = [

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import prt_core
-from prt_core import api, evaluate, light
+from prt_core import api, evaluate, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.load import load
 from prt_core.bake.preflight import preflight
+from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.relight.environments import on_texels
 from prt_core.relight.relighter import Relighter
@@ -68,7 +69,7 @@ def path_call(there):
 CALLS = {
     "BakeStore": lambda t: Call(BakeStore, {"path": t.folder / "a.prt", "mode": "r"}),
     "load": lambda t: Call(load, {"path": t.folder / "a.prt"}),
-    "auto_camera": lambda t: Call(evaluate.auto_camera, {"scene": t.scene}),
+    "auto_camera": lambda t: Call(scene.auto_camera, {"scene": t.scene}),
     "colour_error": plain(
         evaluate.colour_error, colours=np.ones((3, 3)), truth=np.ones((3, 3)), weights=np.ones(3)
     ),
@@ -180,7 +181,7 @@ CALLS = {
         ("light None",),
     ),
     "read_environment": lambda t: Call(api.read_environment, {"light": exr(t)}, ("light",)),
-    "open_blend": lambda t: Call(api.expect_blend, {"path": blend(t)}),
+    "open_blend": lambda t: Call(expect_blend, {"path": blend(t)}),
     "bake": lambda t: Call(
         prt_core.bake,
         {

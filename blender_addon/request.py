@@ -6,11 +6,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core import PRTError
+from prt_core import Lighting, PRTError
 from prt_core.blender.lamps import read_lamps
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
-from prt_core.relight.lamps import lamp_signature
 from prt_core.sphere import rotation_matrix
 
 from .studio import studio_lights
@@ -18,16 +17,26 @@ from .studio import studio_lights
 
 @dataclass(frozen=True)
 class Request:
-    """The light of a scene's panel, as `Relighter.relight` takes it."""
+    """What the panel asks for.
 
-    options: dict
+    Attributes
+    ----------
+    lighting : Lighting
+    transport : {"auto", "exact"}
+        What `Relighter` multiplies light from far away with.
+    key : tuple
+        What the colours depend on, images by the time of their file: requests of one key look
+        the same.
+    """
+
+    lighting: Lighting
+    transport: str
     key: tuple
-    transport: str = "auto"
 
     def steps(self, preview, pace=None):
         """Radiance of the bake's points; a generator of `Progress`."""
         preview.relighter.transport = self.transport
-        return preview.relighter.steps(pace=pace, **self.options)
+        return preview.relighter.steps(self.lighting, pace)
 
 
 def request(scene, samples=None, depsgraph=None):
@@ -48,39 +57,36 @@ def request(scene, samples=None, depsgraph=None):
     """
     scene = scene if depsgraph is None else scene.evaluated_get(depsgraph)
     settings = scene.prt
-    degrees = float(np.degrees(settings.rotation))
-    rotation, strength, light = rotation_matrix(degrees), settings.strength, None
-    if settings.light == "WORLD":
-        found = read_environment(scene)
-        if found is not None:
-            light, rotation = found.map, rotation @ found.rotation
-            strength = strength * found.strength
-        name = id(light)
-    elif settings.light == "FILE":
-        expect(settings.file, "light: choose an .exr or .hdr image")
-        light = name = Path(bpy.path.abspath(settings.file))
-    else:
-        light = name = Path(studio_lights().get(settings.studio, ""))
-        expect(settings.studio, "light: Blender has no studio lights here; choose an image")
-    lamps = read_lamps(scene, depsgraph=depsgraph) if settings.use_lamps else []
-    samples = samples or settings.lamp_samples
-    if isinstance(light, Path) and light.suffix.lower() not in {".exr", ".hdr"}:
-        raise PRTError(f"{light}: expected an .exr or .hdr image")
-    options = {
-        "light": light,
-        "rotation": None if light is None else rotation,
-        "light_strength": strength,
-        "strength": float(2.0**settings.exposure),
-        "sharp_sun": settings.sharp_sun and light is not None,
-        "lamps": lamps,
-        "lamp_samples": samples,
-    }
-    stamp = light.stat().st_mtime_ns if isinstance(light, Path) and light.is_file() else 0
-    needs_samples = any(not lamp.is_small for lamp in lamps) or options["sharp_sun"]
+    light, rotation, strength = _environment(scene)
+    lighting = Lighting(
+        light,
+        rotation=None if light is None else rotation,
+        strength=strength,
+        sharp_sun=settings.sharp_sun and light is not None,
+        lamps=read_lamps(scene, depsgraph=depsgraph) if settings.use_lamps else [],
+        lamp_strength=1.0,
+        lamp_samples=samples or settings.lamp_samples,
+        exposure=settings.exposure,
+    )
     transport = "auto" if settings.use_compressed else "exact"
-    key = (
-        transport, name, stamp, rotation.tobytes(), strength, options["strength"],
-        options["sharp_sun"],
-        tuple(lamp_signature(lamp) for lamp in lamps), samples if needs_samples else 0,
-    )  # fmt: skip
-    return Request(options, key, transport)
+    return Request(lighting, transport, (transport, *lighting.key))
+
+
+def _environment(scene):
+    """The environment that the panel names, its rotation and its strength."""
+    settings = scene.prt
+    rotation = rotation_matrix(float(np.degrees(settings.rotation)))
+    if settings.light == "WORLD":
+        world = read_environment(scene)
+        if world is None:
+            return None, rotation, settings.strength
+        return world.map, rotation @ world.rotation, settings.strength * world.strength
+    if settings.light == "FILE":
+        expect(settings.file, "light: choose an .exr or .hdr image")
+        light = Path(bpy.path.abspath(settings.file))
+    else:
+        expect(settings.studio, "light: Blender has no studio lights here; choose an image")
+        light = Path(studio_lights().get(settings.studio, ""))
+    if light.suffix.lower() not in {".exr", ".hdr"}:
+        raise PRTError(f"{light}: expected an .exr or .hdr image")
+    return light, rotation, settings.strength

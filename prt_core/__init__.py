@@ -30,7 +30,7 @@ from prt_core.bake.compress import CompressSettings
 from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
-from prt_core.relight import Relighter
+from prt_core.relight import Lighting, Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.scene import BakePoints, Mesh, Scene
 from prt_core.sphere import CubeMap
@@ -48,6 +48,7 @@ __all__ = [
     "EnvironmentMap",
     "Hits",
     "Lamp",
+    "Lighting",
     "Mesh",
     "PRTError",
     "Progress",

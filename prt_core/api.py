@@ -3,8 +3,6 @@
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import expect_image, image_steps
@@ -19,8 +17,9 @@ from prt_core.errors import (
     expect_kind,
     expect_path,
 )
-from prt_core.light.environment import expect_strength, named_images, read_environment
-from prt_core.relight.environments import on_texels
+from prt_core.light.environment import named_images
+from prt_core.relight.environments import Environments
+from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import Errands, beside, run, steps_beside
@@ -237,44 +236,24 @@ def compress_bake_steps(
     return result
 
 
-def relight(
-    bake,
-    light=None,
-    *,
-    rotation=None,
-    strength=1.0,
-    sharp_sun=False,
-    lamps=False,
-    lamp_samples=256,
-    caster="auto",
-    bounces="baked",
-    transport="auto",
-):
+def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
     """Colours of a baked scene under a light.
 
     Parameters
     ----------
     bake : Bake, str or Path
         From `load`, or its folder.
-    light : str, Path, EnvironmentMap or (n_directions, 3) array, optional
-        An environment image; "world" is the light of the baked scene's own world.
-    rotation : float, (3,) or (3, 3), optional
-        Of the environment: degrees about z, Euler angles in degrees, or a matrix.
-    strength : float
-    sharp_sun : bool
-        Take what is far brighter than the rest out of the environment and cast its shadow rays
-        now: shadows as sharp as the image, not as the cube map's texels.
-    lamps : bool or sequence of Lamp
-        True: the lamps of the baked scene; their shadow rays are cast now.
-    lamp_samples : int
-        Shadow rays a point and lamp.
+    light : Lighting, or str, Path, EnvironmentMap or (n_directions, 3) array, optional
+        All that shines; or the environment: an image, or "world", the light of the baked scene's
+        own world.
     caster : str
-        For the shadow rays.
-    bounces : int, optional
-        Default: as baked; 0 is direct light.
+        For the shadow rays of lamps and sharp suns.
     transport : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
-        one that is its own (see `compress_bake`). Lamps and sharp suns are exact.
+        one that is its own (see `compress`). Lamps and sharp suns are exact.
+    **keywords
+        The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
+        lamp_samples, bounces, exposure.
 
     Returns
     -------
@@ -282,46 +261,16 @@ def relight(
         Linear Rec.709 radiance in Blender's loop order, for each object that receives.
     """
     bake = _loaded(bake)
-    radiance = relight_points(
-        bake,
-        light,
-        rotation=rotation,
-        strength=strength,
-        sharp_sun=sharp_sun,
-        lamps=lamps,
-        lamp_samples=lamp_samples,
-        caster=caster,
-        bounces=bounces,
-        transport=transport,
-    )
-    return bake.colours(radiance)
+    asked = {"caster": caster, "transport": transport, **keywords}
+    return bake.colours(relight_points(bake, light, **asked))
 
 
-def relight_points(
-    bake,
-    light=None,
-    *,
-    rotation=None,
-    strength=1.0,
-    sharp_sun=False,
-    lamps=False,
-    lamp_samples=256,
-    caster="auto",
-    bounces="baked",
-    transport="auto",
-):
+def relight_points(bake, light=None, *, caster="auto", transport="auto", **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
+    lighting = lighting_of(light, **keywords)
     relighter = Relighter(_loaded(bake), caster, transport)
     try:
-        return relighter.relight(
-            read_environment(light),
-            rotation=rotation,
-            strength=strength,
-            sharp_sun=sharp_sun,
-            lamps=lamps,
-            lamp_samples=lamp_samples,
-            bounces=bounces,
-        )
+        return run(relighter.steps(lighting))
     finally:
         relighter.close()
 
@@ -347,8 +296,8 @@ def environment_light(bake, light, rotation=None, strength=1.0):
         For any light that `relight` takes.
     """
     expect_kind("bake", bake, Bake, "what `load` returns")
-    if light is None:
-        return None
-    radiance = on_texels(bake, read_environment(light), rotation)
-    expect_strength("light", radiance, strength)
-    return radiance * np.float32(strength)
+    return (
+        light
+        if light is None
+        else Environments(bake).on_texels(Lighting(light, rotation, strength))
+    )

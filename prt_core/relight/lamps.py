@@ -4,8 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from prt_core.errors import expect, expect_all
-from prt_core.light import BrightPixels, Lamp
+from prt_core.errors import expect
 from prt_core.runtime.progress import Pace
 from prt_core.transport import lamp_steps
 
@@ -62,18 +61,15 @@ class LampLight:
         return self._caster
 
 
-def chosen_lamps(bake, light, lamps):
-    """The lamps that are meant beside a `light`: some, or True for those of the baked scene."""
-    if not isinstance(lamps, bool | np.bool_):
-        return expect_all("lamps", lamps, Lamp | BrightPixels, "lamps, True or False")
-    if not lamps:
+def chosen_lamps(bake, lighting):
+    """A list of the lamps that a `Lighting` means: its own, or those of the baked scene."""
+    if not isinstance(lighting.lamps, bool):
+        return list(lighting.lamps)
+    if not lighting.lamps:
         return []
-    found = list(bake.lamps)
-    expect(found, "lamps: the baked scene had no lamps that render")
-    if isinstance(light, str) and light == "world":
-        # The world's light holds the suns already, on its texels.
-        found = [lamp for lamp in found if lamp.kind != "sun"]
-    return found
+    expect(bake.lamps, "lamps: the baked scene had no lamps that render")
+    # The world's light holds the suns already, on its texels.
+    return [lamp for lamp in bake.lamps if not (lighting.is_world and lamp.kind == "sun")]
 
 
 def lamp_signature(lamp):

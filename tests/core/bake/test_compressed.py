@@ -16,8 +16,7 @@ from prt_core.compress import Harmonics, Limits, Method, method_names, register_
 from prt_core.compress.choice import methods
 from prt_core.compress.choice.choose import Trial
 from prt_core.light import EnvironmentMap
-from prt_core.relight.environments import on_texels
-from prt_core.relight.relighter import Relighter
+from prt_core.relight import Lighting, Relighter
 from prt_core.runtime.progress import Errands, steps_beside
 from tests.meshes import plane, sphere
 
@@ -73,7 +72,7 @@ def test_auto_says_what_it_chose_and_how_near_it_is(chosen):
 def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
     bake = load(chosen[0])
     exact = Relighter(bake, transport="exact")
-    light = on_texels(bake, SKY, 30)
+    light = SKY.to_cube_map(bake.cube_map, 30)
     np.testing.assert_array_equal(exact.relight(SKY, rotation=30), bake.transport.relight(light))
     auto = Relighter(bake)
     found = auto.relight(SKY, rotation=30)
@@ -84,7 +83,7 @@ def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
     auto.relight(SKY, rotation=200, strength=3)
     np.testing.assert_array_equal(auto.relight(SKY, rotation=30), found)
     np.testing.assert_allclose(auto.relight(SKY, rotation=30, strength=2), 2 * found, rtol=1e-6)
-    stepped = run(auto.steps(light, pace=0.01))
+    stepped = run(auto.steps(Lighting(light), pace=0.01))
     np.testing.assert_allclose(stepped, found, rtol=0.02, atol=0.02)
 
 
@@ -126,7 +125,7 @@ def test_a_form_of_another_bake_is_not_used(chosen, tmp_path):
     assert quick.used == "compressed"
     bake.transport.albedo = bake.transport.albedo * np.float32(0.5)
     np.testing.assert_array_equal(
-        quick.relight(SKY), bake.transport.relight(on_texels(bake, SKY, None))
+        quick.relight(SKY), bake.transport.relight(SKY.to_cube_map(bake.cube_map))
     )
     assert quick.used == "exact" and "another state of the bake" in quick.why
     with pytest.raises(PRTError, match="compress again"):

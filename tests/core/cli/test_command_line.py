@@ -175,7 +175,7 @@ BAD = {
     "relight a.prt --lamps --sharp-sun --output o.npz": "--sharp-sun: changes nothing without",
     "relight a.prt --lamps --transport exact --output o.npz": "--transport: lamps are always exact",
     "relight a.prt --light world --rotate 3 --output o.npz": "--rotate: the world's light is fixed",
-    "relight a.prt --light world --sharp-sun --output o.npz": "--sharp-sun: needs an image",
+    "relight a.prt --light world --sharp-sun --output o.npz": "--sharp-sun: needs an environ",
     "relight bare.prt --light world --output o.npz": "the bake has none",
     "relight bare.prt --lamps --output o.npz": "the baked scene had no lamps",
     "relight a.prt --light sky.exr --image o.png": "--image: this bake holds none",

@@ -1,11 +1,12 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
+import warnings
 from contextlib import suppress
 from pathlib import Path
 
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
-from prt_core.bake.images import expect_image, image_steps
+from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
@@ -83,7 +84,7 @@ def bake(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, made=True)
-    image = camera_pixels, pixel_samples, geometry_image, parametrisation
+    image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
 
@@ -98,7 +99,7 @@ def bake_blend_steps(
     pace=None,
     scene=None,
     strict=True,
-    image=(None, 2, None, "auto"),
+    image=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -110,15 +111,14 @@ def bake_blend_steps(
         Where `blend` is None; default: the current one.
     strict : bool
         Whether a name that renders nothing is an error.
-    image : tuple
-        `camera_pixels`, `pixel_samples`, `geometry_image` and `parametrisation` of `bake`.
+    image : ImageSettings, optional
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
     two_sided = _names("two_sided", two_sided)
     if restart != "changed":
         expect_flag("restart", restart)
-    expect_image(*image)
+    image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if blend is None:
         import_bpy()
     else:
@@ -143,7 +143,7 @@ def bake_blend_steps(
     built = yield from beside("scene", Scene.from_meshes, meshes)
     built.messages[:0] = messages
     source = yield from beside("scene", mesh_digests, meshes)
-    built = yield from image_steps(built, meshes, camera, settings.caster, *image)
+    built = yield from image_steps(built, meshes, camera, settings.caster, image)
     cube_map, probes = CubeMap(settings.resolution), None
     if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
         from prt_core.blender.studio import studio_light_steps
@@ -161,7 +161,7 @@ def _names(what, names):
     return expect_all(what, names, str, "objects' names")
 
 
-def compress_bake(
+def compress(
     bake,
     *,
     method="auto",
@@ -180,7 +180,7 @@ def compress_bake(
         `NAME.prt`.
     method : str
         `auto` tries all on a sample; `none` removes the compressed form; or one of
-        `prt_core.compress.method_names()`.
+        `method_names()` of `prt_core.compress`.
     tolerance, megabytes, milliseconds : float, optional
         Error of relit colours, size, time of a new light that must be kept (see
         `CompressSettings`); default: a tolerance of 0.01.
@@ -204,6 +204,14 @@ def compress_bake(
     return run(compress_bake_steps(bake, *asked, lights=lights), report)
 
 
+def compress_bake(bake, **keywords):
+    """As `compress`: its old name, for one release."""
+    warnings.warn(
+        "prt_core.compress_bake is prt_core.compress now", DeprecationWarning, stacklevel=2
+    )
+    return compress(bake, **keywords)
+
+
 def compress_bake_steps(
     bake,
     method="auto",
@@ -213,7 +221,7 @@ def compress_bake_steps(
     seed=0,
     lights=None,
 ):
-    """`compress_bake` as a generator of `Progress`; images are read at the first step."""
+    """`compress` as a generator of `Progress`; images are read at the first step."""
     if isinstance(method, str) and method == "none":
         expect(
             tolerance is megabytes is milliseconds is lights is None,

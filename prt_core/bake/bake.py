@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.errors import expect, expect_array
-from prt_core.scene import Scene
+from prt_core.scene import Camera, Scene
 from prt_core.transport import Transport
 
 
@@ -22,7 +22,7 @@ class Bake:
         The lamps the scene had.
     world : (n_directions, 3) float32, or None
         The light of the scene's world, where it was understood.
-    camera : dict, or None
+    camera : Camera, or None
     settings, report : dict
     source : dict of str -> str
         Digests of the meshes the bake was made from.
@@ -36,7 +36,7 @@ class Bake:
     transport: Transport
     lamps: list
     world: np.ndarray | None
-    camera: dict | None
+    camera: Camera | None
     settings: dict
     report: dict
     source: dict = field(default_factory=dict)

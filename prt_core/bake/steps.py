@@ -12,7 +12,7 @@ from prt_core.bake.visibility import visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.progress import STOP, Errands, Progress, steps_beside
-from prt_core.scene import with_details
+from prt_core.scene import expect_camera, with_details
 from prt_core.sphere import CubeMap
 from prt_core.store import (
     begin_bake,
@@ -51,7 +51,7 @@ def bake_steps(
     settings : BakeSettings
     lamps : sequence of Lamp
     world : (n_directions, 3) float32, optional
-    camera : dict, optional
+    camera : Camera, optional
         Kept with the bake for relighting and pictures.
     source : dict of str -> str
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
@@ -83,6 +83,7 @@ def bake_steps(
     settings = BakeSettings() if settings is None else settings
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
+    camera = None if camera is None else expect_camera(camera)
     given = lamps, world, camera, source, restart, pace, lights, origin
     world = expect_bake_input(scene, path, cube_map, *given)
     made = []

@@ -75,8 +75,8 @@ class PictureWriter:
         ----------
         path : str or Path
         radiance : (n_points, 3) float32
-        camera : dict, optional
-            Default: that of the baked scene (see `evaluate.view`).
+        camera : Camera, optional
+            Default: that of the baked scene.
         background : callable, optional
             The sky (see `CameraRays.picture`).
         """

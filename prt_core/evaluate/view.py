@@ -39,8 +39,8 @@ class CameraRays:
     ----------
     scene : Scene
     caster : RayCaster
-    camera : dict
-        See `auto_camera`.
+    camera : Camera, optional
+        Default: see `auto_camera`.
     width, height : int
         Pixels.
     samples : int
@@ -48,15 +48,13 @@ class CameraRays:
     """
 
     def __init__(self, scene, caster, camera=None, width=960, height=540, samples=2):
-        camera = auto_camera(scene) if camera is None else camera
+        camera = auto_camera(scene) if camera is None else expect_camera(camera)
         expect_view(width, height, samples)
         expect_caster(caster)
-        expect_camera(camera)
         self.width, self.height, self.samples, self._scene = width, height, samples, scene
-        matrix = np.asarray(camera["matrix"], np.float64)
         directions = camera_rays(camera, width, height, samples)
         self.directions = directions.astype(np.float32)
-        origin = scene.to_frame(matrix[:3, 3])
+        origin = scene.to_frame(camera.position)
         self.points = np.full((len(directions), 3), -1, np.int32)
         self.weights = np.zeros((len(directions), 3), np.float32)
         self.hit = np.zeros(len(directions), bool)

@@ -70,7 +70,7 @@ def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
     options = ("--method", "cpca", "--tolerance", 0.05, "--light", hdri("city"), hdri("sunset"))
     done = prt("compress", one, *options)
     assert "chosen: cpca" in done.stdout and "within the tolerance" in done.stdout
-    facts = prt_core.compress_bake(
+    facts = prt_core.compress(
         two, method="cpca", tolerance=0.05, lights=[hdri("city"), hdri("sunset")]
     )
     info = json.loads(prt("info", one, "--json").stdout)["compressed"]

@@ -1,6 +1,6 @@
 """The report of `bench_sampling`: curves, relit images beside the truth, where rays were cast."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -63,7 +63,7 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
     """
     plot = error_plot(rows)
     # What is worth a look stands in the middle.
-    camera = {**auto_camera(scene, _WIDTH, _HEIGHT), "tangent": _TANGENT}
+    camera = replace(auto_camera(scene), tangent=_TANGENT)
     rays = CameraRays(scene, caster, camera, _WIDTH, _HEIGHT)
     pictures = []
     if lights:

@@ -53,8 +53,7 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     scene : Scene
     caster : RayCaster
         Of its triangles.
-    camera : dict
-        See `camera_rays`.
+    camera : Camera
     width, height : int
     samples : int
         Along each side of a pixel.
@@ -66,11 +65,11 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     """
     expect_offers("scene", scene, ("to_frame", "hit_points"), "a Scene")
     expect_caster(caster)
-    expect_camera(camera)
+    camera = expect_camera(camera)
     expect_size(width, height)
     expect_whole("pixel samples", samples, 1, 8)
     ways = camera_rays(camera, width, height, samples).astype(np.float32)
-    origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3])
+    origin = scene.to_frame(camera.position)
     row, column = np.divmod(np.arange(len(ways)), width * samples)
     pixel = row // samples * width + column // samples
     triangle, barycentric = intersect(caster, np.broadcast_to(origin, ways.shape), ways)

@@ -209,8 +209,8 @@ CALLS = {
         },
         whole=False,
     ),  # fmt: skip
-    "compress_bake": lambda t: Call(
-        lambda **rest: prt_core.compress_bake(**rest, lights={"sky": image()}),
+    "compress": lambda t: Call(
+        lambda **rest: prt_core.compress(**rest, lights={"sky": image()}),
         {"bake": t.folder / "a.prt", "method": "harmonics", "tolerance": 0.5, "seed": 0},
         ("tolerance None",),
     ),

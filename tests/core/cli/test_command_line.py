@@ -15,13 +15,13 @@ from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
 from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.light import write_image
-from prt_core.scene import with_camera_image
+from prt_core.scene import Camera, with_camera_image
 from tests.meshes import caster_of, plane, sphere
 
 ROOT = Path(__file__).resolve().parents[3]
 
 LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
-CAMERA = {"matrix": np.eye(4).tolist(), "tangent": 0.5}
+CAMERA = Camera(np.eye(4), 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,9 @@ def folder(tmp_path_factory):
     world = np.ones((24, 3), np.float32)
     run(bake_steps(scene, folder / "a.prt", settings, [LAMP], world, CAMERA))
     run(bake_steps(scene, folder / "bare.prt", settings))
-    camera = {**CAMERA, "matrix": np.diag([1.0, 1, 1, 1]).tolist()}
-    camera["matrix"][2][3] = 3.0
+    above = np.eye(4)
+    above[2, 3] = 3.0
+    camera = Camera(above, 0.5)
     seen = with_camera_image(scene, caster_of(scene), camera, 3, 2, 1)
     run(bake_steps(seen, folder / "image.prt", settings))
     write_image(folder / "sky.exr", standing_lights()["low soft sun"].pixels)

@@ -8,7 +8,7 @@ import pytest
 
 from prt_core import BakeSettings, Lamp, Lighting, PRTError, Scene, bake_steps, load, run
 from prt_core.api import environment_light, relight, relight_points
-from prt_core.light import EnvironmentMap
+from prt_core.light import EnvironmentMap, split_sun
 from prt_core.relight import Relighter
 from prt_core.relight.lighting import lighting_of
 from tests.meshes import plane, wall
@@ -55,6 +55,24 @@ def test_strength_is_of_all_light_unless_lamps_have_their_own(bake):
     # A strength that is changed later is that of the lamps as well.
     again = lit(bake, replace(Lighting(SKY, **lamps), strength=3))
     np.testing.assert_allclose(again, 3 * sky + 3 * lamp, rtol=1e-5)
+
+
+def test_a_sharp_sun_has_the_strength_of_its_image(bake):
+    pixels = np.ones((40, 80, 3), np.float32)
+    pixels[9, 20] = 1e4
+    image = EnvironmentMap(pixels)
+    assert split_sun(image)[1] is not None
+    sharp = Lighting(image, sharp_sun=True, lamp_samples=5, bounces=2)
+    colours = lit(bake, sharp)
+    found = lit(bake, replace(sharp, strength=3, lamp_strength=1))
+    np.testing.assert_allclose(found, 3 * colours, rtol=1e-5)
+
+
+def test_an_array_that_was_changed_is_another_light(bake):
+    relighter, light = Relighter(bake, "brute"), WORLD.copy()
+    before = relighter.relight(light)
+    light *= 2
+    np.testing.assert_allclose(relighter.relight(light), 2 * before, rtol=1e-6)
 
 
 def test_exposure_is_a_factor_on_what_comes_out(bake):

@@ -13,6 +13,7 @@ from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
 from .buttons import BakeButton, Button
+from .request import request
 from .work import LongWork
 
 
@@ -45,7 +46,7 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
         scene = self.begin(context)
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, there, pace)
-        radiance = yield from preview.request(self.scene).steps(there, pace)
+        radiance = yield from request(self.scene).steps(there, pace)
         return there, radiance
 
     def finish(self, context, result):
@@ -129,7 +130,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 scene.frame_set(frame)
                 if not moved:
                     moved = self._say_moved(scene)
-                asked = preview.request(scene)
+                asked = request(scene)
                 radiance = yield from asked.steps(there, pace)
                 path = frame_path(pattern, frame)
                 write_npz(path, there.bake.colours(radiance))

@@ -16,6 +16,7 @@ from prt_core.blender.identity import by_uid
 from prt_core.blender.stand_ins import arrange
 
 from . import bakes, freshness, plan, preview, work
+from .request import request
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
 # and plans are made; of work in one call of the timer, and in the call that a slider makes where
@@ -237,8 +238,8 @@ def _relight_steps(scene, draft):
         scene = by_uid(bpy.data.scenes, uid)
         if scene is None:
             return
-    full = preview.request(scene)
-    asked = preview.request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
+    full = request(scene)
+    asked = request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
     shown = there.shown
     if shown is not None and shown.key == full.key and not _NOW.show:
@@ -331,7 +332,7 @@ def _frame_changed(scene, depsgraph=None):
 def _frame_steps(scene, depsgraph):
     there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
     yield from freshness.frame_steps(scene, there, depsgraph, aloud=True)
-    asked = preview.request(scene, depsgraph=depsgraph)
+    asked = request(scene, depsgraph=depsgraph)
     if there.shown is not None and there.shown.key == asked.key:
         return
     radiance = yield from asked.steps(there)

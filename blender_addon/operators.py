@@ -19,6 +19,7 @@ from prt_core.store import remove_bake
 
 from . import bakes, freshness, live, plan, preview, saving, views, work
 from .buttons import BakeButton, Button
+from .request import request
 from .work import LongWork, status
 
 
@@ -62,7 +63,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         )
         asked, radiance = None, None
         try:
-            asked = preview.request(self.scene)
+            asked = request(self.scene)
             radiance = yield from asked.steps(there, pace)
         except PRTError as error:
             self.report({"WARNING"}, f"{error}; the bake is there, choose another light")
@@ -121,7 +122,7 @@ class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
         live.stop()
         there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, there, pace)
-        asked = preview.request(self.scene)
+        asked = request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
 
@@ -154,7 +155,7 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         subject = path if self.method == "none" else there.bake
         self.facts = yield from compress_bake_steps(subject, self.method, tolerance)
         there.relighter.close()
-        asked = preview.request(self.scene)
+        asked = request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
 
@@ -194,7 +195,7 @@ class PRT_OT_load(LongWork, Button, bpy.types.Operator):
         live.stop()
         there = yield from preview.load_steps(path, scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, there, pace)
-        asked = preview.request(self.scene)
+        asked = request(self.scene)
         radiance = yield from asked.steps(there, pace)
         return there, asked, radiance
 

@@ -5,7 +5,7 @@ The calls most people need:
 >>> bake("scene.blend", "scene.prt")                        # with bpy: once
 >>> bake = load("scene.prt")                                # then, anywhere
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
->>> compress_bake("scene.prt", tolerance=0.01)              # then a light takes milliseconds
+>>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
 are the texels of a cube map, from the surface to the light, in Blender's world axes (z up); a
@@ -13,12 +13,14 @@ are the texels of a cube map, from the surface to the light, in Blender's world 
 *radiance* of a point is what it sends out. Lengths are Blender units.
 
 Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeStore`, `CubeMap`,
-`EnvironmentMap`, `Lamp`, `Relighter` (one bake under changing light). Functions on arrays are in
-`prt_core.transport`, `prt_core.light` and `prt_core.sphere`.
+`EnvironmentMap`, `Lamp`, `Lighting` (all that shines), `Camera`, `View`, `Relighter` (one bake
+under changing light). Functions on arrays are in `prt_core.transport`, `prt_core.light` and
+`prt_core.sphere`.
 """
 
 from prt_core.api import (
     bake,
+    compress,
     compress_bake,
     environment_light,
     open_blend,
@@ -30,12 +32,12 @@ from prt_core.bake.compress import CompressSettings
 from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
-from prt_core.relight import Relighter
+from prt_core.relight import Lighting, Relighter
 from prt_core.runtime.progress import Progress, run
-from prt_core.scene import BakePoints, Mesh, Scene
+from prt_core.scene import BakePoints, Camera, Mesh, Scene
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore
-from prt_core.transport import Transport
+from prt_core.transport import Transport, View
 from prt_core.version import __version__
 
 __all__ = [
@@ -43,11 +45,13 @@ __all__ = [
     "BakePoints",
     "BakeSettings",
     "BakeStore",
+    "Camera",
     "CompressSettings",
     "CubeMap",
     "EnvironmentMap",
     "Hits",
     "Lamp",
+    "Lighting",
     "Mesh",
     "PRTError",
     "Progress",
@@ -55,9 +59,11 @@ __all__ = [
     "Relighter",
     "Scene",
     "Transport",
+    "View",
     "__version__",
     "bake",
     "bake_steps",
+    "compress",
     "compress_bake",
     "environment_light",
     "load",

@@ -1,14 +1,15 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
+import warnings
+from contextlib import suppress
 from pathlib import Path
-
-import numpy as np
 
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
-from prt_core.bake.images import expect_image, image_steps
+from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
 from prt_core.bake.visibility import chosen_method
+from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
     PRTError,
     expect,
@@ -16,11 +17,11 @@ from prt_core.errors import (
     expect_flag,
     expect_kind,
     expect_path,
-    system_errors,
 )
-from prt_core.light import EnvironmentMap
-from prt_core.light.environment import expect_strength, named_images, read_environment
-from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.light.environment import named_images
+from prt_core.relight.environments import Environments
+from prt_core.relight.lighting import Lighting, lighting_of
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import Errands, beside, beside_each, run, steps_beside
 from prt_core.scene import Scene, mesh_digests
@@ -83,7 +84,7 @@ def bake(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, made=True)
-    image = camera_pixels, pixel_samples, geometry_image, parametrisation
+    image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
 
@@ -98,7 +99,7 @@ def bake_blend_steps(
     pace=None,
     scene=None,
     strict=True,
-    image=(None, 2, None, "auto"),
+    image=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -110,15 +111,14 @@ def bake_blend_steps(
         Where `blend` is None; default: the current one.
     strict : bool
         Whether a name that renders nothing is an error.
-    image : tuple
-        `camera_pixels`, `pixel_samples`, `geometry_image` and `parametrisation` of `bake`.
+    image : ImageSettings, optional
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
     two_sided = _names("two_sided", two_sided)
     if restart != "changed":
         expect_flag("restart", restart)
-    expect_image(*image)
+    image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if blend is None:
         import_bpy()
     else:
@@ -152,7 +152,7 @@ def bake_blend_steps(
         calls.append((studio_lights, studio_images(), cube_map))
     built, source, *probes = yield from beside_each("scene", *calls)
     built.messages[:0] = messages
-    built = yield from image_steps(built, meshes, camera, settings.caster, *image)
+    built = yield from image_steps(built, meshes, camera, settings.caster, image)
     if not probes and certified(len(built.points)):
         probes = yield from beside_each("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
@@ -162,68 +162,13 @@ def bake_blend_steps(
     return result
 
 
-def open_blend(path):
-    """Open a .blend file in this process's Blender.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Raises
-    ------
-    PRTError
-        bpy is not installed, or the file cannot be opened.
-    """
-    path = expect_blend(path)
-    bpy = import_bpy()
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise PRTError(f"{path}: Blender cannot open it ({reason})") from error
-
-
-def expect_blend(path):
-    """The path of a .blend file that is there.
-
-    Raises
-    ------
-    PRTError
-        It is not, or is something else.
-    """
-    path = expect_path("scene", path)
-    with system_errors(path):
-        expect(path.is_file(), f"{path}: there is no such .blend file")
-    expect(path.suffix == ".blend", f"{path}: expected a .blend file")
-    return path
-
-
 def _names(what, names):
     """Names of objects, as a list."""
     names = sorted(names) if isinstance(names, set | frozenset) else names
     return expect_all(what, names, str, "objects' names")
 
 
-def import_bpy():
-    """The bpy module, with the core's Blender side loaded.
-
-    Raises
-    ------
-    PRTError
-        It is not installed for this Python.
-    """
-    try:
-        # Makes its ray casters known as well.
-        from prt_core.blender import bpy
-    except ImportError as error:
-        raise PRTError(
-            f"bpy: Blender's module cannot be loaded ({error}); pip install 'prt-core[blender]' "
-            "or run inside Blender"
-        ) from error
-    return bpy
-
-
-def compress_bake(
+def compress(
     bake,
     *,
     method="auto",
@@ -242,7 +187,7 @@ def compress_bake(
         `NAME.prt`.
     method : str
         `auto` tries all on a sample; `none` removes the compressed form; or one of
-        `prt_core.compress.method_names()`.
+        `method_names()` of `prt_core.compress`.
     tolerance, megabytes, milliseconds : float, optional
         Error of relit colours, size, time of a new light that must be kept (see
         `CompressSettings`); default: a tolerance of 0.01.
@@ -266,6 +211,14 @@ def compress_bake(
     return run(compress_bake_steps(bake, *asked, lights=lights), report)
 
 
+def compress_bake(bake, **keywords):
+    """As `compress`: its old name, for one release."""
+    warnings.warn(
+        "prt_core.compress_bake is prt_core.compress now", DeprecationWarning, stacklevel=2
+    )
+    return compress(bake, **keywords)
+
+
 def compress_bake_steps(
     bake,
     method="auto",
@@ -275,7 +228,7 @@ def compress_bake_steps(
     seed=0,
     lights=None,
 ):
-    """`compress_bake` as a generator of `Progress`; images are read at the first step."""
+    """`compress` as a generator of `Progress`; images are read at the first step."""
     if isinstance(method, str) and method == "none":
         expect(
             tolerance is megabytes is milliseconds is lights is None,
@@ -291,64 +244,31 @@ def compress_bake_steps(
     if not isinstance(bake, Bake):
         bake = yield from beside("load", load, expect_path("bake", bake))
     if lights is None:
-        lights = _studio_lights()
+        with suppress(PRTError):  # without Blender plain skies stand in
+            lights = studio_lights()
     steps = compress_steps(bake, settings, lights)
     result = yield from steps_beside(steps, Errands(), "compress")
     return result
 
 
-def _studio_lights():
-    """All environments that come with Blender; None without it."""
-    try:
-        import_bpy()
-    except PRTError:
-        return None
-    from prt_core.blender.studio import ALL, studio_paths
-
-    try:
-        return {name: EnvironmentMap.read(path) for name, path in studio_paths(ALL).items()}
-    except PRTError:
-        return None
-
-
-def relight(
-    bake,
-    light=None,
-    *,
-    rotation=None,
-    strength=1.0,
-    sharp_sun=False,
-    lamps=False,
-    lamp_samples=256,
-    caster="auto",
-    bounces="baked",
-    transport="auto",
-):
+def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
     """Colours of a baked scene under a light.
 
     Parameters
     ----------
     bake : Bake, str or Path
         From `load`, or its folder.
-    light : str, Path, EnvironmentMap or (n_directions, 3) array, optional
-        An environment image; "world" is the light of the baked scene's own world.
-    rotation : float, (3,) or (3, 3), optional
-        Of the environment: degrees about z, Euler angles in degrees, or a matrix.
-    strength : float
-    sharp_sun : bool
-        Take what is far brighter than the rest out of the environment and cast its shadow rays
-        now: shadows as sharp as the image, not as the cube map's texels.
-    lamps : bool or sequence of Lamp
-        True: the lamps of the baked scene; their shadow rays are cast now.
-    lamp_samples : int
-        Shadow rays a point and lamp.
+    light : Lighting, or str, Path, EnvironmentMap or (n_directions, 3) array, optional
+        All that shines; or the environment: an image, or "world", the light of the baked scene's
+        own world.
     caster : str
-        For the shadow rays.
-    bounces : int, optional
-        Default: as baked; 0 is direct light.
+        For the shadow rays of lamps and sharp suns.
     transport : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
-        one that is its own (see `compress_bake`). Lamps and sharp suns are exact.
+        one that is its own (see `compress`). Lamps and sharp suns are exact.
+    **keywords
+        The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
+        lamp_samples, bounces, exposure.
 
     Returns
     -------
@@ -356,46 +276,16 @@ def relight(
         Linear Rec.709 radiance in Blender's loop order, for each object that receives.
     """
     bake = _loaded(bake)
-    radiance = relight_points(
-        bake,
-        light,
-        rotation=rotation,
-        strength=strength,
-        sharp_sun=sharp_sun,
-        lamps=lamps,
-        lamp_samples=lamp_samples,
-        caster=caster,
-        bounces=bounces,
-        transport=transport,
-    )
-    return bake.colours(radiance)
+    asked = {"caster": caster, "transport": transport, **keywords}
+    return bake.colours(relight_points(bake, light, **asked))
 
 
-def relight_points(
-    bake,
-    light=None,
-    *,
-    rotation=None,
-    strength=1.0,
-    sharp_sun=False,
-    lamps=False,
-    lamp_samples=256,
-    caster="auto",
-    bounces="baked",
-    transport="auto",
-):
+def relight_points(bake, light=None, *, caster="auto", transport="auto", **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
+    lighting = lighting_of(light, **keywords)
     relighter = Relighter(_loaded(bake), caster, transport)
     try:
-        return relighter.relight(
-            read_environment(light),
-            rotation=rotation,
-            strength=strength,
-            sharp_sun=sharp_sun,
-            lamps=lamps,
-            lamp_samples=lamp_samples,
-            bounces=bounces,
-        )
+        return run(relighter.steps(lighting))
     finally:
         relighter.close()
 
@@ -421,8 +311,8 @@ def environment_light(bake, light, rotation=None, strength=1.0):
         For any light that `relight` takes.
     """
     expect_kind("bake", bake, Bake, "what `load` returns")
-    if light is None:
-        return None
-    radiance = on_texels(bake, read_environment(light), rotation)
-    expect_strength("light", radiance, strength)
-    return radiance * np.float32(strength)
+    return (
+        light
+        if light is None
+        else Environments(bake).on_texels(Lighting(light, rotation, strength))
+    )

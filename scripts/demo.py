@@ -14,8 +14,8 @@ sys.path.insert(0, str(ROOT / "blend_scenes"))
 
 import build  # noqa: E402  (lies in blend_scenes)
 import prt_core  # noqa: E402
-from prt_core.api import import_bpy  # noqa: E402
 from prt_core.bake.report_lines import report_lines  # noqa: E402
+from prt_core.blender_access import import_bpy  # noqa: E402
 from prt_core.cli.show import Hushed, working  # noqa: E402
 from prt_core.evaluate import contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
@@ -72,7 +72,7 @@ def main():
     caster.close()
     radiance, _, _ = shown(bake, rays, maps["courtyard"], 0)
     with Hushed():
-        prt_core.api.open_blend(blend)
+        prt_core.open_blend(blend)
         from prt_core.blender.colours import save_scene, write_all
 
         write_all(bake.scene, bake.colours(radiance))

@@ -1,29 +1,19 @@
-"""The compressed form of a bake: chosen, made, measured under lights new to it, kept, loaded."""
+"""The compressed form of a bake: chosen, made, measured under lights new to it, stored."""
 
 import platform
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from prt_core.compress import (
-    Limits,
-    Task,
-    border_pairs,
-    choose_steps,
-    method_named,
-    method_names,
-    neighbour_pairs,
-    seam,
-)
+from prt_core.bake.measure import measure_steps, met, standing_lights
+from prt_core.compress import Limits, Task, choose_steps, method_named, method_names
 from prt_core.compress.choice.choose import (
     FAILURES,
-    WORST,
     Trial,
     describe,
     none_left,
     reason_of,
-    relative_l2,
     relit,
 )
 from prt_core.errors import (
@@ -37,20 +27,14 @@ from prt_core.errors import (
     system_errors,
 )
 from prt_core.light import EnvironmentMap, TurningLight
+from prt_core.relight.forms import Compressed
 from prt_core.runtime.machine import peak_bytes
 from prt_core.runtime.progress import Progress, beside
-from prt_core.store import (
-    AGAIN,
-    BakeStore,
-    compressed_facts,
-    damage_said,
-    read_compressed,
-    write_compressed,
-)
+from prt_core.store import BakeStore, write_compressed
 from prt_core.version import __version__
 
-# Degrees about z: of the lights a method is chosen under, and of those it is measured under.
-_CHOICE, _MEASURE = 20.0, (65.0, 185.0, 305.0)
+# Degrees about z of the lights that a method is chosen under.
+_CHOICE = 20.0
 _CHOICE_LIGHTS, _TURNS = 4, 2
 
 
@@ -92,28 +76,6 @@ class CompressSettings:
         """The `Limits` that were asked for."""
         asked = self.tolerance, self.megabytes, self.milliseconds
         return Limits(0.01) if asked == (None, None, None) else Limits(*asked)
-
-
-@dataclass
-class Compressed:
-    """A compressed form in memory.
-
-    Attributes
-    ----------
-    method : str
-    model : Compressor
-        Fitted.
-    facts : dict
-        Settings, size, error and time (see `compress_steps`).
-    """
-
-    method: str
-    model: object
-    facts: dict = field(default_factory=dict)
-
-    def relighter(self, transport):
-        """What relights it: `relight(light)` gives radiance, all bounces included."""
-        return method_named(self.method).relighter(self.model, transport)
 
 
 def compress_steps(bake, settings=None, lights=None):
@@ -188,14 +150,6 @@ def _compress(bake, settings, lights):
     for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.facts):
         yield Progress("store", 0, 0)
     return made.facts
-
-
-def met(limits, found):
-    """Whether what was measured keeps what was asked for; None where no tolerance was."""
-    if limits.tolerance is None:
-        return None
-    most = WORST * limits.tolerance
-    return bool(found["error"] <= limits.tolerance and found["worst"] <= most)
 
 
 def _fit_best(task, ranked, trials, limits, lights):
@@ -274,118 +228,6 @@ def _measured(made, transport, lights, truths, rung):
     megabytes = made.model.nbytes / 1e6
     error, settings = float(np.mean(errors)), describe(made.model)
     return Trial(made.method, settings, rung, error, max(errors), megabytes, 1e3 * spent, 0.0)
-
-
-def measure_steps(bake, made, turning, lights):
-    """Errors and times of a compressed form under turned lights; a generator of `Progress`.
-
-    Returns
-    -------
-    dict
-        bytes, bits_a_coefficient, milliseconds (median), milliseconds_worst, error (mean), worst,
-        worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
-    """
-    transport, points = bake.transport, bake.scene.points
-    quick = yield from beside("measure", made.relighter, transport)
-    labels = getattr(made.model, "labels_", None)
-    border = None
-    if labels is not None:
-        pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
-        border = border_pairs(labels, pairs)
-    errors, spent, seams = {}, [], [0.0]
-
-    def one(name, turn):
-        light = turning[name].at(turn)
-        start = time.perf_counter()
-        found = quick.relight(light)
-        spent.append(time.perf_counter() - start)
-        # The exact side takes the environment the exact way, so turning is measured as well.
-        truth = transport.relight(lights[name].to_cube_map(bake.cube_map, turn))
-        errors[f"{name} at {turn:g}°"] = relative_l2(found, truth)
-        if border is not None:
-            seams.append(seam(found, truth, border)["largest"])
-
-    total = len(lights) * len(_MEASURE)
-    for name in lights:
-        for turn in _MEASURE:
-            yield from beside("measure", one, name, turn)
-            yield Progress("measure", len(errors), total)
-    bad = [name for name, error in errors.items() if not np.isfinite(error)]
-    expect(
-        not bad,
-        f"method: the colours of {made.method} are not finite under {', '.join(bad)}; leave such "
-        "lights out, or choose another method. Nothing was stored",
-    )
-    worst = max(errors, key=errors.get)
-    model = made.model
-    return {
-        "bytes": int(model.nbytes),
-        "bits_a_coefficient": 8 * model.nbytes / (3 * transport.n_points * transport.n_directions),
-        "milliseconds": 1e3 * float(np.median(spent)),
-        "milliseconds_worst": 1e3 * max(spent),
-        "error": float(np.mean(list(errors.values()))),
-        "worst": errors[worst],
-        "worst_light": worst,
-        "lights": total,
-        "matrix_l2": getattr(model, "matrix_error_", None),
-        "seam": max(seams),
-    }
-
-
-def load_compressed(bake):
-    """The compressed form of a bake, or why there is none to use.
-
-    Returns
-    -------
-    Compressed or None, str
-        None where there is none or it is of another bake: the string says so.
-
-    Raises
-    ------
-    PRTError
-        It is damaged.
-    """
-    if bake.path is None:
-        return None, "the bake is not on disk"
-    with system_errors(bake.path):
-        return _load(bake)
-
-
-def _load(bake):
-    store = BakeStore(bake.path)
-    facts = compressed_facts(store)
-    if facts is None:
-        return None, "there is no compressed form; make one with 'prt compress'"
-    if facts.get("method") not in method_names():
-        return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
-    if facts.get("fingerprint") != bake.transport.fingerprint():
-        return None, f"the compressed form is of another state of the bake; {AGAIN}"
-    state = read_compressed(store, facts)
-    expect(
-        (state.get("n_points"), state.get("n_directions")) == bake.transport.shape,
-        f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
-    )
-    with damage_said(bake.path, "its compressed form", AGAIN):
-        model = method_named(facts["method"]).kind.from_state(state)
-    return Compressed(facts["method"], model, facts), ""
-
-
-def standing_lights():
-    """Skies for where no images are at hand: even, with a soft sun, and with a hard one."""
-    height = 64
-    z = np.sin(np.pi / 2 - (np.arange(height) + 0.5) / height * np.pi)[:, None]
-    angle = np.pi - (np.arange(2 * height) + 0.5) / height * np.pi
-    radius = np.sqrt(1 - z * z)
-    ways = np.stack([radius * np.cos(angle), radius * np.sin(angle), z + 0 * angle], axis=-1)
-    sky = (0.6 + 0.4 * z + 0 * angle)[..., None] * np.array([0.6, 0.8, 1.0])
-    lights = {"even sky": sky}
-    for name, toward, sharpness, power in (
-        ("low soft sun", (0.8, 0.3, 0.52), 40, 8),
-        ("high hard sun", (-0.3, -0.4, 0.87), 2000, 400),
-    ):
-        lobe = np.exp(sharpness * (ways @ toward / np.linalg.norm(toward) - 1))
-        lights[name] = 0.5 * sky + power * lobe[..., None] * np.array([1.0, 0.9, 0.7])
-    return {name: EnvironmentMap(p.astype(np.float32), name) for name, p in lights.items()}
 
 
 def _turning(lights, cube_map):

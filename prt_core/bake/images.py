@@ -1,6 +1,8 @@
 """Images baked beside the meshes: what a camera sees, or the texels of an object's surface."""
 
-from prt_core.errors import expect, expect_one_of, expect_pair, expect_whole, shown
+from dataclasses import dataclass
+
+from prt_core.errors import expect, expect_kind, expect_one_of, expect_pair, expect_whole, shown
 from prt_core.rays import make_caster
 from prt_core.runtime.machine import expect_memory
 from prt_core.runtime.progress import Progress, beside
@@ -16,38 +18,55 @@ _MOST_SIDE, _MOST_SAMPLES = 8192, 8
 _RAY_BYTES = 300
 
 
-def expect_image(camera_pixels=None, pixel_samples=2, geometry_image=None, parametrisation="auto"):
-    """Raise `PRTError` where an image cannot be baked so, whatever the scene is.
+@dataclass(frozen=True)
+class ImageSettings:
+    """The image that is baked beside the meshes: one or none.
 
     Parameters
     ----------
-    camera_pixels, pixel_samples, geometry_image, parametrisation
-        See `image_steps`.
+    camera_pixels : (int, int), optional
+        Width and height of what the scene's camera sees.
+    pixel_samples : int
+        Points along each side of such a pixel.
+    geometry_image : (str, int), optional
+        An object, by its name in the bake, whose surface is one, and texels along each side.
+    parametrisation : {"auto", "uv", "sphere"}
+        Of the geometry image (see `geometry_layout`).
+
+    Raises
+    ------
+    PRTError
+        It cannot be baked so, whatever the scene is; or both images are asked for.
     """
-    expect(
-        camera_pixels is None or geometry_image is None,
-        "image: a bake holds one; give --camera-pixels or --geometry-image, not both",
-    )
-    samples = expect_whole("pixel samples", pixel_samples, 1, _MOST_SAMPLES)
-    expect_one_of("parametrisation", parametrisation, PARAMETRISATIONS)
-    if camera_pixels is not None:
-        width, height = expect_pair("camera pixels", camera_pixels, 1, _MOST_SIDE)
-        needed = _RAY_BYTES * width * height * samples**2
-        what = f"camera pixels: {width} x {height} with {samples} x {samples} points each"
-        expect_memory(what, needed, "take fewer pixels or points")
-    if geometry_image is not None:
-        good = isinstance(geometry_image, list | tuple) and len(geometry_image) == 2
-        good = good and isinstance(geometry_image[0], str)
-        expect(good, f"geometry image: expected (object, size), got {shown(geometry_image)}")
-        size = expect_whole("geometry image: size", geometry_image[1], 1, _MOST_SIDE)
-        what = f"geometry image: {size} x {size} texels"
-        expect_memory(what, _RAY_BYTES * size**2, "take fewer")
+
+    camera_pixels: tuple | None = None
+    pixel_samples: int = 2
+    geometry_image: tuple | None = None
+    parametrisation: str = "auto"
+
+    def __post_init__(self):
+        expect(
+            self.camera_pixels is None or self.geometry_image is None,
+            "image: a bake holds one; give --camera-pixels or --geometry-image, not both",
+        )
+        samples = expect_whole("pixel samples", self.pixel_samples, 1, _MOST_SAMPLES)
+        expect_one_of("parametrisation", self.parametrisation, PARAMETRISATIONS)
+        if self.camera_pixels is not None:
+            width, height = expect_pair("camera pixels", self.camera_pixels, 1, _MOST_SIDE)
+            needed = _RAY_BYTES * width * height * samples**2
+            what = f"camera pixels: {width} x {height} with {samples} x {samples} points each"
+            expect_memory(what, needed, "take fewer pixels or points")
+        if self.geometry_image is not None:
+            asked = self.geometry_image
+            good = isinstance(asked, list | tuple) and len(asked) == 2
+            good = good and isinstance(asked[0], str)
+            expect(good, f"geometry image: expected (object, size), got {shown(asked)}")
+            size = expect_whole("geometry image: size", asked[1], 1, _MOST_SIDE)
+            what = f"geometry image: {size} x {size} texels"
+            expect_memory(what, _RAY_BYTES * size**2, "take fewer")
 
 
-def image_steps(
-    scene, meshes, camera, caster, camera_pixels, pixel_samples, geometry_image,
-    parametrisation="auto",
-):  # fmt: skip
+def image_steps(scene, meshes, camera, caster, settings):
     """A scene with the points of an image; a generator of `Progress`.
 
     Parameters
@@ -55,45 +74,37 @@ def image_steps(
     scene : Scene
     meshes : sequence of Mesh
         What it was made of.
-    camera : dict or None
-        See `camera_rays`.
+    camera : Camera or None
     caster : str
         See `make_caster`.
-    camera_pixels : (int, int) or None
-        Width and height of what the camera sees.
-    pixel_samples : int
-        Points along each side of a camera's pixel.
-    geometry_image : (str, int) or None
-        An object, by its name in the bake, and texels along each side.
-    parametrisation : {"auto", "uv", "sphere"}
-        Of the geometry image (see `geometry_layout`).
+    settings : ImageSettings
 
     Raises
     ------
     PRTError
-        There is no camera, no such object, no UV map or surface like a sphere; or both images are
-        asked for.
+        There is no camera, no such object, no UV map or surface like a sphere.
     """
-    expect_image(camera_pixels, pixel_samples, geometry_image, parametrisation)
-    if camera_pixels is None and geometry_image is None:
+    expect_kind("image", settings, ImageSettings)
+    if settings.camera_pixels is None and settings.geometry_image is None:
         return scene
     yield Progress("image", 0, 1)
     before = len(scene.points)
-    if camera_pixels is not None:
+    if settings.camera_pixels is not None:
+        size, samples = settings.camera_pixels, settings.pixel_samples
         expect(
             camera is not None, "camera pixels: the scene has no perspective camera; add one to it"
         )
         tracer = scene.make_caster(caster)
         try:
-            scene = with_camera_image(scene, tracer, camera, *camera_pixels, pixel_samples)
+            scene = with_camera_image(scene, tracer, camera, *size, samples)
         finally:
             tracer.close()
     else:
-        name, size = geometry_image
+        name, size = settings.geometry_image
         found = [mesh for mesh in meshes if mesh.name == name]
         names = ", ".join(mesh.name for mesh in meshes)
         expect(found, f"geometry image: there is no object '{name}'; there are {names}")
-        layout = yield from beside("image", geometry_layout, found[0], parametrisation)
+        layout = yield from beside("image", geometry_layout, found[0], settings.parametrisation)
         if layout.message:
             scene.messages.append(layout.message)
         tracer = make_caster(caster, layout.vertices, layout.triangles)

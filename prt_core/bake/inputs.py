@@ -16,7 +16,7 @@ from prt_core.errors import (
 from prt_core.light import Lamp
 from prt_core.light.environment import expect_radiance
 from prt_core.runtime.machine import expect_memory
-from prt_core.scene import Scene, expect_camera
+from prt_core.scene import Camera, Scene
 
 # Of a point while it is baked, its bits apart.
 _POINT_BYTES = 400
@@ -47,7 +47,7 @@ def expect_bake_input(
         expect_number("pace", pace, above=0)
     expect_all("lamps", lamps, Lamp, "lamps")
     if camera is not None:
-        expect_camera(camera)
+        expect_kind("camera", camera, Camera)
     for name, given, what in (("source", source, "digests"), ("origin", origin, "names")):
         if given is not None:
             expect_named(name, given, str, what)

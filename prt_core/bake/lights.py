@@ -8,7 +8,7 @@ from dataclasses import asdict
 from prt_core.errors import PRTError, expect, expect_named
 from prt_core.light import Lamp
 from prt_core.light.environment import expect_radiance
-from prt_core.scene import expect_camera
+from prt_core.scene import Camera
 from prt_core.store import damage_said
 
 # How the arrays that hold the world's light begin; the fact "world" names the one that does.
@@ -30,7 +30,7 @@ def light_facts(lamps=(), world=None, camera=None, source=None, origin=None):
     """
     facts = {
         "lamps": [asdict(lamp) for lamp in lamps],
-        "camera": camera,
+        "camera": camera and camera.to_dict(),
         "source": source or {},
         "origin": origin or {},
     }
@@ -73,7 +73,7 @@ def read_lights(store, cube_map):
         lamps = [Lamp(**lamp) for lamp in facts["lamps"]]
         camera, source, name = facts["camera"], facts["source"], facts["world"]
         if camera is not None:
-            expect_camera(camera)
+            camera = Camera(**camera)
         expect_named("source", source, str, "digests")
         origin = expect_named("origin", facts["origin"], str, "names")
         expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")

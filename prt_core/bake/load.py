@@ -2,10 +2,11 @@
 
 from dataclasses import asdict
 
+from prt_core.bake.bake import Bake
 from prt_core.bake.bounces import MOST_ROUNDS
 from prt_core.bake.gather import read_gather, stored_hits
 from prt_core.bake.lights import read_lights
-from prt_core.bake.steps import Bake, BakeSettings
+from prt_core.bake.settings import BakeSettings
 from prt_core.errors import expect, expect_path
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_said, read_scene

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.bake.bounces import MOST_ROUNDS
-from prt_core.bake.steps import BakeSettings
+from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import chosen_method
 from prt_core.errors import expect_kind, expect_number
 from prt_core.scene import Scene

@@ -1,28 +1,18 @@
 """The bake: visibility and gather rays of a scene, block by block into a store."""
 
 import time
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-
-import numpy as np
+from dataclasses import asdict
 
 from prt_core.bake.bounces import Bounced, bounce_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_facts
 from prt_core.bake.report import bake_report
-from prt_core.bake.visibility import expect_method, visibility_steps
-from prt_core.errors import (
-    expect,
-    expect_array,
-    expect_kind,
-    expect_number,
-    expect_seed,
-    expect_whole,
-    system_errors,
-)
+from prt_core.bake.settings import BakeSettings
+from prt_core.bake.visibility import visibility_steps
+from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.progress import STOP, Errands, Progress, steps_beside
-from prt_core.scene import Scene, with_details
+from prt_core.scene import expect_camera, with_details
 from prt_core.sphere import CubeMap
 from prt_core.store import (
     begin_bake,
@@ -32,132 +22,7 @@ from prt_core.store import (
     read_details,
     write_scene,
 )
-from prt_core.transport import Transport, detail_steps
-
-
-@dataclass(frozen=True)
-class BakeSettings:
-    """What a bake depends on besides the scene.
-
-    Parameters
-    ----------
-    resolution : int
-        Texels along an edge of the cube map.
-    bounces : int or None
-        None: all that matter; 0: direct light only.
-    tolerance : float
-        Relative error of the relit colours that the bounces may have, and that the visibility may
-        have where it is sampled.
-    caster : str
-        `auto`, `blender`, `bvhtree`, `embree` or `brute`.
-    seed : int
-    method : str
-        Which entries are traced: `exhaustive` (all), `agreement`, another registered sampler, or
-        `auto`: the cheapest that meets the tolerance.
-    """
-
-    resolution: int = 32
-    bounces: int | None = None
-    tolerance: float = 1e-2
-    caster: str = "auto"
-    seed: int = 0
-    method: str = "auto"
-
-    def __post_init__(self):
-        CubeMap(self.resolution)
-        expect_method(self.method)
-        if self.bounces is not None:
-            expect_whole("bounces", self.bounces, 0)
-        expect_number("tolerance", self.tolerance, above=0, below=1)
-        expect_seed(self.seed)
-        expect_kind("caster", self.caster, str, "the name of one")
-
-
-@dataclass
-class Bake:
-    """A bake in memory.
-
-    Attributes
-    ----------
-    scene : Scene
-    transport : Transport
-    lamps : list of Lamp
-        The lamps the scene had.
-    world : (n_directions, 3) float32, or None
-        The light of the scene's world, where it was understood.
-    camera : dict, or None
-    settings, report : dict
-    source : dict of str -> str
-        Digests of the meshes the bake was made from.
-    path : Path, or None
-        Where it was loaded from.
-    origin : dict of str -> str
-        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
-    """
-
-    scene: Scene
-    transport: Transport
-    lamps: list
-    world: np.ndarray | None
-    camera: dict | None
-    settings: dict
-    report: dict
-    source: dict = field(default_factory=dict)
-    path: Path | None = None
-    origin: dict = field(default_factory=dict)
-
-    @property
-    def cube_map(self):
-        """`CubeMap`: the directions that were baked."""
-        return self.transport.cube_map
-
-    def make_caster(self, name="auto"):
-        """A ray caster over the bake's triangles, as `rays.make_caster` makes it."""
-        return self.scene.make_caster(name)
-
-    def colours(self, radiance):
-        """Radiance of points as colours of corners.
-
-        Parameters
-        ----------
-        radiance : (n_points, 3) float32
-
-        Returns
-        -------
-        dict of str -> (n_corners, 3) float32
-            For each object that receives, in Blender's loop order; black for corners of faces
-            without area.
-        """
-        radiance = self._radiance(radiance)
-        return {
-            item.name: np.where(
-                item.corner_point[:, None] >= 0, radiance[item.corner_point], np.float32(0)
-            )
-            for item in self.scene.objects
-            if item.receives
-        }
-
-    def image(self, radiance):
-        """The image that was baked: (height, width, 3) float32, linear.
-
-        Parameters
-        ----------
-        radiance : (n_points, 3) float32
-
-        Raises
-        ------
-        PRTError
-            The bake has no image.
-        """
-        expect(
-            self.scene.image is not None,
-            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
-        )
-        return self.scene.image.pixels(self._radiance(radiance))
-
-    def _radiance(self, radiance):
-        shape = self.transport.n_points, 3
-        return expect_array("radiance", radiance, shape, np.float32)
+from prt_core.transport import detail_steps
 
 
 def bake_steps(
@@ -186,7 +51,7 @@ def bake_steps(
     settings : BakeSettings
     lamps : sequence of Lamp
     world : (n_directions, 3) float32, optional
-    camera : dict, optional
+    camera : Camera, optional
         Kept with the bake for relighting and pictures.
     source : dict of str -> str
         Kept with the bake: the digest of each mesh it was made from (see `mesh_digests`).
@@ -218,6 +83,7 @@ def bake_steps(
     settings = BakeSettings() if settings is None else settings
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
+    camera = None if camera is None else expect_camera(camera)
     given = lamps, world, camera, source, restart, pace, lights, origin
     world = expect_bake_input(scene, path, cube_map, *given)
     made = []

@@ -21,7 +21,7 @@ from prt_core.blender.stand_ins import (
 )
 from prt_core.errors import PRTError
 from prt_core.runtime.progress import Progress, run
-from prt_core.scene import Mesh, Scene
+from prt_core.scene import Camera, Mesh, Scene
 
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -326,12 +326,9 @@ def say_copies(meshes, messages):
 
 
 def read_camera(scene=None):
-    """The scene's camera as `evaluate.view` takes it, or None."""
+    """The `Camera` of a scene; None where it has none of perspective."""
     scene = scene or bpy.context.scene
     if scene.camera is None or scene.camera.data.type != "PERSP":
         return None
     data = scene.camera.data
-    return {
-        "matrix": np.array(scene.camera.matrix_world, np.float64).tolist(),
-        "tangent": float(np.tan(data.angle / 2)),
-    }
+    return Camera(np.array(scene.camera.matrix_world, np.float64), np.tan(data.angle / 2))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import prt_core
 from prt_core.bake.report_lines import report_lines
+from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
@@ -77,8 +78,6 @@ def _bake(options):
     samples = 2 if options.pixel_samples is None else options.pixel_samples
     blend = options.scene
     if blend is None:
-        from prt_core.api import import_bpy
-
         name = import_bpy().data.filepath
         expect(options.output or name, "output: the open scene has no file; name one with -o")
     else:

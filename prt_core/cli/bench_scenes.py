@@ -2,17 +2,15 @@
 
 from pathlib import Path
 
+from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import PRTError, expect, expect_number, expect_seed
 from prt_core.evaluate.report import expect_plots
-from prt_core.light import EnvironmentMap
 from prt_core.light.environment import named_images
 from prt_core.runtime.files import expect_output
 
 
 def open_scene(path):
     """The `Scene` of a .blend file, or of what is open in Blender where there is none."""
-    from prt_core.api import import_bpy, open_blend
-
     if path:
         open_blend(path)
     else:
@@ -26,8 +24,6 @@ def scene_named(path):
     """(name, Scene): of a .blend, of the scene that is open, or a measuring scene by its name."""
     if path is None or path.endswith(".blend"):
         return Path(path).stem if path else "open scene", open_scene(path)
-    from prt_core.api import import_bpy
-
     import_bpy()
     from prt_core.blender.measuring import MODELS, measuring_scene
 
@@ -43,15 +39,9 @@ def images_named(paths, every=False):
     if paths is not None:
         return named_images(paths)
     try:
-        from prt_core.api import import_bpy
-
-        import_bpy()
+        return studio_lights(every)
     except PRTError as error:
         raise PRTError(f"light: give images with --light ({error})") from error
-    from prt_core.blender.studio import ALL, NAMES, studio_paths
-
-    found = studio_paths(ALL if every else NAMES)
-    return {name: EnvironmentMap.read(path) for name, path in found.items()}
 
 
 def turned(images, rotations, cube_map):

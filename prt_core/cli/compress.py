@@ -33,14 +33,14 @@ def add_compress(commands):
 
 
 def _compress(options):
-    from prt_core.api import compress_bake
+    from prt_core import compress
 
     expect(
         options.method != "none" or options.seed is None,
         "--seed: changes nothing with --method none",
     )
     with working(options.quiet or options.json) as bar:
-        facts = compress_bake(
+        facts = compress(
             options.bake,
             method=options.method,
             tolerance=options.tolerance,

@@ -2,10 +2,10 @@
 
 import json
 
-from prt_core.bake.compress import load_compressed
 from prt_core.bake.load import load
 from prt_core.bake.report_lines import compressed_lines, object_lines, report_lines
 from prt_core.errors import PRTError
+from prt_core.relight.forms import load_compressed
 from prt_core.store import BakeStore, compressed_facts, damage_said
 
 

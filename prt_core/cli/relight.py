@@ -2,11 +2,10 @@
 
 import argparse
 import time
-
-import numpy as np
+from dataclasses import replace
 
 import prt_core
-from prt_core.api import expect_blend
+from prt_core.blender_access import expect_blend, import_bpy, open_blend
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
@@ -15,17 +14,13 @@ from prt_core.cli.arguments import (
     transport_argument,
 )
 from prt_core.cli.show import Hushed
-from prt_core.errors import expect, expect_number, expect_whole
+from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
-from prt_core.light import EnvironmentMap
-from prt_core.light.environment import BRIGHTEST, read_environment
-from prt_core.relight.relighter import MOST_LAMP_SAMPLES, Relighter
+from prt_core.relight.lighting import Lighting
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
-from prt_core.sphere import rotation_matrix
 
-# Stops beyond which float32 overflows or holds nothing any more.
-_MOST_STOPS = 64
 _OUTPUTS = {"output": ".npz", "png": ".png", "image": ".png", "blend": ".blend"}
 _NEEDED = {
     "size": (("png",), "--png"),
@@ -36,6 +31,8 @@ _NEEDED = {
     "sharp_sun": (("light",), "--light IMAGE"),
     "lamp_samples": (("lamps", "sharp_sun"), "--lamps or --sharp-sun"),
 }
+# Flags that are not called as what they fill in of `Lighting`.
+_FLAGS = {"rotation": "rotate"}
 
 
 def add_relight(commands, in_blender):
@@ -79,30 +76,30 @@ def _frames(text):
 
 
 def _relight(options):
-    _expect_request(options)
+    lighting = _expect_request(options)
     if options.caster in ("blender", "bvhtree") or options.blend:
-        _load_bpy()
+        import_bpy()
     baked = prt_core.load(options.bake)
     expect(
         not options.image or baked.scene.image is not None,
         "--image: this bake holds none; bake with --camera-pixels or --geometry-image",
     )
     if options.turn:
-        return _relight_turn(baked, options)
+        return _relight_turn(baked, lighting, options)
     _bpy_for(options)
     start = time.perf_counter()
     relighter = Relighter(baked, options.caster, options.transport)
     try:
-        radiance = relighter.relight(read_environment(options.light), **_light_options(options))
+        radiance = relighter.relight(lighting)
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
+        sky = relighter.sky(lighting) if options.png else None
     finally:
         relighter.close()
-    radiance = _exposed(radiance, options)
     colours = baked.colours(radiance)
     if options.output:
         write_npz(options.output, colours)
     if options.png:
-        _write_png(baked, radiance, options)
+        _write_png(baked, radiance, sky, options)
     if options.image:
         from prt_core.evaluate import to_srgb, write_png
 
@@ -116,7 +113,10 @@ def _relight(options):
 
 
 def _expect_request(options):
-    """Refuse what cannot be done, or would change nothing, before any work; fill in defaults."""
+    """The `Lighting` that is asked for; defaults are filled in.
+
+    What cannot be done, or would change nothing, is refused before any work.
+    """
     outputs = _outputs(options)
     expect(
         any(path is not None for path in outputs.values()),
@@ -127,11 +127,8 @@ def _expect_request(options):
         "relight: no light; give --light IMAGE, --light world or --lamps",
     )
     expect_used(options, _NEEDED)
-    fixed = options.light == "world"
-    expect(not fixed or options.rotate is None, "--rotate: the world's light is fixed; give its "
-           "image to turn it")  # fmt: skip
-    expect(not fixed or not options.sharp_sun, "--sharp-sun: needs an image; the world's light is "
-           "on texels already")  # fmt: skip
+    _fill_in(options)
+    lighting = _lighting(options)
     expect(
         options.transport == "auto" or options.light is not None,
         "--transport: lamps are always exact; it changes nothing without --light",
@@ -142,11 +139,12 @@ def _expect_request(options):
     )
     if options.turn:
         expect(
-            options.light is not None and not fixed and not options.blend and not options.image,
+            lighting.is_image and not options.blend and not options.image,
             "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE, "
             "and --output or --png alone",
         )
-    _expect_numbers(options)
+    if options.png:
+        expect_view(*options.size)
     paths = []
     for name, path in outputs.items():
         if path is not None:
@@ -158,18 +156,13 @@ def _expect_request(options):
         scene = expect_blend(options.scene).resolve()
         expect(scene not in paths, f"{options.scene}: would be replaced by its own copy; give "
                "--blend another name")  # fmt: skip
+    return lighting
 
 
-def _expect_numbers(options):
-    if options.rotate is not None:
-        expect_number("--rotate", options.rotate)
-    expect_number("--strength", options.strength, 0, BRIGHTEST)
-    expect_number("--exposure", options.exposure, -_MOST_STOPS, _MOST_STOPS)
-    samples = 256 if options.lamp_samples is None else options.lamp_samples
-    options.lamp_samples = expect_whole("--lamp-samples", samples, 1, MOST_LAMP_SAMPLES)
+def _fill_in(options):
+    if options.lamp_samples is None:
+        options.lamp_samples = Lighting.lamp_samples
     options.size = options.size or (960, 540)
-    if options.png:
-        expect_view(*options.size)
     expect(
         options.attribute is None or options.attribute.strip(),
         "--attribute: expected a name, got an empty one",
@@ -178,40 +171,49 @@ def _expect_numbers(options):
     options.domain = options.domain or "corner"
 
 
+def _lighting(options):
+    """The `Lighting` of the command line; what is wrong with it is said by the names of flags."""
+    try:
+        return Lighting(
+            options.light,
+            rotation=options.rotate,
+            strength=options.strength,
+            sharp_sun=options.sharp_sun,
+            lamps=options.lamps,
+            lamp_samples=options.lamp_samples,
+            bounces=options.bounces,
+            exposure=options.exposure,
+        )
+    except PRTError as error:
+        field, _, said = str(error).partition(":")
+        flag = _FLAGS.get(field, field).replace("_", "-")
+        raise PRTError(f"--{flag}:{said}") from error
+
+
 def _outputs(options):
     return {name: getattr(options, name) for name in _OUTPUTS}
 
 
-def _relight_turn(baked, options):
+def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
     _bpy_where_needed()
-    light = read_environment(options.light)
     relighter = Relighter(baked, options.caster, options.transport)
     pictures = PictureWriter(baked, options.size, options.caster)
     start = time.perf_counter()
     for frame in range(options.turn):
-        rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
-        radiance = relighter.relight(light, **{**_light_options(options), "rotation": rotation})
-        radiance = _exposed(radiance, options)
+        turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
+        lighting = replace(lighting, rotation=turn)
+        radiance = relighter.relight(lighting)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
-            sky = _sky(light, rotation, options)
+            sky = relighter.sky(lighting)
             pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
     spent = (time.perf_counter() - start) / options.turn
     first = frame_path(options.png or options.output, 1)
     print(f"{first} and on: {options.turn} frames relit {_how(relighter)}, {spent:.2f} s each")
     _print_notes(baked, options, relighter.notes)
     return 0
-
-
-def _exposed(radiance, options):
-    radiance = radiance * np.float32(2.0**options.exposure)
-    expect(
-        np.isfinite(radiance).all(),
-        f"--exposure: {options.exposure:g} stops take the colours beyond what float32 holds",
-    )
-    return radiance
 
 
 def _how(relighter):
@@ -229,28 +231,10 @@ def _print_notes(baked, options, notes):
         print(f"  note    {note}")
 
 
-def _load_bpy():
-    from prt_core.api import import_bpy
-
-    return import_bpy()
-
-
 def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     if (options.lamps or options.sharp_sun) and options.caster == "auto":
         _bpy_where_needed()
-
-
-def _light_options(options):
-    """What `Relighter.relight` takes, from the command line."""
-    return {
-        "rotation": options.rotate,
-        "strength": options.strength,
-        "sharp_sun": options.sharp_sun,
-        "lamps": options.lamps,
-        "lamp_samples": options.lamp_samples,
-        "bounces": options.bounces,
-    }
 
 
 def _bpy_where_needed():
@@ -258,37 +242,26 @@ def _bpy_where_needed():
     from prt_core.rays.caster import known_casters
 
     if "embree" not in known_casters():
-        _load_bpy()
+        import_bpy()
 
 
-def _write_png(baked, radiance, options):
+def _write_png(baked, radiance, sky, options):
     from prt_core.evaluate import render_view, to_srgb, write_png
 
     _bpy_where_needed()
     caster = baked.make_caster(options.caster)
     try:
-        sky = None
-        if options.light and options.light != "world":
-            sky = _sky(EnvironmentMap.read(options.light), options.rotate, options)
         picture = render_view(baked, radiance, caster, *options.size, background=sky)
     finally:
         caster.close()
     write_png(options.png, to_srgb(picture))
 
 
-def _sky(environment, rotation, options):
-    """The environment behind the scene, at the exposure of the picture."""
-    back = rotation_matrix(rotation)
-    factor = np.float32(options.strength * 2.0**options.exposure)
-    return lambda directions: environment.sample(directions @ back) * factor
-
-
 def _write_blend(baked, colours, options):
     """Colours on the meshes of the scene that is open, of a named .blend, or on built ones."""
-    from prt_core.api import open_blend
     from prt_core.blender.colours import save_scene, write_all
 
-    bpy = _load_bpy()
+    bpy = import_bpy()
     with Hushed():
         if options.scene:
             open_blend(options.scene)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.errors import PRTError, expect_path
-from prt_core.evaluate.view import png_bytes
+from prt_core.evaluate.png import png_bytes
 from prt_core.runtime.files import new_folder, written
 
 _STYLE = """

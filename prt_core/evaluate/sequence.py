@@ -14,7 +14,8 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
-from prt_core.evaluate.view import CameraRays, expect_view, to_srgb, write_png
+from prt_core.evaluate.png import to_srgb, write_png
+from prt_core.evaluate.view import CameraRays, expect_view
 from prt_core.runtime.files import written
 
 
@@ -74,8 +75,8 @@ class PictureWriter:
         ----------
         path : str or Path
         radiance : (n_points, 3) float32
-        camera : dict, optional
-            Default: that of the baked scene (see `evaluate.view`).
+        camera : Camera, optional
+            Default: that of the baked scene.
         background : callable, optional
             The sky (see `CameraRays.picture`).
         """

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -168,13 +167,6 @@ class EnvironmentMap:
         column = np.minimum((u * width).astype(np.int64), width - 1)
         row = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
         return self.pixels[row, column]
-
-
-def read_environment(light):
-    """An `EnvironmentMap` where `light` is the path of an image, else `light` as it is."""
-    if isinstance(light, Path) or (isinstance(light, str) and light != "world"):
-        return EnvironmentMap.read(light)
-    return light
 
 
 def named_images(paths):

@@ -1,13 +1,12 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
+from prt_core.scene.camera import Camera, auto_camera, camera_rays, expect_camera
 from prt_core.scene.changes import Changes, changes, mesh_digests
 from prt_core.scene.details import Details, with_details
 from prt_core.scene.images import (
     PARAMETRISATIONS,
     Layout,
     PointImage,
-    camera_rays,
-    expect_camera,
     geometry_layout,
     surface_points,
     with_camera_image,
@@ -20,6 +19,7 @@ from prt_core.scene.scene import Scene, SceneObject
 
 __all__ = [
     "BakePoints",
+    "Camera",
     "Changes",
     "Details",
     "Layout",
@@ -30,6 +30,7 @@ __all__ = [
     "PointImage",
     "Scene",
     "SceneObject",
+    "auto_camera",
     "camera_rays",
     "changes",
     "expect_camera",

@@ -8,11 +8,13 @@ from prt_core.transport.operator import gather_operator, ray_ends
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.sharing import Sharing
 from prt_core.transport.transport import Transport
+from prt_core.transport.view import View
 from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
     "Sharing",
     "Transport",
+    "View",
     "all_bounces",
     "detail_steps",
     "gather_directions",

@@ -28,8 +28,8 @@ def scene_named(name):
     if name == "balls":
         balls = [sphere(12, 0.4, (x, 0.3 * x, 0.45), name=f"ball {x}") for x in (-0.6, 0.5)]
         return Scene.from_meshes([*balls, plane(31, -1.5, 1.5)])
-    from prt_core.api import open_blend
     from prt_core.blender.depsgraph import read_scene
+    from prt_core.blender_access import open_blend
 
     open_blend(next(_BLENDS.glob(f"{name}*.blend")))
     return read_scene()

@@ -50,7 +50,7 @@ SCENES, RUNGS = ("bunny", "dragon", "05_street_bench"), (1, 2, 3)
 
 
 def images():
-    from prt_core.api import import_bpy
+    from prt_core.blender_access import import_bpy
 
     import_bpy()
     from prt_core.blender.studio import ALL, studio_paths
@@ -274,8 +274,8 @@ def bounces_table(path):
 
 def frames_table(blend, path, n_frames=48):
     """The whole way of a frame in Blender: turn, relight, corners, the colour attribute."""
-    from prt_core.api import open_blend
     from prt_core.blender.colours import write_all
+    from prt_core.blender_access import open_blend
     from prt_core.relight.relighter import Relighter
 
     open_blend(blend)

@@ -32,7 +32,7 @@ sys.path[:0] = [str(ROOT)]
 
 import prt_core  # noqa: E402
 from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
-from prt_core.bake.images import image_steps  # noqa: E402
+from prt_core.bake.images import ImageSettings, image_steps  # noqa: E402
 from prt_core.basis import WAVELETS, ImageWavelet, PointMultiwavelet, haar_areas  # noqa: E402
 from prt_core.blender.measuring import (  # noqa: E402
     GROUND,
@@ -46,9 +46,9 @@ from prt_core.compress import ImageRows, SomeRows, TransportRows, Wavelet4D  # n
 from prt_core.compress.wavelets.column_coder import ColumnCoder  # noqa: E402
 from prt_core.compress.wavelets.sparse_columns import column_bytes  # noqa: E402
 from prt_core.errors import PRTError  # noqa: E402
-from prt_core.evaluate.view import auto_camera  # noqa: E402
 from prt_core.light import EnvironmentMap  # noqa: E402
 from prt_core.runtime.progress import run  # noqa: E402
+from prt_core.scene import auto_camera  # noqa: E402
 from prt_core.scene.images.closed_surface import closed_surface  # noqa: E402
 from prt_core.scene.images.spherical import spherical_positions  # noqa: E402
 from prt_core.sphere import octahedral_square  # noqa: E402
@@ -163,7 +163,7 @@ def image(name, kind, size, *errors):
     scene = measuring_scene(name)
     meshes = [flat_ground(), model_mesh(name)]
     asked = ((int(size),) * 2, 2, None) if kind == "camera" else (None, 1, (kind, int(size)))
-    scene = run(image_steps(scene, meshes, auto_camera(scene), "embree", *asked))
+    scene = run(image_steps(scene, meshes, auto_camera(scene), "embree", ImageSettings(*asked)))
     print(*scene.messages, sep="\n", flush=True)
     run(bake_steps(scene, path, BakeSettings(caster="embree")))
     bake = prt_core.load(path)

@@ -643,7 +643,7 @@ def test_compress_is_the_api(baked, hdri, tmp_path):
     degrees = use_image(baked, hdri("city"), 30)
     baked.prt.use_lamps, baked.prt.compress_tolerance = False, 0.05
     assert bpy.ops.prt.compress(method="cpca") == {"FINISHED"}
-    facts = prt_core.compress_bake(path, method="cpca", tolerance=baked.prt.compress_tolerance)
+    facts = prt_core.compress(path, method="cpca", tolerance=baked.prt.compress_tolerance)
     assert "Compressed by cpca" in said() and facts["tolerance_met"]
     one, two = BakeStore(preview.path_of(baked)), BakeStore(path)
     for name in ("labels", "bases", "weights"):

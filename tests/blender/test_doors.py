@@ -70,7 +70,7 @@ def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
     options = ("--method", "cpca", "--tolerance", 0.05, "--light", hdri("city"), hdri("sunset"))
     done = prt("compress", one, *options)
     assert "chosen: cpca" in done.stdout and "within the tolerance" in done.stdout
-    facts = prt_core.compress_bake(
+    facts = prt_core.compress(
         two, method="cpca", tolerance=0.05, lights=[hdri("city"), hdri("sunset")]
     )
     info = json.loads(prt("info", one, "--json").stdout)["compressed"]
@@ -102,7 +102,7 @@ def test_images_are_baked_and_written(blend, hdri, tmp_path):
     bake = prt_core.load(output)
     found = bake.image(prt_core.api.relight_points(bake, hdri("city")))
     assert found.shape == (16, 24, 3) and found.max() > 0
-    prt_core.api.open_blend(blend)
+    prt_core.open_blend(blend)
     mesh = bpy.data.objects["floor"].data
     layer = mesh.uv_layers.active or mesh.uv_layers.new(name="flat")
     for loop, place in zip(mesh.loops, layer.data, strict=True):

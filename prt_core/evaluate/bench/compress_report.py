@@ -1,9 +1,13 @@
 """The report of `bench.compress`: error against size and time, relit images beside the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from prt_core.evaluate.png import to_srgb
 from prt_core.evaluate.report import Report, curve_plot
-from prt_core.evaluate.view import CameraRays, auto_camera, to_srgb
+from prt_core.evaluate.view import CameraRays
+from prt_core.scene import auto_camera
 
 _COLUMNS = [
     ("label", ""),
@@ -82,7 +86,7 @@ def compress_report(bake, caster, rows, made, light_name, light, n_lights):
 
 def _pictures(bake, caster, rows, made, light_name, light):
     """The scene under one light by each method, where it is nearest to one per cent."""
-    camera = {**auto_camera(bake.scene, _WIDTH, _HEIGHT), "tangent": _TANGENT}
+    camera = replace(auto_camera(bake.scene), tangent=_TANGENT)
     rays = CameraRays(bake.scene, caster, camera, _WIDTH, _HEIGHT)
     truth = bake.transport.relight(light)
     image = rays.picture(truth)

@@ -1,13 +1,15 @@
 """The report of `bench_sampling`: curves, relit images beside the truth, where rays were cast."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
+from prt_core.evaluate.png import to_srgb
 from prt_core.evaluate.report import Report, curve_plot, flattened, heat_colours
-from prt_core.evaluate.view import CameraRays, auto_camera, to_srgb
+from prt_core.evaluate.view import CameraRays
 from prt_core.sampling import sampler_named
 from prt_core.sampling.tracer import count_bits
+from prt_core.scene import auto_camera
 from prt_core.transport import received_light
 
 _COLUMNS = [
@@ -61,7 +63,7 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
     """
     plot = error_plot(rows)
     # What is worth a look stands in the middle.
-    camera = {**auto_camera(scene, _WIDTH, _HEIGHT), "tangent": _TANGENT}
+    camera = replace(auto_camera(scene), tangent=_TANGENT)
     rays = CameraRays(scene, caster, camera, _WIDTH, _HEIGHT)
     pictures = []
     if lights:

@@ -8,8 +8,6 @@ from prt_core.scene.images.geometry_images import (
 )
 from prt_core.scene.images.point_images import (
     PointImage,
-    camera_rays,
-    expect_camera,
     surface_points,
     with_camera_image,
 )
@@ -18,8 +16,6 @@ __all__ = [
     "Layout",
     "PARAMETRISATIONS",
     "PointImage",
-    "camera_rays",
-    "expect_camera",
     "geometry_layout",
     "surface_points",
     "with_camera_image",

@@ -8,16 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from prt_core.errors import (
-    expect,
-    expect_array,
-    expect_caster,
-    expect_number,
-    expect_offers,
-    expect_whole,
-    shown,
-)
-from prt_core.runtime.machine import expect_memory
+from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
+from prt_core.scene.camera import camera_rays, expect_camera
 from prt_core.scene.points import BakePoints, joined
 
 _BATCH = 1 << 20
@@ -53,39 +45,6 @@ class PointImage:
         return result.reshape(self.height, self.width, -1)
 
 
-def camera_rays(camera, width, height, samples):
-    """Directions through the pixels of a view.
-
-    Parameters
-    ----------
-    camera : dict
-        `matrix` (4 x 4, camera to world) and `tangent` of half the wider angle.
-    width, height : int
-    samples : int
-        Along each side of a pixel.
-
-    Returns
-    -------
-    (height * samples * width * samples, 3) float64
-        Unit vectors in world axes, in reading order of the samples.
-    """
-    expect_camera(camera)
-    width, height = (expect_whole("image", side, 1) for side in (width, height))
-    samples = expect_whole("samples", samples, 1)
-    # Twelve numbers of float64 for each ray while they are made.
-    expect_memory(
-        f"image: {width} x {height} pixels", 100.0 * width * height * samples**2, "take fewer"
-    )
-    step = 2 * camera["tangent"] / max(width, height)
-    x = (np.arange(width * samples) + 0.5) / samples - width / 2
-    y = height / 2 - (np.arange(height * samples) + 0.5) / samples
-    x, y = np.meshgrid(x * step, y * step)
-    local = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3)
-    matrix = np.asarray(camera["matrix"], np.float64)
-    directions = local @ (matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)).T
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
 def with_camera_image(scene, caster, camera, width, height, samples=2):
     """The scene with a bake point wherever a camera's rays meet it.
 
@@ -94,8 +53,7 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     scene : Scene
     caster : RayCaster
         Of its triangles.
-    camera : dict
-        See `camera_rays`.
+    camera : Camera
     width, height : int
     samples : int
         Along each side of a pixel.
@@ -107,11 +65,11 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     """
     expect_offers("scene", scene, ("to_frame", "hit_points"), "a Scene")
     expect_caster(caster)
-    expect_camera(camera)
+    camera = expect_camera(camera)
     expect_size(width, height)
     expect_whole("pixel samples", samples, 1, 8)
     ways = camera_rays(camera, width, height, samples).astype(np.float32)
-    origin = scene.to_frame(np.asarray(camera["matrix"], np.float64)[:3, 3])
+    origin = scene.to_frame(camera.position)
     row, column = np.divmod(np.arange(len(ways)), width * samples)
     pixel = row // samples * width + column // samples
     triangle, barycentric = intersect(caster, np.broadcast_to(origin, ways.shape), ways)
@@ -197,15 +155,3 @@ def expect_size(width, height):
     """Raise `PRTError` unless an image may be so large."""
     for side in (width, height):
         expect_whole("image: pixels along a side", side, 1, 8192)
-
-
-def expect_camera(camera):
-    """Raise `PRTError` unless this is a camera (see `camera_rays`)."""
-    good = isinstance(camera, dict) and {"matrix", "tangent"} <= set(camera)
-    expect(good, f"camera: expected a dict with a matrix and a tangent, got {shown(camera)}")
-    matrix = expect_array("camera: matrix", camera["matrix"], (4, 4), np.float64)
-    expect(
-        matrix[:3, :3].any(axis=0).all(),
-        "camera: expected a matrix whose axes have a length; a scale of 0 has none",
-    )
-    expect_number("camera: tangent", camera["tangent"], above=0)

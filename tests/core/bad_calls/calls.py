@@ -10,6 +10,7 @@ from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, write_image
 from prt_core.rays import BruteForceCaster
 from prt_core.runtime.progress import run
+from prt_core.scene import Camera
 from prt_core.sphere import CubeMap
 
 RNG = np.random.default_rng(5)
@@ -206,7 +207,7 @@ def camera():
     """A camera that looks down on the scene."""
     matrix = np.eye(4)
     matrix[2, 3] = 5.0
-    return {"matrix": matrix.tolist(), "tangent": 0.5}
+    return Camera(matrix, 0.5)
 
 
 def directions(n=5):

@@ -1,12 +1,17 @@
 """Wrong calls of `prt_core.compress`: parameters, rows, lights and choices."""
 
+import importlib
+
 import numpy as np
 import pytest
 
-from prt_core import basis, compress
+from prt_core import basis
 from prt_core.bake.compress import CompressSettings, compress_steps
 
 from .calls import N_DIRECTIONS, RESOLUTION, RNG, Call, directions, faults_of, image, method, plain
+
+# `prt_core.compress` is the call; the folder of that name is found by its path.
+compress = importlib.import_module("prt_core.compress")
 
 
 def some_rows(n=11):

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import prt_core
-from prt_core import api, evaluate, light
+from prt_core import api, evaluate, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.load import load
 from prt_core.bake.preflight import preflight
+from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
-from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.relight.lighting import Lighting
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.store import BakeStore
 
@@ -67,7 +69,7 @@ def path_call(there):
 CALLS = {
     "BakeStore": lambda t: Call(BakeStore, {"path": t.folder / "a.prt", "mode": "r"}),
     "load": lambda t: Call(load, {"path": t.folder / "a.prt"}),
-    "auto_camera": lambda t: Call(evaluate.auto_camera, {"scene": t.scene}),
+    "auto_camera": lambda t: Call(scene.auto_camera, {"scene": t.scene}),
     "colour_error": plain(
         evaluate.colour_error, colours=np.ones((3, 3)), truth=np.ones((3, 3)), weights=np.ones(3)
     ),
@@ -155,6 +157,19 @@ CALLS = {
         },
         ("light None", "caster other text", "caster empty text", "bounces None"),
     ),  # fmt: skip
+    "Lighting": plain(
+        Lighting,
+        ("environment", "bounces None"),
+        environment=image(),
+        rotation=30.0,
+        strength=2.0,
+        sharp_sun=False,
+        lamps=[light.Lamp("point", (1, 2, 3))],
+        lamp_strength=3.0,
+        lamp_samples=5,
+        bounces=7,
+        exposure=1.5,
+    ),
     "relight by path": lambda t: Call(
         lambda bake, light: api.relight(bake, light, transport="exact"),
         {"bake": t.folder / "a.prt", "light": exr(t)},
@@ -172,14 +187,12 @@ CALLS = {
         {"bake": t.bake, "caster": "brute", "transport": "exact"},
         ("caster other text", "caster empty text"),
     ),
-    "on_texels": lambda t: Call(on_texels, {"bake": t.bake, "light": image(), "rotation": 3.0}),
     "environment_light": lambda t: Call(
         prt_core.environment_light,
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
         ("light None",),
     ),
-    "read_environment": lambda t: Call(api.read_environment, {"light": exr(t)}, ("light",)),
-    "open_blend": lambda t: Call(api.expect_blend, {"path": blend(t)}),
+    "open_blend": lambda t: Call(expect_blend, {"path": blend(t)}),
     "bake": lambda t: Call(
         prt_core.bake,
         {
@@ -196,8 +209,8 @@ CALLS = {
         },
         whole=False,
     ),  # fmt: skip
-    "compress_bake": lambda t: Call(
-        lambda **rest: prt_core.compress_bake(**rest, lights={"sky": image()}),
+    "compress": lambda t: Call(
+        lambda **rest: prt_core.compress(**rest, lights={"sky": image()}),
         {"bake": t.folder / "a.prt", "method": "harmonics", "tolerance": 0.5, "seed": 0},
         ("tolerance None",),
     ),

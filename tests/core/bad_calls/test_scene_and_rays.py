@@ -67,6 +67,7 @@ CALLS = {
     "camera_rays": plain(
         scene.camera_rays, ("camera",), camera=camera(), width=3, height=2, samples=1
     ),
+    "Camera": plain(scene.Camera, matrix=np.eye(4), tangent=0.5),
     "with_camera_image": with_scene(
         scene.with_camera_image,
         camera=lambda t: camera(),

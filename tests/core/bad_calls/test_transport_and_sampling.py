@@ -59,6 +59,17 @@ CALLS = {
     "Transport.block": method(
         lambda t: t.bake.transport, "block", points=np.array([0, 2]), indirect=2
     ),
+    "View": plain(
+        lambda points, **rest: transport.View(**rest).outgoing(points),
+        position=np.array([2.0, 3.0, 7.0]),
+        points=np.ones((5, 3)),
+    ),
+    "View by directions": plain(
+        lambda points, **rest: transport.View(**rest).outgoing(points),
+        ("direction negative",),
+        direction=np.ones((5, 3)),
+        points=np.zeros((5, 3)),
+    ),
     "all_bounces": lambda t: Call(
         transport.all_bounces,
         {

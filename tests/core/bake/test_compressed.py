@@ -8,14 +8,15 @@ import pytest
 
 import prt_core
 from prt_core import BakeSettings, BakeStore, Lamp, PRTError, Scene, bake_steps, load, run
-from prt_core.api import compress_bake, relight_points
-from prt_core.bake.compress import CompressSettings, compress_steps, standing_lights
+from prt_core.api import compress, relight_points
+from prt_core.bake.compress import CompressSettings, compress_steps
+from prt_core.bake.measure import standing_lights
 from prt_core.bake.report_lines import compressed_lines, trial_lines
 from prt_core.compress import Harmonics, Limits, Method, method_names, register_method
 from prt_core.compress.choice import methods
 from prt_core.compress.choice.choose import Trial
 from prt_core.light import EnvironmentMap
-from prt_core.relight.relighter import Relighter, on_texels
+from prt_core.relight import Lighting, Relighter
 from prt_core.runtime.progress import Errands, steps_beside
 from tests.meshes import plane, sphere
 
@@ -36,7 +37,7 @@ def original(tmp_path_factory):
 def chosen(original, tmp_path_factory):
     """A bake compressed by `auto`, and its facts."""
     path = shutil.copytree(original, tmp_path_factory.mktemp("auto") / "a.prt")
-    return path, compress_bake(path, tolerance=0.03, lights=standing_lights())
+    return path, compress(path, tolerance=0.03, lights=standing_lights())
 
 
 @pytest.fixture
@@ -71,7 +72,7 @@ def test_auto_says_what_it_chose_and_how_near_it_is(chosen):
 def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
     bake = load(chosen[0])
     exact = Relighter(bake, transport="exact")
-    light = on_texels(bake, SKY, 30)
+    light = SKY.to_cube_map(bake.cube_map, 30)
     np.testing.assert_array_equal(exact.relight(SKY, rotation=30), bake.transport.relight(light))
     auto = Relighter(bake)
     found = auto.relight(SKY, rotation=30)
@@ -82,7 +83,7 @@ def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
     auto.relight(SKY, rotation=200, strength=3)
     np.testing.assert_array_equal(auto.relight(SKY, rotation=30), found)
     np.testing.assert_allclose(auto.relight(SKY, rotation=30, strength=2), 2 * found, rtol=1e-6)
-    stepped = run(auto.steps(light, pace=0.01))
+    stepped = run(auto.steps(Lighting(light), pace=0.01))
     np.testing.assert_allclose(stepped, found, rtol=0.02, atol=0.02)
 
 
@@ -124,7 +125,7 @@ def test_a_form_of_another_bake_is_not_used(chosen, tmp_path):
     assert quick.used == "compressed"
     bake.transport.albedo = bake.transport.albedo * np.float32(0.5)
     np.testing.assert_array_equal(
-        quick.relight(SKY), bake.transport.relight(on_texels(bake, SKY, None))
+        quick.relight(SKY), bake.transport.relight(SKY.to_cube_map(bake.cube_map))
     )
     assert quick.used == "exact" and "another state of the bake" in quick.why
     with pytest.raises(PRTError, match="compress again"):
@@ -153,7 +154,7 @@ def test_a_damaged_form_is_said_and_not_used(chosen, tmp_path):
 
 @pytest.mark.parametrize("method", method_names())
 def test_each_method_by_its_name(baked, method):
-    facts = compress_bake(baked, method=method, tolerance=0.2, lights=standing_lights())
+    facts = compress(baked, method=method, tolerance=0.2, lights=standing_lights())
     assert facts["method"] == method and facts["tolerance_met"]
     assert {t["method"] for t in facts["trials"]} == {method}
     bake = load(baked)
@@ -163,15 +164,15 @@ def test_each_method_by_its_name(baked, method):
 
 def test_none_removes_it(chosen, tmp_path):
     path = shutil.copytree(chosen[0], tmp_path / "a.prt")
-    assert compress_bake(path, method="none") is None
+    assert compress(path, method="none") is None
     assert not list(path.glob("compressed*"))
     relighter = Relighter(load(path))
     relighter.relight(SKY)
     assert relighter.used == "exact"
     with pytest.raises(PRTError, match="takes no tolerance"):
-        compress_bake(path, method="none", tolerance=0.1)
+        compress(path, method="none", tolerance=0.1)
     with pytest.raises(PRTError, match="there is no such bake"):
-        compress_bake(tmp_path / "no.prt", method="none")
+        compress(tmp_path / "no.prt", method="none")
 
 
 def test_few_lights_must_be_nearer_than_was_asked_for():
@@ -184,15 +185,15 @@ def test_few_lights_must_be_nearer_than_was_asked_for():
 
 
 def test_size_is_kept_where_it_is_asked_for(baked):
-    large = compress_bake(baked, tolerance=0.01, method="cpca", lights=standing_lights())
+    large = compress(baked, tolerance=0.01, method="cpca", lights=standing_lights())
     limit = large["bytes"] / 3e6
-    small = compress_bake(baked, megabytes=limit, method="cpca", lights=standing_lights())
+    small = compress(baked, megabytes=limit, method="cpca", lights=standing_lights())
     assert small["bytes"] <= limit * 1e6 and small["tolerance_met"] is None
     assert small["error"] > large["error"]
 
 
 def test_a_stopped_compression_leaves_what_was_there(baked):
-    compress_bake(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
+    compress(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
     before = relight_points(load(baked), SKY)
     steps = compress_steps(load(baked), CompressSettings("cpca"), standing_lights())
     stages = []
@@ -212,7 +213,7 @@ def test_the_same_seed_gives_the_same_bytes(original, tmp_path):
     found = []
     for name in "ab":
         path = shutil.copytree(original, tmp_path / f"{name}.prt")
-        compress_bake(path, method="cpca", tolerance=0.05, seed=3, lights=standing_lights())
+        compress(path, method="cpca", tolerance=0.05, seed=3, lights=standing_lights())
         found.append(BakeStore(path))
     for name in ("labels", "bases", "weights", "shares"):
         one, two = (store.read(f"compressed1/{name}") for store in found)
@@ -226,7 +227,7 @@ def test_a_method_of_ones_own_needs_one_call(baked, monkeypatch):
         """Registered from outside."""
 
     register_method(Method("mine", Mine, lambda task: [Mine(2), Mine(6)], local=False))
-    facts = compress_bake(baked, method="mine", tolerance=0.25, lights=standing_lights())
+    facts = compress(baked, method="mine", tolerance=0.25, lights=standing_lights())
     assert facts["method"] == "mine"
     relighter = Relighter(load(baked), transport="compressed")
     relighter.relight(SKY)
@@ -277,3 +278,10 @@ def test_the_fingerprint_is_of_all_that_colours_depend_on(original):
         replace(transport, bounces=2),
     ]
     assert len({t.fingerprint() for t in [transport, *other]}) == 6
+
+
+def test_the_old_name_of_compress_is_kept_for_one_release(baked):
+    compress(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
+    with pytest.warns(DeprecationWarning, match="compress_bake is prt_core.compress now"):
+        assert prt_core.compress_bake(baked, method="none") is None
+    assert not list(baked.glob("compressed*"))

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.light import write_image
-from prt_core.scene import with_camera_image
+from prt_core.scene import Camera, with_camera_image
 from tests.meshes import caster_of, plane, sphere
 
 ROOT = Path(__file__).resolve().parents[3]
 
 LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
-CAMERA = {"matrix": np.eye(4).tolist(), "tangent": 0.5}
+CAMERA = Camera(np.eye(4), 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,9 @@ def folder(tmp_path_factory):
     world = np.ones((24, 3), np.float32)
     run(bake_steps(scene, folder / "a.prt", settings, [LAMP], world, CAMERA))
     run(bake_steps(scene, folder / "bare.prt", settings))
-    camera = {**CAMERA, "matrix": np.diag([1.0, 1, 1, 1]).tolist()}
-    camera["matrix"][2][3] = 3.0
+    above = np.eye(4)
+    above[2, 3] = 3.0
+    camera = Camera(above, 0.5)
     seen = with_camera_image(scene, caster_of(scene), camera, 3, 2, 1)
     run(bake_steps(seen, folder / "image.prt", settings))
     write_image(folder / "sky.exr", standing_lights()["low soft sun"].pixels)
@@ -175,7 +176,7 @@ BAD = {
     "relight a.prt --lamps --sharp-sun --output o.npz": "--sharp-sun: changes nothing without",
     "relight a.prt --lamps --transport exact --output o.npz": "--transport: lamps are always exact",
     "relight a.prt --light world --rotate 3 --output o.npz": "--rotate: the world's light is fixed",
-    "relight a.prt --light world --sharp-sun --output o.npz": "--sharp-sun: needs an image",
+    "relight a.prt --light world --sharp-sun --output o.npz": "--sharp-sun: needs an environ",
     "relight bare.prt --light world --output o.npz": "the bake has none",
     "relight bare.prt --lamps --output o.npz": "the baked scene had no lamps",
     "relight a.prt --light sky.exr --image o.png": "--image: this bake holds none",

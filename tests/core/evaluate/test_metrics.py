@@ -3,7 +3,7 @@ import pytest
 
 from prt_core import PRTError
 from prt_core.evaluate.metrics import colour_error
-from prt_core.evaluate.view import to_srgb
+from prt_core.evaluate.png import to_srgb
 
 
 def test_errors_are_weighed_by_area():

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from prt_core import BakeSettings, PRTError, bake_steps, compress_bake, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core import BakeSettings, PRTError, bake_steps, compress, load, run
+from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.machine import peak_bytes, reset_peak
@@ -53,7 +53,7 @@ def steps(path, settings, caster="auto", **options):
 
 
 def compressed(path, method):
-    compress_bake(path, method=method, tolerance=0.3, lights=standing_lights())
+    compress(path, method=method, tolerance=0.3, lights=standing_lights())
 
 
 def colours(path, transport="exact"):

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, PRTError, Scene, bake_steps, compress_bake, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core import BakeSettings, PRTError, Scene, bake_steps, compress, load, run
+from prt_core.bake.measure import standing_lights
 from prt_core.store import BakeStore, begin_bake, finish_bake, remove_bake
 from tests.core.store.conftest import (
     LAMPS,
@@ -63,7 +63,7 @@ def test_the_old_bake_stays_until_the_new_one_is_finished(
     baked, finished, other, another, counted, restart, share
 ):
     settings = replace(COUNTED, seed=3)
-    compress_bake(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
+    compress(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
     lit = load(baked).transport.relight(WORLD)
     whole = load(another).report["rays"]
     counted.limit = share * whole

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
+from prt_core import BakeSettings, Camera, PRTError, Scene, bake_steps, load, run
 from prt_core.cli import main
 from prt_core.store import BakeStore, read_scene, write_scene
 from tests.core.store.conftest import (
@@ -67,13 +67,9 @@ def test_a_finished_bake_is_not_touched_again(baked, bake_again):
 def test_new_lamps_and_world_are_taken_without_a_ray(scene, baked, finished):
     facts = BakeStore(baked).facts
     for world in (WORLD[::-1].copy(), None, WORLD):
-        run(
-            bake_steps(
-                scene, baked, SETTINGS, LAMPS * 2, world, {"matrix": np.eye(4), "tangent": 1}
-            )
-        )
+        run(bake_steps(scene, baked, SETTINGS, LAMPS * 2, world, Camera(np.eye(4), 1)))
         bake = load(baked)
-        assert len(bake.lamps) == 2 and bake.camera["tangent"] == 1
+        assert len(bake.lamps) == 2 and bake.camera == Camera(np.eye(4), 1)
         np.testing.assert_array_equal(bake.world, world)
         assert len(list(baked.glob("world*"))) == (world is not None)
     assert BakeStore(baked).facts["report"] == facts["report"]
@@ -93,8 +89,7 @@ def test_a_kill_before_new_lights_are_named_leaves_the_old_ones(scene, baked, mo
         ({"world": WORLD[:-1]}, "world: expected an array of shape \\(96, 3\\)"),
         ({"world": WORLD * np.nan}, "world: 288 values are NaN"),
         ({"world": WORLD + 1e30}, "world: expected values from 0 to 1e\\+15"),
-        ({"camera": {"matrix": np.eye(3), "tangent": 1}}, "camera: matrix"),
-        ({"camera": {"matrix": np.eye(4)}}, "camera: expected a dict with a matrix and a tangent"),
+        ({"camera": {"matrix": np.eye(4)}}, "camera: expected a Camera, got"),
         ({"lamps": ["bulb"]}, "lamps: expected a list of lamps"),
     ],
 )

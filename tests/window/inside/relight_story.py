@@ -110,9 +110,10 @@ def from_api():
             relighter.relight(
                 world.map,
                 rotation=turn @ world.rotation,
-                light_strength=world.strength * scene.prt.strength,
-                strength=float(2.0**scene.prt.exposure),
+                strength=world.strength * scene.prt.strength,
                 lamps=read_lamps(scene),
+                lamp_strength=1.0,
+                exposure=scene.prt.exposure,
                 lamp_samples=scene.prt.lamp_samples,
             )
         )

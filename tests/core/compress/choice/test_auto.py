@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, Mesh, PRTError, Scene, bake_steps, load, run
-from prt_core.api import compress_bake, relight_points
+from prt_core.api import compress, relight_points
 from prt_core.bake.report_lines import trial_lines
 from prt_core.compress import (
     PCA,
@@ -17,7 +17,7 @@ from prt_core.compress import (
     method_names,
     register_method,
 )
-from prt_core.compress.choice import methods
+from prt_core.compress.choice import choose, methods
 from prt_core.compress.linalg import orthonormal_columns, principal_rows
 from prt_core.compress.wavelets.limit_search import LimitSearch
 from prt_core.evaluate.bench.compress import bench_compress_steps
@@ -65,7 +65,7 @@ def test_every_method_serves_small_scenes(name, tmp_path):
     # What each method gave under lights is in the trials of `auto`.
     by_name = method_names() if name == "one triangle" else ()
     for method in ("auto", *by_name):
-        facts = compress_bake(path, method=method, tolerance=0.12, lights=SKY)
+        facts = compress(path, method=method, tolerance=0.12, lights=SKY)
         trials = facts["trials"]
         assert not any(trial["failure"] for trial in trials), trials
         wanted = method_names() if method == "auto" else [method]
@@ -125,7 +125,7 @@ def test_methods_that_fail_are_out_with_their_reasons(own, path):
         # Some fail at once, others on more points than a method's speed is first told from.
         most = 64 if name in ("mine1", "mine2") else 0
         own(name, type(name, (Failing,), {"failure": failure, "most": most}))
-    facts = compress_bake(path, tolerance=0.1, lights=SKY)
+    facts = compress(path, tolerance=0.1, lights=SKY)
     assert facts["method"] not in names and facts["tolerance_met"]
     failed = [trial for trial in facts["trials"] if trial["failure"]]
     assert {trial["method"] for trial in failed} == set(names)
@@ -157,21 +157,21 @@ def test_one_of_a_methods_settings_may_fail(own, path):
             return (yield from super().fit_steps(rows))
 
     register_method(Method("gap", Gap, lambda _: [Gap(2), Gap(3), Gap(4)], local=False))
-    facts = compress_bake(path, method="gap", tolerance=0.5, lights=SKY)
+    facts = compress(path, method="gap", tolerance=0.5, lights=SKY)
     assert facts["settings"]["order"] == 4
     assert [t["failure"] for t in facts["trials"]] == ["not three", ""]
 
 
 def test_colours_that_are_not_finite_never_replace_good_ones(own, path):
-    compress_bake(path, method="harmonics", tolerance=0.5, lights=SKY)
+    compress(path, method="harmonics", tolerance=0.5, lights=SKY)
     before = relight_points(load(path), SKY["noise"], transport="compressed")
     own("wild", Wild)
-    facts = compress_bake(path, tolerance=0.1, lights=SKY)
+    facts = compress(path, tolerance=0.1, lights=SKY)
     wild = [trial for trial in facts["trials"] if trial["method"] == "wild"]
     assert wild and all("not finite under noise" in trial["failure"] for trial in wild)
-    compress_bake(path, method="harmonics", tolerance=0.5, lights=SKY)
+    compress(path, method="harmonics", tolerance=0.5, lights=SKY)
     with pytest.raises(PRTError, match="none of 1 can compress this bake. wild: .*not finite"):
-        compress_bake(path, method="wild", tolerance=0.1, lights=SKY)
+        compress(path, method="wild", tolerance=0.1, lights=SKY)
     after = relight_points(load(path), SKY["noise"], transport="compressed")
     np.testing.assert_array_equal(before, after)
 
@@ -181,13 +181,13 @@ def test_only_where_all_fail_is_it_an_error_that_lists_the_reasons(own, path, mo
     for name in ("one", "two"):
         own(name, type(name, (Failing,), {"failure": PRTError(f"reason {name}")}))
     with pytest.raises(PRTError, match="none of 2 can .*one: reason one; two: reason two"):
-        compress_bake(path, tolerance=0.1, lights=SKY)
+        compress(path, tolerance=0.1, lights=SKY)
     assert not list(path.glob("compressed*"))
 
 
 def test_what_fails_on_all_points_gives_way_to_the_next_best(own, path, monkeypatch):
     n_points = load(path).transport.n_points
-    monkeypatch.setattr("prt_core.compress.choice.choose._POINTS", n_points // 2)
+    monkeypatch.setattr(choose, "_POINTS", n_points // 2)
 
     class Small(PCA):
         """The smallest of all, but only of few points."""
@@ -200,12 +200,12 @@ def test_what_fails_on_all_points_gives_way_to_the_next_best(own, path, monkeypa
             return (yield from super().fit_steps(rows))
 
     register_method(Method("small", Small, lambda _: [Small(64)], local=False))
-    facts = compress_bake(path, tolerance=0.1, lights=SKY)
+    facts = compress(path, tolerance=0.1, lights=SKY)
     assert facts["method"] != "small" and facts["why"].startswith("the best that is left")
     last = facts["trials"][-1]
     assert last["method"] == "small" and last["failure"] == "of all points: too many points"
     with pytest.raises(PRTError, match="small: of all points: too many points"):
-        compress_bake(path, method="small", tolerance=0.1, lights=SKY)
+        compress(path, method="small", tolerance=0.1, lights=SKY)
 
 
 def test_a_size_that_the_sample_promised_must_be_kept_by_all_points(path):
@@ -217,8 +217,8 @@ def test_a_size_that_the_sample_promised_must_be_kept_by_all_points(path):
     register_method(Method("large", Large, lambda _: [Large(2)], local=False, size=lambda *_: 1))
     try:
         with pytest.raises(PRTError, match="megabytes: 0.0001 cannot be kept; the least is .* MB"):
-            compress_bake(path, method="large", megabytes=1e-4, lights=SKY)
-        facts = compress_bake(path, method="large", megabytes=1, lights=SKY)
+            compress(path, method="large", megabytes=1e-4, lights=SKY)
+        facts = compress(path, method="large", megabytes=1, lights=SKY)
         assert facts["bytes"] > 1e2
     finally:
         methods._METHODS.pop("large")
@@ -228,7 +228,7 @@ def test_an_impossible_light_is_named_and_nothing_is_stored(path):
     with pytest.raises(PRTError, match="sun: radiance expected at most"):
         EnvironmentMap(np.full((2, 4, 3), 3e38, np.float32), "sun")
     hot = EnvironmentMap(np.full((2, 4, 3), 9e14, np.float32), "hot")
-    facts = compress_bake(path, tolerance=0.1, lights={"hot": hot})
+    facts = compress(path, tolerance=0.1, lights={"hot": hot})
     assert np.isfinite(facts["error"]) and facts["tolerance_met"]
     found = relight_points(load(path), replace(hot), transport="compressed")
     exact = relight_points(load(path), replace(hot), transport="exact")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.bake.compress import met
+from prt_core.bake.measure import met
 from prt_core.compress import (
     PCA,
     ArrayRows,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
-from prt_core.bake.compress import standing_lights
+from prt_core.bake.measure import standing_lights
 from prt_core.compress import PCA, HaarLighting, TransportRows, method_names
 from prt_core.evaluate.bench import compress as bench_compress
 from prt_core.evaluate.bench.compress import _matrix, _truth, bench_compress_steps

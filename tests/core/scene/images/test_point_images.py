@@ -7,14 +7,14 @@ import pytest
 
 from prt_core import PRTError
 from prt_core.bake import BakeSettings, bake_steps
-from prt_core.bake.images import image_steps
+from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
 from prt_core.basis import ImageWavelet
 from prt_core.compress import ImageRows, TransportRows, Wavelet4D
 from prt_core.evaluate.view import CameraRays
 from prt_core.rays import BruteForceCaster
 from prt_core.runtime.progress import run
-from prt_core.scene import Scene, geometry_layout, with_camera_image, with_geometry_image
+from prt_core.scene import Camera, Scene, geometry_layout, with_camera_image, with_geometry_image
 from tests.meshes import caster_of, plane, sphere
 
 
@@ -22,7 +22,7 @@ def camera(height, tangent):
     """Looks straight down."""
     matrix = np.eye(4)
     matrix[2, 3] = height
-    return {"matrix": matrix.tolist(), "tangent": tangent}
+    return Camera(matrix, tangent)
 
 
 def with_uv(mesh, scale=1.0):
@@ -54,7 +54,7 @@ def test_backs_that_return_no_light_are_black():
     scene = Scene.from_meshes([plane(3)])
     matrix = np.diag([1.0, -1.0, -1.0, 1.0])
     matrix[2, 3] = -4
-    below = {"matrix": matrix.tolist(), "tangent": 0.2}
+    below = Camera(matrix, 0.2)
     with pytest.raises(PRTError, match="nothing"):
         with_camera_image(scene, caster_of(scene), below, 4, 4)
     both = Scene.from_meshes([plane(3, two_sided=True)])
@@ -85,7 +85,7 @@ def test_texels_cover_the_layout_and_what_is_beside_it():
 def bake(tmp_path_factory):
     meshes = [sphere(10, 0.4, (0, 0, 0.5), name="ball", albedo=(0.8, 0.4, 0.2)), plane(13)]
     scene = Scene.from_meshes(meshes)
-    steps = image_steps(scene, meshes, camera(4.0, 0.2), "auto", (16, 12), 2, None)
+    steps = image_steps(scene, meshes, camera(4.0, 0.2), "auto", ImageSettings((16, 12)))
     path = tmp_path_factory.mktemp("bake") / "image.prt"
     scene = run(steps)
     run(bake_steps(scene, path, BakeSettings(resolution=8, caster="auto", tolerance=0.05)))
@@ -125,12 +125,13 @@ def test_wrong_images_are_refused():
     meshes = [plane()]
     scene = Scene.from_meshes(meshes)
     for arguments, message in (
-        ((camera(4, 0.2), "auto", (4, 4), 2, ("plane", 4)), "not both"),
-        ((None, "auto", (4, 4), 2, None), "no perspective camera"),
-        ((None, "auto", None, 2, ("sphere", 4)), "no object"),
-        ((camera(4, 0.2), "auto", (4, 0), 2, None), "pixels"),
-        ((camera(4, 0.2), "auto", (4, 4), 0, None), "pixel samples"),
+        ((camera(4, 0.2), (4, 4), 2, ("plane", 4)), "not both"),
+        ((None, (4, 4), 2, None), "no perspective camera"),
+        ((None, None, 2, ("sphere", 4)), "no object"),
+        ((camera(4, 0.2), (4, 0), 2, None), "pixels"),
+        ((camera(4, 0.2), (4, 4), 0, None), "pixel samples"),
     ):
         with pytest.raises(PRTError, match=message):
-            run(image_steps(scene, meshes, *arguments))
-    assert run(image_steps(scene, meshes, None, "auto", None, 2, None)) is scene
+            seen_from, *asked = arguments
+            run(image_steps(scene, meshes, seen_from, "auto", ImageSettings(*asked)))
+    assert run(image_steps(scene, meshes, None, "auto", ImageSettings())) is scene

@@ -7,7 +7,7 @@ import pytest
 
 from prt_core import PRTError
 from prt_core.bake import BakeSettings, bake_steps
-from prt_core.bake.images import image_steps
+from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
 from prt_core.rays import BruteForceCaster
 from prt_core.runtime.progress import run
@@ -230,7 +230,7 @@ def test_filled_holes_show_what_is_beside_them(tmp_path):
     height = ball.vertices[ball.corner_vertex[triangles], 2].mean(axis=1)
     bowl = replace(ball, triangle_corners=triangles[height < 0.8])
     scene = Scene.from_meshes([bowl])
-    steps = image_steps(scene, [bowl], None, "auto", None, 2, ("bowl", 12), "sphere")
+    steps = image_steps(scene, [bowl], None, "auto", ImageSettings(None, 2, ("bowl", 12), "sphere"))
     made = run(steps)
     assert any("1 holes filled" in message for message in made.messages)
     n_new = len(made.points) - len(scene.points)

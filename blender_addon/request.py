@@ -1,0 +1,92 @@
+"""The light of a scene's panel, as a value."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from prt_core import Lighting, PRTError
+from prt_core.blender.lamps import read_lamps
+from prt_core.blender.world import read_environment
+from prt_core.errors import expect
+from prt_core.sphere import rotation_matrix
+
+from .studio import studio_lights
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the panel asks for.
+
+    Attributes
+    ----------
+    lighting : Lighting
+    transport : {"auto", "exact"}
+        What `Relighter` multiplies light from far away with.
+    key : tuple
+        What the colours depend on, images by the time of their file: requests of one key look
+        the same.
+    """
+
+    lighting: Lighting
+    transport: str
+    key: tuple
+
+    def steps(self, preview, pace=None):
+        """Radiance of the bake's points; a generator of `Progress`."""
+        preview.relighter.transport = self.transport
+        return preview.relighter.steps(self.lighting, pace)
+
+
+def request(scene, samples=None, depsgraph=None):
+    """The `Request` of a scene's light as it is now.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    samples : int, optional
+        Shadow rays a lamp; default: as the panel says.
+    depsgraph : bpy.types.Depsgraph, optional
+        Where a frame that renders is evaluated: what is animated is only there.
+
+    Raises
+    ------
+    PRTError
+        The world has a node that is not understood, or a file is missing.
+    """
+    scene = scene if depsgraph is None else scene.evaluated_get(depsgraph)
+    settings = scene.prt
+    light, rotation, strength = _environment(scene)
+    lighting = Lighting(
+        light,
+        rotation=None if light is None else rotation,
+        strength=strength,
+        sharp_sun=settings.sharp_sun and light is not None,
+        lamps=read_lamps(scene, depsgraph=depsgraph) if settings.use_lamps else [],
+        lamp_strength=1.0,
+        lamp_samples=samples or settings.lamp_samples,
+        exposure=settings.exposure,
+    )
+    transport = "auto" if settings.use_compressed else "exact"
+    return Request(lighting, transport, (transport, *lighting.key))
+
+
+def _environment(scene):
+    """The environment that the panel names, its rotation and its strength."""
+    settings = scene.prt
+    rotation = rotation_matrix(float(np.degrees(settings.rotation)))
+    if settings.light == "WORLD":
+        world = read_environment(scene)
+        if world is None:
+            return None, rotation, settings.strength
+        return world.map, rotation @ world.rotation, settings.strength * world.strength
+    if settings.light == "FILE":
+        expect(settings.file, "light: choose an .exr or .hdr image")
+        light = Path(bpy.path.abspath(settings.file))
+    else:
+        expect(settings.studio, "light: Blender has no studio lights here; choose an image")
+        light = Path(studio_lights().get(settings.studio, ""))
+    if light.suffix.lower() not in {".exr", ".hdr"}:
+        raise PRTError(f"{light}: expected an .exr or .hdr image")
+    return light, rotation, settings.strength

@@ -1,0 +1,97 @@
+"""A bake in memory: what `load` returns."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from prt_core.errors import expect, expect_array
+from prt_core.scene import Camera, Scene
+from prt_core.transport import Transport
+
+
+@dataclass
+class Bake:
+    """A bake in memory.
+
+    Attributes
+    ----------
+    scene : Scene
+    transport : Transport
+    lamps : list of Lamp
+        The lamps the scene had.
+    world : (n_directions, 3) float32, or None
+        The light of the scene's world, where it was understood.
+    camera : Camera, or None
+    settings, report : dict
+    source : dict of str -> str
+        Digests of the meshes the bake was made from.
+    path : Path, or None
+        Where it was loaded from.
+    origin : dict of str -> str
+        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
+    """
+
+    scene: Scene
+    transport: Transport
+    lamps: list
+    world: np.ndarray | None
+    camera: Camera | None
+    settings: dict
+    report: dict
+    source: dict = field(default_factory=dict)
+    path: Path | None = None
+    origin: dict = field(default_factory=dict)
+
+    @property
+    def cube_map(self):
+        """`CubeMap`: the directions that were baked."""
+        return self.transport.cube_map
+
+    def make_caster(self, name="auto"):
+        """A ray caster over the bake's triangles, as `rays.make_caster` makes it."""
+        return self.scene.make_caster(name)
+
+    def colours(self, radiance):
+        """Radiance of points as colours of corners.
+
+        Parameters
+        ----------
+        radiance : (n_points, 3) float32
+
+        Returns
+        -------
+        dict of str -> (n_corners, 3) float32
+            For each object that receives, in Blender's loop order; black for corners of faces
+            without area.
+        """
+        radiance = self._radiance(radiance)
+        return {
+            item.name: np.where(
+                item.corner_point[:, None] >= 0, radiance[item.corner_point], np.float32(0)
+            )
+            for item in self.scene.objects
+            if item.receives
+        }
+
+    def image(self, radiance):
+        """The image that was baked: (height, width, 3) float32, linear.
+
+        Parameters
+        ----------
+        radiance : (n_points, 3) float32
+
+        Raises
+        ------
+        PRTError
+            The bake has no image.
+        """
+        expect(
+            self.scene.image is not None,
+            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+        )
+        return self.scene.image.pixels(self._radiance(radiance))
+
+    def _radiance(self, radiance):
+        shape = self.transport.n_points, 3
+        return expect_array("radiance", radiance, shape, np.float32)

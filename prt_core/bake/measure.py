@@ -1,0 +1,96 @@
+"""How near a compressed form is, how large and how quick, under lights that are new to it."""
+
+import time
+
+import numpy as np
+
+from prt_core.compress import border_pairs, neighbour_pairs, seam
+from prt_core.compress.choice.choose import WORST, relative_l2
+from prt_core.errors import expect
+from prt_core.light import EnvironmentMap
+from prt_core.runtime.progress import Progress, beside
+
+# Degrees about z, other than those of the lights that a method is chosen under.
+_ROTATIONS = 65.0, 185.0, 305.0
+
+
+def measure_steps(bake, made, turning, lights):
+    """Errors and times of a compressed form under turned lights; a generator of `Progress`.
+
+    Returns
+    -------
+    dict
+        bytes, bits_a_coefficient, milliseconds (median), milliseconds_worst, error (mean), worst,
+        worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
+    """
+    transport, points = bake.transport, bake.scene.points
+    quick = yield from beside("measure", made.relighter, transport)
+    labels = getattr(made.model, "labels_", None)
+    border = None
+    if labels is not None:
+        pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
+        border = border_pairs(labels, pairs)
+    errors, spent, seams = {}, [], [0.0]
+
+    def one(name, turn):
+        light = turning[name].at(turn)
+        start = time.perf_counter()
+        found = quick.relight(light)
+        spent.append(time.perf_counter() - start)
+        # The exact side takes the environment the exact way, so turning is measured as well.
+        truth = transport.relight(lights[name].to_cube_map(bake.cube_map, turn))
+        errors[f"{name} at {turn:g}°"] = relative_l2(found, truth)
+        if border is not None:
+            seams.append(seam(found, truth, border)["largest"])
+
+    total = len(lights) * len(_ROTATIONS)
+    for name in lights:
+        for turn in _ROTATIONS:
+            yield from beside("measure", one, name, turn)
+            yield Progress("measure", len(errors), total)
+    bad = [name for name, error in errors.items() if not np.isfinite(error)]
+    expect(
+        not bad,
+        f"method: the colours of {made.method} are not finite under {', '.join(bad)}; leave such "
+        "lights out, or choose another method. Nothing was stored",
+    )
+    worst = max(errors, key=errors.get)
+    model = made.model
+    return {
+        "bytes": int(model.nbytes),
+        "bits_a_coefficient": 8 * model.nbytes / (3 * transport.n_points * transport.n_directions),
+        "milliseconds": 1e3 * float(np.median(spent)),
+        "milliseconds_worst": 1e3 * max(spent),
+        "error": float(np.mean(list(errors.values()))),
+        "worst": errors[worst],
+        "worst_light": worst,
+        "lights": total,
+        "matrix_l2": getattr(model, "matrix_error_", None),
+        "seam": max(seams),
+    }
+
+
+def met(limits, found):
+    """Whether what was measured keeps what was asked for; None where no tolerance was."""
+    if limits.tolerance is None:
+        return None
+    most = WORST * limits.tolerance
+    return bool(found["error"] <= limits.tolerance and found["worst"] <= most)
+
+
+def standing_lights():
+    """Skies for where no images are at hand: even, with a soft sun, and with a hard one."""
+    height = 64
+    z = np.sin(np.pi / 2 - (np.arange(height) + 0.5) / height * np.pi)[:, None]
+    angle = np.pi - (np.arange(2 * height) + 0.5) / height * np.pi
+    radius = np.sqrt(1 - z * z)
+    ways = np.stack([radius * np.cos(angle), radius * np.sin(angle), z + 0 * angle], axis=-1)
+    sky = (0.6 + 0.4 * z + 0 * angle)[..., None] * np.array([0.6, 0.8, 1.0])
+    lights = {"even sky": sky}
+    for name, toward, sharpness, power in (
+        ("low soft sun", (0.8, 0.3, 0.52), 40, 8),
+        ("high hard sun", (-0.3, -0.4, 0.87), 2000, 400),
+    ):
+        lobe = np.exp(sharpness * (ways @ toward / np.linalg.norm(toward) - 1))
+        lights[name] = 0.5 * sky + power * lobe[..., None] * np.array([1.0, 0.9, 0.7])
+    return {name: EnvironmentMap(p.astype(np.float32), name) for name, p in lights.items()}

@@ -1,0 +1,139 @@
+"""Light from far away in one bake: read once, turned quickly, and what points get of it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from prt_core.errors import expect, system_errors
+from prt_core.light import EnvironmentMap, TurningLight, split_sun
+from prt_core.light.environment import expect_radiance, expect_strength
+
+# Images, and lights to be turned, that stay in memory at once.
+_MOST_IMAGES = 4
+
+
+class Environments:
+    """Environments of one bake, kept until others push them out.
+
+    Parameters
+    ----------
+    bake : Bake
+    """
+
+    def __init__(self, bake):
+        self._bake = bake
+        self.close()
+
+    def close(self):
+        """Let go of everything."""
+        self._images, self._turning, self._last = {}, {}, (None, None)
+
+    def read(self, lighting):
+        """What a `Lighting` has of light from far away, as something that can be put on texels.
+
+        Returns
+        -------
+        EnvironmentMap, (n_directions, 3) float32, or None
+            An image, the light of the baked world, or light on the directions.
+        """
+        light = lighting.environment
+        if lighting.is_world:
+            light = self._bake.world
+            expect(
+                light is not None,
+                "light 'world': the bake has none, its world was not understood; give an image",
+            )
+        elif isinstance(light, Path):
+            light = self._image(light)
+        elif light is not None and not lighting.is_image:
+            light = expect_radiance("light", light, self._bake.cube_map)
+        if light is not None:
+            name = light.name if lighting.is_image else "light"
+            values = light.pixels if lighting.is_image else light
+            expect_strength(name, values, lighting.strength)
+        return light
+
+    def _image(self, path):
+        with system_errors(path):
+            stamp = path.stat().st_mtime_ns if path.is_file() else None
+        if (path, stamp) not in self._images:
+            while len(self._images) >= _MOST_IMAGES:
+                self._images.pop(next(iter(self._images)))
+            self._images[path, stamp] = EnvironmentMap.read(path)
+        return self._images[path, stamp]
+
+    def distant(self, light, lighting, quick=None):
+        """What light from far away gives at strength 1, and the sun that is left out of it.
+
+        Parameters
+        ----------
+        light : EnvironmentMap, (n_directions, 3) float32 or None
+            What `read` returns.
+        lighting : Lighting
+            How it is turned, and whether its sun is left out.
+        quick : object, optional
+            What relights a compressed form.
+
+        Returns
+        -------
+        (n_points, 3) float32, or None
+            What every point receives; with a compressed form, what it sends out.
+        BrightPixels, or None
+        """
+        if light is None:
+            return None, None
+        matrix, sharp = lighting.matrix, lighting.sharp_sun
+        key, kept = self._last
+        made_from = (matrix.tobytes(), sharp, quick)
+        same = key is not None and key[0] is light and key[1:] == made_from
+        # An array that was given may have other values by now.
+        lasting = isinstance(light, EnvironmentMap) or light is self._bake.world
+        if not same or not lasting:
+            if quick is not None:
+                radiance, sun = self._turned(light, matrix, sharp)
+                kept = quick.relight(radiance), sun
+            else:
+                rest, sun = split_sun(light, matrix) if sharp else (light, None)
+                kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun
+            self._last = (light, *made_from), kept
+        return kept
+
+    def _turned(self, light, matrix, sharp_sun):
+        """Light on texels, and its sun; an environment is cut into parts once."""
+        if not isinstance(light, EnvironmentMap):
+            return light, None
+        key = id(light), sharp_sun
+        if key not in self._turning:
+            rest, sun = split_sun(light) if sharp_sun else (light, None)
+            while len(self._turning) >= _MOST_IMAGES:
+                self._turning.pop(next(iter(self._turning)))
+            # The environment is kept with it, so that its id stays its own.
+            self._turning[key] = light, TurningLight(rest, self._bake.cube_map), sun
+        _, turning, sun = self._turning[key]
+        return turning.at(matrix), sun and replace(sun, rotation=matrix)
+
+    def on_texels(self, lighting):
+        """(n_directions, 3) float32 radiance of what a `Lighting` has of light from far away.
+
+        None where it has only lamps.
+        """
+        light = self.read(lighting)
+        if light is None:
+            return None
+        return self._on_texels(light, lighting.matrix) * np.float32(lighting.strength)
+
+    def _on_texels(self, light, matrix):
+        image = isinstance(light, EnvironmentMap)
+        return light.to_cube_map(self._bake.cube_map, matrix) if image else light
+
+    def sky(self, lighting):
+        """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.
+
+        None, which is black, where a `Lighting` has no image.
+        """
+        if not lighting.is_image:
+            return None
+        image, turned_back = self.read(lighting), lighting.matrix
+        factor = np.float32(lighting.strength * lighting.exposure_factor)
+        return lambda directions: image.sample(directions @ turned_back) * factor

@@ -1,0 +1,135 @@
+"""What a stored compressed form is, how it is read, and what relights from it."""
+
+from dataclasses import dataclass, field
+
+from prt_core.compress import method_named, method_names
+from prt_core.errors import PRTError, expect, system_errors
+from prt_core.store import AGAIN, BakeStore, compressed_facts, damage_said, read_compressed
+
+
+@dataclass
+class Compressed:
+    """A compressed form in memory.
+
+    Attributes
+    ----------
+    method : str
+    model : Compressor
+        Fitted.
+    facts : dict
+        Settings, size, error and time (see `compress_steps`).
+    """
+
+    method: str
+    model: object
+    facts: dict = field(default_factory=dict)
+
+    def relighter(self, transport):
+        """What relights it: `relight(light)` gives radiance, all bounces included."""
+        return method_named(self.method).relighter(self.model, transport)
+
+
+def load_compressed(bake):
+    """The compressed form of a bake, or why there is none to use.
+
+    Returns
+    -------
+    Compressed or None, str
+        None where there is none or it is of another bake: the string says so.
+
+    Raises
+    ------
+    PRTError
+        It is damaged.
+    """
+    if bake.path is None:
+        return None, "the bake is not on disk"
+    with system_errors(bake.path):
+        return _load(bake)
+
+
+def _load(bake):
+    store = BakeStore(bake.path)
+    facts = compressed_facts(store)
+    if facts is None:
+        return None, "there is no compressed form; make one with 'prt compress'"
+    if facts.get("method") not in method_names():
+        return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
+    if facts.get("fingerprint") != bake.transport.fingerprint():
+        return None, f"the compressed form is of another state of the bake; {AGAIN}"
+    state = read_compressed(store, facts)
+    expect(
+        (state.get("n_points"), state.get("n_directions")) == bake.transport.shape,
+        f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
+    )
+    with damage_said(bake.path, "its compressed form", AGAIN):
+        model = method_named(facts["method"]).kind.from_state(state)
+    return Compressed(facts["method"], model, facts), ""
+
+
+class FormInUse:
+    """The compressed form that one bake is relit from, read when it is first needed.
+
+    Parameters
+    ----------
+    bake : Bake
+
+    Attributes
+    ----------
+    why : str
+        Why it was not used the last time; empty where it was.
+    """
+
+    def __init__(self, bake):
+        self._bake, self.why = bake, ""
+        self.close()
+
+    def close(self):
+        """Let go of it."""
+        self._form = None
+
+    @property
+    def is_read(self):
+        """Whether it is known if there is one."""
+        return self._form is not None
+
+    def read(self):
+        """The `Compressed` form, or None: then `why` says why not."""
+        transport = self._bake.transport
+        # Materials may be replaced after the bake: then the form is of another one.
+        if self._form is None or (
+            self._form[0] is not None and self._form[2] is not transport.albedo
+        ):
+            found, self.why = load_compressed(self._bake)
+            quick = None if found is None else found.relighter(transport)
+            self._form = found, quick, transport.albedo
+        return self._form[0]
+
+    def relighter(self, transport, bounces):
+        """What relights it; None where the exact way is to be taken.
+
+        Parameters
+        ----------
+        transport : {"auto", "compressed"}
+            Whether the exact way may be taken.
+        bounces
+            As `Relighter` takes them.
+        """
+        try:
+            found = self.read()
+        except PRTError as error:
+            if transport == "compressed":
+                raise
+            found, self.why = None, str(error)
+            self._form = None, None, self._bake.transport.albedo
+        applies = bounces in ("baked", self._bake.transport.bounces)
+        if found is not None and not applies:
+            found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        expect(
+            found is not None or transport != "compressed",
+            f"transport: the compressed form cannot be used: {self.why}",
+        )
+        if found is None:
+            return None
+        self.why = ""
+        return self._form[1]

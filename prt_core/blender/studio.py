@@ -6,7 +6,6 @@ import bpy
 
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
-from prt_core.light.environment import read_environment
 from prt_core.light.images import reads_in_threads
 
 # A hard sun over a street, an even sky between walls, and the small windows of a room.
@@ -36,4 +35,8 @@ def studio_images():
 
 def studio_lights(images, cube_map):
     """{name: (n_directions, 3) float32} of `studio_images`; in any thread."""
-    return {name: read_environment(image).to_cube_map(cube_map) for name, image in images.items()}
+    lights = {}
+    for name, image in images.items():
+        read = image if isinstance(image, EnvironmentMap) else EnvironmentMap.read(image)
+        lights[name] = read.to_cube_map(cube_map)
+    return lights

@@ -22,6 +22,7 @@ from prt_core.compress.choice.choose import (
     Trial,
     describe,
     none_left,
+    radiance_of,
     reason_of,
     relative_l2,
     relit,
@@ -112,7 +113,7 @@ class Compressed:
     facts: dict = field(default_factory=dict)
 
     def relighter(self, transport):
-        """What relights it: `relight(light)` gives radiance, all bounces included."""
+        """What is quickest of it: `product(light)` is what points receive, with all bounces."""
         return method_named(self.method).relighter(self.model, transport)
 
 
@@ -270,7 +271,7 @@ def _better(trial, other, limits):
 
 def _measured(made, transport, lights, truths, rung):
     quick = made.relighter(transport)
-    errors, spent = relit(quick, lights, truths)
+    errors, spent = relit(quick, transport, lights, truths)
     megabytes = made.model.nbytes / 1e6
     error, settings = float(np.mean(errors)), describe(made.model)
     return Trial(made.method, settings, rung, error, max(errors), megabytes, 1e3 * spent, 0.0)
@@ -297,7 +298,7 @@ def measure_steps(bake, made, turning, lights):
     def one(name, turn):
         light = turning[name].at(turn)
         start = time.perf_counter()
-        found = quick.relight(light)
+        found = radiance_of(quick, transport, light)
         spent.append(time.perf_counter() - start)
         # The exact side takes the environment the exact way, so turning is measured as well.
         truth = transport.relight(lights[name].to_cube_map(bake.cube_map, turn))

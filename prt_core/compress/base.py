@@ -1,4 +1,8 @@
-"""What every compressor offers: scikit-learn's conventions, relighting, and its size."""
+"""What every compressor offers: scikit-learn's conventions, its product with a light, its size.
+
+A form holds what points receive, rows as they are; what a surface makes of that is not its matter
+(see `ExitRadiance`).
+"""
 
 from abc import ABC, abstractmethod
 from copy import copy
@@ -7,7 +11,7 @@ import numpy as np
 
 from prt_core.compress.parameters import Parameters
 from prt_core.compress.rows import ArrayRows, Rows
-from prt_core.compress.state import array_of, value_of
+from prt_core.compress.state import value_of
 from prt_core.errors import expect, expect_array, expect_kind, expect_numbers
 from prt_core.light.environment import BRIGHTEST
 from prt_core.runtime.progress import run
@@ -17,7 +21,7 @@ class Compressor(Parameters, ABC):
     """Base of the compressors: parameters in `__init__`, results with a trailing underscore.
 
     A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes,
-    `_relight(light)` and `nbytes`; it calls `_fitted(rows)` once its attributes are set. `_state`
+    `_product(light)` and `nbytes`; it calls `_fitted(rows)` once its attributes are set. `_state`
     and `_restore` let it be kept in a store.
     """
 
@@ -47,8 +51,8 @@ class Compressor(Parameters, ABC):
     def fit_steps(self, rows):
         """`fit` as a generator of `Progress`; closing it cancels."""
 
-    def relight(self, light):
-        """Colours under a light.
+    def product(self, light):
+        """The compressed matrix times a light: what points receive, with all that the rows hold.
 
         Parameters
         ----------
@@ -58,7 +62,11 @@ class Compressor(Parameters, ABC):
         -------
         (n_points, n_channels) float32
         """
-        return self._relight(self._as_light(light))
+        return self._product(self._as_light(light))
+
+    @abstractmethod
+    def _product(self, light):
+        """`product` with a light that was checked."""
 
     def _as_light(self, light):
         """A light that this form can be lit by, (n_directions, n_channels) float32."""
@@ -71,7 +79,7 @@ class Compressor(Parameters, ABC):
     def state(self):
         """Everything that `from_state` needs: a dict of arrays and of values that JSON knows."""
         self._expect_fitted()
-        state = {
+        return {
             "params": self.get_params(),
             "n_points": self.n_points_,
             "n_directions": self.n_directions_,
@@ -79,7 +87,6 @@ class Compressor(Parameters, ABC):
             "resolution": self.resolution_,
             **self._state(),
         }
-        return state if self.gain_ is None else {**state, "gain": self.gain_}
 
     @classmethod
     def from_state(cls, state):
@@ -95,8 +102,6 @@ class Compressor(Parameters, ABC):
         for name in ("n_points", "n_directions", "n_channels"):
             setattr(model, name + "_", value_of(state, name, int))
         model.resolution_ = value_of(state, "resolution", lambda n: None if n is None else int(n))
-        shape = model.n_points_, model.n_channels_
-        model.gain_ = array_of(state, "gain", shape, "float32") if "gain" in state else None
         model._restore(state)
         return model
 
@@ -111,12 +116,11 @@ class Compressor(Parameters, ABC):
     @property
     @abstractmethod
     def nbytes(self):
-        """Bytes of everything that relighting reads."""
+        """Bytes of everything that a product reads."""
 
     def _fitted(self, rows):
         self.n_points_, self.n_directions_ = rows.n_points, rows.n_directions
         self.n_channels_, self.resolution_ = rows.n_channels, rows.resolution
-        self.gain_ = rows.gain
         return self
 
     def _expect_fitted(self):

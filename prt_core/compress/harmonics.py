@@ -24,7 +24,7 @@ class Harmonics(Compressor):
     Attributes
     ----------
     coefficients_ : (n_points, order^2, n_channels) float32
-        What each point sends out under a light that is one harmonic.
+        What each point receives under a light that is one harmonic.
     """
 
     def __init__(self, order=5):
@@ -58,24 +58,26 @@ class Harmonics(Compressor):
         """Coefficients of a light: (order^2, n_channels) float64."""
         return self._integrals.T @ self._as_light(light).astype(np.float64)
 
-    def relight_coefficients(self, coefficients, rotation=None):
-        """Colours under a light given by coefficients, turned by `rotation` (degrees or matrix)."""
+    def product_of_coefficients(self, coefficients, rotation=None):
+        """`product` with a light given by coefficients, turned by `rotation` (degrees or matrix).
+
+        Returns (n_points, n_channels) float32.
+        """
         self._expect_fitted()
         if rotation is not None:
             turn = rotation_of_harmonics(rotation_matrix(rotation), self.order)
             coefficients = turn @ coefficients
         shape = self.order**2, self.n_channels_
         values = expect_array("coefficients", coefficients, shape, np.float32)
-        result = np.einsum("nkc,kc->nc", self.coefficients_, values)
-        return result if self.gain_ is None else result * self.gain_
+        return np.einsum("nkc,kc->nc", self.coefficients_, values)
 
     @property
     def nbytes(self):
         self._expect_fitted()
-        return self.coefficients_.nbytes + (0 if self.gain_ is None else self.gain_.nbytes)
+        return self.coefficients_.nbytes
 
-    def _relight(self, light):
-        return self.relight_coefficients(self.project(light))
+    def _product(self, light):
+        return self.product_of_coefficients(self.project(light))
 
     def _state(self):
         return {"coefficients": self.coefficients_}
@@ -111,13 +113,12 @@ class Irradiance(Compressor):
     @property
     def nbytes(self):
         self._expect_fitted()
-        return self.weights_.nbytes + (0 if self.gain_ is None else self.gain_.nbytes)
+        return self.weights_.nbytes
 
-    def _relight(self, light):
+    def _product(self, light):
         coefficients = (self._integrals.T @ np.asarray(light, np.float64)).astype(np.float32)
         # Nine terms overshoot below zero behind a hard light.
-        result = np.maximum(self.weights_ @ coefficients, 0)
-        return result if self.gain_ is None else result * self.gain_
+        return np.maximum(self.weights_ @ coefficients, 0)
 
     def _state(self):
         return {"weights": self.weights_}

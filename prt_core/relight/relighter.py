@@ -146,23 +146,21 @@ class Relighter:
             unread = pace and self._form is None
             quick = yield from maybe_beside(unread, "compressed form", self._quick, bounces)
         self.used = "exact" if quick is None else "compressed"
-        work = (self._distant, light, rotation, sharp_sun, quick)
+        work = (self._distant, light, rotation, sharp_sun, quick, strength * light_strength)
         distant, sun = (yield from beside("light", *work)) if pace else work[0](*work[1:])
         chosen += [sun] if sun is not None else []
         parts = yield from self._lamp_parts(chosen, lamp_samples, pace)
         factors = [strength] * len(parts)
         if sun is not None:
             factors[-1] *= light_strength
-        sent = None
-        if quick is not None:
-            sent = distant * np.float32(strength * light_strength)
-            if not parts:
-                return sent
-        elif distant is not None:
+        if distant is not None and quick is None:
             parts, factors = [distant, *parts], [strength * light_strength, *factors]
-        work = (self._radiance, parts, factors, bounces)
-        radiance = (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
-        return radiance if sent is None else radiance + sent
+        received = distant
+        if parts or quick is None:
+            work = (self._with_bounces, parts, factors, bounces)
+            received = (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
+            received = received if quick is None else received + distant
+        return self.bake.transport.exit_radiance(received).toward()
 
     def compressed(self):
         """The `Compressed` form that would be used, or None: then `why` says why not."""
@@ -223,21 +221,22 @@ class Relighter:
             self._images[path, stamp] = EnvironmentMap.read(path)
         return self._images[path, stamp]
 
-    def _distant(self, light, rotation, sharp_sun, quick):
-        """Of light from far away at strength 1, and the sun left out of it.
+    def _distant(self, light, rotation, sharp_sun, quick, strength):
+        """What every point receives of light from far away, and the sun left out of it.
 
-        What every point receives; with a compressed form, what it sends out.
+        At strength 1 and before it bounces; with a compressed form, whose rows hold the bounces,
+        after them, and so at the `strength` asked for: on every way strength is the light's.
         """
         if light is None:
             return None, None
         key, kept = self._environment
         turned = rotation_matrix(rotation).tobytes()
-        made_from = (turned, sharp_sun, quick)
+        made_from = (turned, sharp_sun, quick, None if quick is None else strength)
         same = key is not None and key[0] is light and key[1:] == made_from
         if not same or not isinstance(light, EnvironmentMap | str):
             if quick is not None:
                 radiance, sun = self._turned(light, rotation, sharp_sun)
-                kept = quick.relight(radiance), sun
+                kept = quick.product(radiance * np.float32(strength)), sun
             else:
                 sun, rest = None, light
                 if sharp_sun:
@@ -283,11 +282,11 @@ class Relighter:
             self._caster = self.bake.make_caster(self._caster_name)
         return self._caster
 
-    def _radiance(self, parts, factors, bounces):
+    def _with_bounces(self, parts, factors, bounces):
         total = np.zeros((self.bake.transport.n_points, 3), np.float32)
         for part, factor in zip(parts, factors, strict=True):
             total += part if factor == 1 else part * np.float32(factor)
-        return self.bake.transport.bounce(total, bounces)
+        return self.bake.transport.with_bounces(total, bounces)
 
     def close(self):
         """Let go of everything."""

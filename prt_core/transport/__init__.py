@@ -1,7 +1,8 @@
 """How light travels: visibility as bits, the gather operator K, and the factored transport."""
 
-from prt_core.transport.bounce import all_bounces
+from prt_core.transport.bounce import all_bounces, received_with_bounces
 from prt_core.transport.details import detail_steps
+from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.gather import (
     gather_directions,
     gather_hits,
@@ -16,6 +17,7 @@ from prt_core.transport.transport import Transport
 from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
+    "ExitRadiance",
     "Sharing",
     "Transport",
     "all_bounces",
@@ -28,6 +30,7 @@ __all__ = [
     "lamp_steps",
     "ray_ends",
     "received_light",
+    "received_with_bounces",
     "reference_rows",
     "visibility_bits",
 ]

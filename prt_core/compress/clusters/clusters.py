@@ -170,9 +170,9 @@ class ClusterCompressor(Compressor):
         """Of means, bases, weights and order."""
         self._expect_fitted()
         arrays = sum(a.mean.nbytes + a.basis.nbytes + a.weights.nbytes for a in self.affine_)
-        return arrays + len(self.order_) * 4 + (0 if self.gain_ is None else self.gain_.nbytes)
+        return arrays + len(self.order_) * 4
 
-    def _relight(self, light):
+    def _product(self, light):
         values = np.empty((len(self.order_), self.n_channels_), np.float32)
         vectors = np.concatenate([part for a in self.affine_ for part in (a.mean[None], a.basis)])
         products = self.code_.products(vectors, self.code_.light(light))
@@ -181,8 +181,7 @@ class ClusterCompressor(Compressor):
             mean, basis = products[first], products[first + 1 : first + 1 + len(affine.basis)]
             first += 1 + len(affine.basis)
             values[self.starts_[c] : self.starts_[c + 1]] = mean + affine.weights @ basis
-        result = blended(values, self.place_, self.guests_, self.shares_)
-        return result if self.gain_ is None else result * self.gain_
+        return blended(values, self.place_, self.guests_, self.shares_)
 
     def _state(self):
         models = self.affine_

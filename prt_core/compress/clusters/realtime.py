@@ -69,8 +69,11 @@ class ClusterRelighter:
         if self.n_exact:
             self._plan_bits(transport)
 
-    def relight(self, light):
-        """(n_points, n_channels) float32 under (n_directions, n_channels) light."""
+    def product(self, light):
+        """(n_points, n_channels) float32 under (n_directions, n_channels) light.
+
+        See `Compressor.product`.
+        """
         model = self.model
         shape = model.n_directions_, model.n_channels_
         light = expect_array("light", light, shape, np.float32, -BRIGHTEST, BRIGHTEST)
@@ -85,8 +88,6 @@ class ClusterRelighter:
         result = self._blend @ self._slots
         if bright is not None:
             result += self._lit
-        if self.model.gain_ is not None:
-            result *= self.model.gain_
         return result
 
     def _begin(self, work, jobs):
@@ -119,7 +120,6 @@ class ClusterRelighter:
         """Bytes of what is read when relighting, the visibility bits included."""
         blend = self._blend
         arrays = [blend.data, blend.indices, blend.indptr, self._slots, *self._bases]
-        arrays += [] if self.model.gain_ is None else [self.model.gain_]
         arrays += [batch.weights for batch in self._batches]
         arrays += [self._bits] if self.n_exact else []
         return sum(array.nbytes for array in arrays)

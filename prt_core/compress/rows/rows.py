@@ -1,7 +1,7 @@
 """What compressors read: rows of a transport matrix, in blocks, as feature vectors.
 
 A row is a small matrix, (n_directions, n_channels); whether its directions are texels of a cube
-map or anything else matters only where `resolution` says so. Colours are `gain * (row . light)`.
+map or anything else matters only where `resolution` says so.
 """
 
 from abc import ABC, abstractmethod
@@ -40,12 +40,9 @@ class Rows(ABC):
     n_points, n_directions, n_channels : int
     resolution : int or None
         Of the cube map whose texels the directions are, else None.
-    gain : (n_points, n_channels) float32 or None
-        Factors of the colours that are not part of the rows.
     """
 
     resolution = None
-    gain = None
 
     @abstractmethod
     def block(self, points):
@@ -98,10 +95,10 @@ class ArrayRows(Rows):
 class TransportRows(Rows):
     """Rows of a baked transport, with all bounces, without the albedo of the point itself.
 
-    `R = D + K T` is what a point receives for unit radiance from each texel, so that colours are
-    albedo * (R . light): textures stay exact and are not compressed. D is exact and the same in
-    every channel; the light between surfaces, K T, is smooth and held as a product of thin
-    factors, so that its features are few.
+    `R = D + K T` is what a point receives for unit radiance from each texel; colours are albedo
+    times that (see `ExitRadiance`), so that textures stay exact and are not compressed. D is exact
+    and the same in every channel; the light between surfaces, K T, is smooth and held as a product
+    of thin factors, so that its features are few.
 
     Parameters
     ----------
@@ -121,7 +118,6 @@ class TransportRows(Rows):
         self.n_points, self.n_directions = transport.shape
         self.n_channels = 3
         self.resolution = transport.cube_map.resolution
-        self.gain = transport.albedo
         self.rank, self.natural, self.seed = rank, natural, seed
         self._prepared = None
 
@@ -200,7 +196,6 @@ class SomeRows(Rows):
         self.rows, self.points, self._features = rows, points, None
         self.n_points, self.n_directions = len(self.points), rows.n_directions
         self.n_channels, self.resolution = rows.n_channels, rows.resolution
-        self.gain = None if rows.gain is None else rows.gain[self.points]
 
     @property
     def code(self):

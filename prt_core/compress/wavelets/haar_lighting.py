@@ -106,23 +106,22 @@ class HaarLighting(Compressor):
         return heaviest(weight, n_terms)
 
     def products(self, chosen, coefficients):
-        """(n_points, n_channels) float32: colours of the `chosen` wavelets' `coefficients`."""
+        """(n_points, n_channels) float32: received of the `chosen` wavelets' `coefficients`."""
         result = np.zeros((self.n_points_, self.n_channels_), np.float32)
         for shares, columns in zip(self._mix, self.columns_, strict=True):
             light = coefficients[chosen] * (shares * self.step_)
             used = np.flatnonzero(shares)
             some = columns[:, chosen].astype(np.float32)
             result[:, used] += some @ np.ascontiguousarray(light[:, used], np.float32)
-        return result if self.gain_ is None else result * self.gain_
+        return result
 
     @property
     def nbytes(self):
         """Of the sparse columns: a value and a row for each coefficient."""
         self._expect_fitted()
-        arrays = sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in self.columns_)
-        return arrays + (0 if self.gain_ is None else self.gain_.nbytes)
+        return sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in self.columns_)
 
-    def _relight(self, light):
+    def _product(self, light):
         return self.products(*self.terms(light))
 
     def _state(self):
@@ -166,7 +165,7 @@ class HaarLighting(Compressor):
 
 
 class IncrementalLighting:
-    """Relights frame after frame by what changed (Overbeck et al. 2006).
+    """Products frame after frame by what changed (Overbeck et al. 2006).
 
     Each frame spends its terms on the wavelets whose difference to what is already in the
     picture matters most; while the light stands still the picture converges to the exact one.
@@ -187,16 +186,16 @@ class IncrementalLighting:
         self.model, self.n_terms = model, n_terms or model.n_terms
         self.shown = np.zeros((model.n_directions_, model.n_channels_), np.float32)
         # In float64: thousands of small differences add up.
-        self._colours = np.zeros((model.n_points_, model.n_channels_))
+        self._received = np.zeros((model.n_points_, model.n_channels_))
 
-    def relight(self, light):
+    def product(self, light):
         """(n_points, n_channels) float32 after one more frame under `light`."""
         wanted = self.model.transform_light(light)
         difference = wanted - self.shown
         chosen = self.model.choose(difference, self.n_terms)
-        self._colours += self.model.products(chosen, difference)
+        self._received += self.model.products(chosen, difference)
         self.shown[chosen] = wanted[chosen]
-        return self._colours.astype(np.float32)
+        return self._received.astype(np.float32)
 
 
 def _sparse(values):

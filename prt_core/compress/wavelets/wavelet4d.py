@@ -242,12 +242,11 @@ class Wavelet4D(Compressor):
     @property
     def nbytes(self):
         """Of the columns (places, values, sizes, counts, names), the order and features of the
-        points, the weights of the wavelets and the gain."""
+        points, and the weights of the wavelets."""
         self._expect_fitted()
         result = sum(packed.nbytes for _, packed in self._groups)
         result += sum(array.nbytes for array in _points_state(self._transform).values())
-        result += self.importance_.nbytes
-        return result + (0 if self.gain_ is None else self.gain_.nbytes)
+        return result + self.importance_.nbytes
 
     def choose(self, light):
         """The wavelets that a light is cut to: those that weigh most in the colours.
@@ -271,7 +270,7 @@ class Wavelet4D(Compressor):
         result[chosen] = coefficients[chosen]
         return result
 
-    def _relight(self, light):
+    def _product(self, light):
         coefficients = self.choose(light)
         weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
         quantised = self.scaling if self.bits is not None else "none"
@@ -287,7 +286,7 @@ class Wavelet4D(Compressor):
         )
         result = np.empty((self.n_points_, self.n_channels_), np.float32)
         result[self._order] = np.sum(parts, axis=0).T
-        return result if self.gain_ is None else result * self.gain_
+        return result
 
     def state(self):
         state = super().state()

@@ -18,7 +18,7 @@ def fitted(kind, **params):
 
     def call(rows, light, **changed):
         model = kind(**{**params, **changed}).fit(rows)
-        return model.relight(light)
+        return model.product(light)
 
     return call
 
@@ -86,7 +86,7 @@ CALLS = {
         {"rows": compress.TransportRows(t.bake.transport), "light": t.light},
     ),
     "IncrementalLighting": lambda t: Call(
-        lambda model, n_terms, light: compress.IncrementalLighting(model, n_terms).relight(light),
+        lambda model, n_terms, light: compress.IncrementalLighting(model, n_terms).product(light),
         {
             "model": compress.HaarLighting().fit(compress.ArrayRows(some_rows(), RESOLUTION)),
             "n_terms": 3,
@@ -95,7 +95,7 @@ CALLS = {
         ("n_terms None",),
     ),  # fmt: skip
     "ClusterRelighter": lambda t: Call(
-        lambda light, **rest: compress.ClusterRelighter(**rest).relight(light),
+        lambda light, **rest: compress.ClusterRelighter(**rest).product(light),
         {
             "model": compress.PCA(2).fit(compress.TransportRows(t.bake.transport)),
             "transport": t.bake.transport,

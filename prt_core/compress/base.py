@@ -11,8 +11,9 @@ import numpy as np
 
 from prt_core.compress.parameters import Parameters
 from prt_core.compress.rows import ArrayRows, Rows
+from prt_core.compress.rows.row_code import expect_reads
 from prt_core.compress.state import value_of
-from prt_core.errors import expect, expect_array, expect_kind, expect_numbers
+from prt_core.errors import expect, expect_array, expect_kind, expect_numbers, expect_whole
 from prt_core.light.environment import BRIGHTEST
 from prt_core.runtime.progress import run
 
@@ -37,7 +38,7 @@ class Compressor(Parameters, ABC):
 
         Parameters
         ----------
-        rows : Rows, or (n_points, n_directions) or (n_points, n_directions, n_channels) array
+        rows : Rows, or (n_points, n_directions) or (n_points, n_directions, n_outputs) array
         y : object, optional
             Not used: scikit-learn hands it over.
 
@@ -57,10 +58,11 @@ class Compressor(Parameters, ABC):
         Parameters
         ----------
         light : (n_directions, n_channels) float
+            With the channels that the outputs read.
 
         Returns
         -------
-        (n_points, n_channels) float32
+        (n_points, n_outputs) float32
         """
         return self._product(self._as_light(light))
 
@@ -83,7 +85,7 @@ class Compressor(Parameters, ABC):
             "params": self.get_params(),
             "n_points": self.n_points_,
             "n_directions": self.n_directions_,
-            "n_channels": self.n_channels_,
+            "reads": self.reads_.tolist(),
             "resolution": self.resolution_,
             **self._state(),
         }
@@ -99,8 +101,9 @@ class Compressor(Parameters, ABC):
         """
         expect_kind("state", state, dict)
         model = value_of(state, "params", lambda params: cls(**params))
-        for name in ("n_points", "n_directions", "n_channels"):
+        for name in ("n_points", "n_directions"):
             setattr(model, name + "_", value_of(state, name, int))
+        model.reads_ = _reads_of(state)
         model.resolution_ = value_of(state, "resolution", lambda n: None if n is None else int(n))
         model._restore(state)
         return model
@@ -120,14 +123,31 @@ class Compressor(Parameters, ABC):
 
     def _fitted(self, rows):
         self.n_points_, self.n_directions_ = rows.n_points, rows.n_directions
-        self.n_channels_, self.resolution_ = rows.n_channels, rows.resolution
+        self.reads_, self.resolution_ = np.asarray(rows.reads), rows.resolution
         return self
+
+    @property
+    def n_outputs_(self):
+        """Numbers that a point receives."""
+        return len(self.reads_)
+
+    @property
+    def n_channels_(self):
+        """Channels of a light."""
+        return int(self.reads_.max()) + 1
 
     def _expect_fitted(self):
         expect(
             hasattr(self, "n_points_"),
             f"{type(self).__name__}: holds nothing yet; call fit(rows) first",
         )
+
+
+def _reads_of(state):
+    """The channels that outputs read; before they were named, each read its own."""
+    if "reads" in state:
+        return value_of(state, "reads", expect_reads)
+    return np.arange(value_of(state, "n_channels", lambda n: expect_whole("n_channels", n, 1, 64)))
 
 
 def as_rows(rows):

@@ -19,11 +19,11 @@ class Harmonics(Compressor):
     Parameters
     ----------
     order : int
-        Degrees 0 to order - 1: order^2 coefficients a point and channel.
+        Degrees 0 to order - 1: order^2 coefficients a point and output.
 
     Attributes
     ----------
-    coefficients_ : (n_points, order^2, n_channels) float32
+    coefficients_ : (n_points, order^2, n_outputs) float32
         What each point receives under a light that is one harmonic.
     """
 
@@ -61,7 +61,7 @@ class Harmonics(Compressor):
     def product_of_coefficients(self, coefficients, rotation=None):
         """`product` with a light given by coefficients, turned by `rotation` (degrees or matrix).
 
-        Returns (n_points, n_channels) float32.
+        Returns (n_points, n_outputs) float32.
         """
         self._expect_fitted()
         if rotation is not None:
@@ -69,7 +69,7 @@ class Harmonics(Compressor):
             coefficients = turn @ coefficients
         shape = self.order**2, self.n_channels_
         values = expect_array("coefficients", coefficients, shape, np.float32)
-        return np.einsum("nkc,kc->nc", self.coefficients_, values)
+        return np.einsum("nko,ko->no", self.coefficients_, np.take(values, self.reads_, axis=1))
 
     @property
     def nbytes(self):
@@ -85,7 +85,7 @@ class Harmonics(Compressor):
     def _restore(self, state):
         _expect_cube_map(self)
         order = expect_whole("order", self.order, 1)
-        shape = self.n_points_, order**2, self.n_channels_
+        shape = self.n_points_, order**2, self.n_outputs_
         self.coefficients_ = array_of(state, "coefficients", shape, "float32")
         self._integrals = texel_harmonics(self.resolution_, order, FACES)
 
@@ -118,7 +118,7 @@ class Irradiance(Compressor):
     def _product(self, light):
         coefficients = (self._integrals.T @ np.asarray(light, np.float64)).astype(np.float32)
         # Nine terms overshoot below zero behind a hard light.
-        return np.maximum(self.weights_ @ coefficients, 0)
+        return np.maximum(self.weights_ @ np.take(coefficients, self.reads_, axis=1), 0)
 
     def _state(self):
         return {"weights": self.weights_}

@@ -73,13 +73,13 @@ class ClusterCompressor(Compressor):
         """Rows as wide as those that were fitted."""
         self._expect_fitted()
         rows = as_rows(rows)
-        wanted = self.n_directions_, self.n_channels_
-        found = rows.n_directions, rows.n_channels
+        wanted = self.n_directions_, self.n_outputs_
+        found = rows.n_directions, rows.n_outputs
         expect(found == wanted, f"rows: expected (n, {wanted[0]}, {wanted[1]}), got {found}")
         return rows
 
     def inverse_transform(self, coordinates):
-        """Rows from coordinates: (n, n_directions, n_channels) float32."""
+        """Rows from coordinates: (n, n_directions, n_outputs) float32."""
         self._expect_fitted()
         width = 1 + max(len(a.basis) for a in self.affine_)
         limits = -BRIGHTEST, BRIGHTEST
@@ -95,7 +95,7 @@ class ClusterCompressor(Compressor):
         return self.code_.decode(features)
 
     def reconstruct(self, points):
-        """The compressed rows of some fitted points, (n, n_directions, n_channels) float32."""
+        """The compressed rows of some fitted points, (n, n_directions, n_outputs) float32."""
         self._expect_fitted()
         points = expect_indices("points", points, self.n_points_)
         second = np.full(self.n_points_, -1)
@@ -173,7 +173,7 @@ class ClusterCompressor(Compressor):
         return arrays + len(self.order_) * 4
 
     def _product(self, light):
-        values = np.empty((len(self.order_), self.n_channels_), np.float32)
+        values = np.empty((len(self.order_), self.n_outputs_), np.float32)
         vectors = np.concatenate([part for a in self.affine_ for part in (a.mean[None], a.basis)])
         products = self.code_.products(vectors, self.code_.light(light))
         first = 0
@@ -224,9 +224,7 @@ class ClusterCompressor(Compressor):
             "its borders do not fit its points",
         )
         self.shares_ = array_of(state, "shares", (len(found),), "float32")
-        self.code_ = RowCode.from_state(
-            state, self.n_directions_, self.n_channels_, self.resolution_
-        )
+        self.code_ = RowCode.from_state(state, self.n_directions_, self.reads_, self.resolution_)
         n_features = self.code_.n_features
         means = array_of(state, "means", (len(sizes), n_features), "float32")
         bases = array_of(state, "bases", (n_rows, n_features), "float32")
@@ -282,7 +280,7 @@ class ClusterCompressor(Compressor):
 
 
 def blended(values, place, guests, shares):
-    """(n_points, n_channels) from values of slots: each point's own, mixed with its second."""
+    """(n_points, n_outputs) from values of slots: each point's own, mixed with its second."""
     result = np.take(values, place, axis=0)
     if len(guests):
         points, slots = guests.T

@@ -23,7 +23,7 @@ class ImageRows(Rows):
     rows : Rows
         Of all points.
     image : PointImage
-    albedo : (n_points, n_channels) float32
+    albedo : (n_points, n_outputs) float32
         Of all points: a pixel shows several, so that theirs is part of its row.
     """
 
@@ -31,9 +31,9 @@ class ImageRows(Rows):
         expect(image is not None, "image: the bake holds none")
         self.rows, self.image = rows, image
         self.n_points, self.n_directions = image.height * image.width, rows.n_directions
-        self.n_channels, self.resolution = rows.n_channels, rows.resolution
+        self.n_outputs, self.reads, self.resolution = rows.n_outputs, rows.reads, rows.resolution
         self._starts = np.searchsorted(image.pixel, np.arange(self.n_points + 1))
-        shape = rows.n_points, rows.n_channels
+        shape = rows.n_points, rows.n_outputs
         self._albedo = expect_array("albedo", albedo, shape, np.float32)
         self._grey = bool((self._albedo == self._albedo[:, :1]).all())
 
@@ -47,10 +47,10 @@ class ImageRows(Rows):
     def _groups(self):
         """Of each group: a slice of the points' features, shares of their albedo, the group."""
         found = []
-        mixed = OPPONENTS if self.n_channels == 3 else np.eye(self.n_channels)
+        mixed = OPPONENTS if self.n_outputs == 3 else np.eye(self.n_outputs)
         for group, part in zip(self.rows.code.groups, self.rows.code.slices, strict=True):
             if self._grey:
-                found.append((part, np.eye(self.n_channels)[0], group))
+                found.append((part, np.eye(self.n_outputs)[0], group))
                 continue
             for shares in mixed:
                 found.append((part, shares * group.shares, replace(group, shares=tuple(shares))))

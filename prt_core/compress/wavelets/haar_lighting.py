@@ -12,7 +12,7 @@ from prt_core.runtime.parallel import in_parallel
 from prt_core.runtime.progress import Progress
 
 SELECTIONS = ("unweighted", "area", "transport")
-# Luminance and two differences: what three channels have in common is stored once.
+# Luminance and two differences: what three outputs have in common is stored once.
 OPPONENTS = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
 
 
@@ -49,7 +49,7 @@ class HaarLighting(Compressor):
             expect_whole("n_terms", self.n_terms, 1)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
-        self._mix = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+        self._mix = OPPONENTS if rows.n_outputs == 3 else np.eye(rows.n_outputs)
         largest = 0.0
         for points in rows.blocks(max(1, rows.n_points // 16)):
             some = self._encode(rows.block(points[:: max(1, len(points) // 64)]))
@@ -97,7 +97,9 @@ class HaarLighting(Compressor):
     def choose(self, coefficients, n_terms, selection=None):
         """The `n_terms` largest coefficients under the selection's weights, sorted."""
         selection = selection or self.selection
-        weight = (coefficients**2).sum(axis=1)
+        # Each channel counts as often as it is read.
+        counts = np.bincount(self.reads_, minlength=coefficients.shape[1])
+        weight = (coefficients**2 * counts.astype(coefficients.dtype)).sum(axis=1)
         if selection == "area":
             # An edge of the row changes an orthonormal coefficient by the root of its area.
             weight = weight * self._areas
@@ -106,10 +108,11 @@ class HaarLighting(Compressor):
         return heaviest(weight, n_terms)
 
     def products(self, chosen, coefficients):
-        """(n_points, n_channels) float32: received of the `chosen` wavelets' `coefficients`."""
-        result = np.zeros((self.n_points_, self.n_channels_), np.float32)
+        """(n_points, n_outputs) float32: received of the `chosen` wavelets' `coefficients`."""
+        result = np.zeros((self.n_points_, self.n_outputs_), np.float32)
+        read = coefficients[chosen][:, self.reads_]
         for shares, columns in zip(self._mix, self.columns_, strict=True):
-            light = coefficients[chosen] * (shares * self.step_)
+            light = read * (shares * self.step_)
             used = np.flatnonzero(shares)
             some = columns[:, chosen].astype(np.float32)
             result[:, used] += some @ np.ascontiguousarray(light[:, used], np.float32)
@@ -140,9 +143,9 @@ class HaarLighting(Compressor):
             self.resolution_ and 6 * self.resolution_**2 == n_directions,
             "its directions are no cube map",
         )
-        self._mix = OPPONENTS if self.n_channels_ == 3 else np.eye(self.n_channels_)
+        self._mix = OPPONENTS if self.n_outputs_ == 3 else np.eye(self.n_outputs_)
         self.columns_ = []
-        for i in range(self.n_channels_):
+        for i in range(self.n_outputs_):
             starts = array_of(state, f"indptr{i}", (n_directions + 1,), "int32")
             n = int(starts[-1])
             rows = array_of(state, f"indices{i}", (n,), "int32", n_points)
@@ -159,7 +162,7 @@ class HaarLighting(Compressor):
         _, self._areas = haar_areas(self.resolution_)
 
     def _encode(self, block):
-        """(n_groups, n, n_directions) wavelets of mixed channels."""
+        """(n_groups, n, n_directions) wavelets of mixed outputs."""
         mixed = np.einsum("ndc,gc->gnd", block, self._mix.astype(np.float32), optimize=True)
         return haar_rows(mixed, round((block.shape[1] / 6) ** 0.5))
 
@@ -186,10 +189,10 @@ class IncrementalLighting:
         self.model, self.n_terms = model, n_terms or model.n_terms
         self.shown = np.zeros((model.n_directions_, model.n_channels_), np.float32)
         # In float64: thousands of small differences add up.
-        self._received = np.zeros((model.n_points_, model.n_channels_))
+        self._received = np.zeros((model.n_points_, model.n_outputs_))
 
     def product(self, light):
-        """(n_points, n_channels) float32 after one more frame under `light`."""
+        """(n_points, n_outputs) float32 after one more frame under `light`."""
         wanted = self.model.transform_light(light)
         difference = wanted - self.shown
         chosen = self.model.choose(difference, self.n_terms)

@@ -81,8 +81,8 @@ class Wavelet4D(Compressor):
     Attributes
     ----------
     depths_ : (n_columns,) int
-        Steps of each column; columns are the directions' wavelets, one channel after another
-        (three channels as luminance and two differences).
+        Steps of each column; columns are the directions' wavelets, one output after another
+        (three outputs as luminance and two differences).
     counts_ : (n_columns,) int
         Terms of each column.
     n_coefficients_ : int
@@ -264,7 +264,9 @@ class Wavelet4D(Compressor):
         coefficients = wavelet_rows(light.T, self.resolution_, self.rows).T
         share = self.matrix_error_ / 10 if self.light_error is None else self.light_error
         importance = self.importance_.astype(np.float64)
-        weight = (coefficients.astype(np.float64) ** 2).sum(axis=1) * importance**2
+        # Each channel counts as often as it is read.
+        counts = np.bincount(self.reads_, minlength=self.n_channels_)
+        weight = (coefficients.astype(np.float64) ** 2 * counts).sum(axis=1) * importance**2
         result = np.zeros_like(coefficients)
         chosen = heaviest(weight, self.n_terms, share)
         result[chosen] = coefficients[chosen]
@@ -272,7 +274,8 @@ class Wavelet4D(Compressor):
 
     def _product(self, light):
         coefficients = self.choose(light)
-        weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
+        read = np.take(coefficients, self.reads_, axis=1)
+        weights = (self._mixed[:, None] * read).reshape(-1, self.n_outputs_)
         quantised = self.scaling if self.bits is not None else "none"
         # Quantised are roots (see `quantise`).
         decode = (lambda v: v * np.abs(v)) if quantised == "root" else np.asarray
@@ -282,9 +285,9 @@ class Wavelet4D(Compressor):
         if plain:
             jobs.append((plain, self._transform.haar))
         parts = on_all_cores(
-            lambda job: picture_of(*job, self.n_channels_, quantised == "levels"), jobs
+            lambda job: picture_of(*job, self.n_outputs_, quantised == "levels"), jobs
         )
-        result = np.empty((self.n_points_, self.n_channels_), np.float32)
+        result = np.empty((self.n_points_, self.n_outputs_), np.float32)
         result[self._order] = np.sum(parts, axis=0).T
         return result
 
@@ -316,7 +319,7 @@ class Wavelet4D(Compressor):
         else:
             self.columns = value_of(state, "image", _image_wavelet)
             expect_state(self.columns.n == self.n_points_, "'image' has another size")
-        mixed = array_of(state, "mixed", (None, self.n_channels_), "float32")
+        mixed = array_of(state, "mixed", (None, self.n_outputs_), "float32")
         self._prepare(self.n_points_, mixed)
         self.importance_ = array_of(state, "importance", (self.n_directions_,), "float16")
         n_columns = len(mixed) * self.n_directions_

@@ -108,7 +108,11 @@ CALLS = {
         ("transport None", "n_terms None"),
     ),  # fmt: skip
     "ArrayRows": plain(
-        compress.ArrayRows, ("array another axis",), array=some_rows(), resolution=RESOLUTION
+        compress.ArrayRows,
+        ("array another axis",),
+        array=some_rows(),
+        resolution=RESOLUTION,
+        reads=np.array([0, 1, 1]),
     ),  # fmt: skip
     "TransportRows": lambda t: Call(
         lambda points, **rest: compress.TransportRows(**rest).features(points),
@@ -124,7 +128,12 @@ CALLS = {
         compress.SomeRows, rows=compress.ArrayRows(some_rows()), points=np.array([1, 3])
     ),
     "RowCode.plain": plain(
-        compress.RowCode.plain, n_directions=24, n_channels=3, resolution=2, natural=True
+        compress.RowCode.plain,
+        n_directions=24,
+        n_outputs=3,
+        resolution=2,
+        natural=True,
+        reads=np.array([0, 1, 1]),
     ),
     "Compressor.predict": method(
         lambda t: compress.PCA(2).fit(some_rows()), "predict", rows=some_rows(5)

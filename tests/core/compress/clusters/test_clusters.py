@@ -75,7 +75,8 @@ def test_relighting_is_linear_and_that_of_the_rows(kind):
 def test_planted_spaces_are_found(method):
     rows, labels = planted()
     model = ClusteredPCA(3, 2, method=method).fit(rows)
-    assert model.matrix_error_ < 1e-5
+    # The root of a difference of float32 sums.
+    assert model.matrix_error_ < 1e-4
     assert relative(model.reconstruct(np.arange(60))[..., 0], rows) < 1e-5
     # The same clusters, whatever their names.
     assert len({(a, b) for a, b in zip(model.labels_, labels, strict=True)}) == 3

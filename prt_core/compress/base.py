@@ -1,4 +1,4 @@
-"""What every compressor offers: scikit-learn's conventions, its product with a light, its size.
+"""What every compressor offers: scikit-learn's conventions, two reads, its size.
 
 A form holds what points receive, rows as they are; what a surface makes of that is not its matter
 (see `ExitRadiance`).
@@ -17,13 +17,15 @@ from prt_core.errors import expect, expect_array, expect_kind, expect_numbers, e
 from prt_core.light.environment import BRIGHTEST
 from prt_core.runtime.progress import run
 
+_PAIRS = 1 << 14
+
 
 class Compressor(Parameters, ABC):
     """Base of the compressors: parameters in `__init__`, results with a trailing underscore.
 
-    A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes,
-    `_product(light)` and `nbytes`; it calls `_fitted(rows)` once its attributes are set. `_state`
-    and `_restore` let it be kept in a store.
+    A subclass gives `fit_steps`, a generator of `Progress` that sets its attributes, the reads
+    `_product(light)` and `_entries(points, columns)`, and `nbytes`; it calls `_fitted(rows)` once
+    its attributes are set. `_state` and `_restore` let it be kept in a store.
     """
 
     # Parameters with which all of a light is used.
@@ -66,9 +68,35 @@ class Compressor(Parameters, ABC):
         """
         return self._product(self._as_light(light))
 
+    def entries(self, points, columns):
+        """Single elements of the compressed matrix, none of it left out (see `uncut`).
+
+        `product` with a light is their sum: output o of a point adds up `entries` in all columns
+        times the light there, in the channel that o reads.
+
+        Parameters
+        ----------
+        points : (n,) int
+        columns : (n,) int
+            Directions: one for each of the points.
+
+        Returns
+        -------
+        (n, n_outputs) float32
+        """
+        self._expect_fitted()
+        points = expect_array("points", points, (None,), np.int64, 0, self.n_points_ - 1)
+        shape = (len(points),)
+        columns = expect_array("columns", columns, shape, np.int64, 0, self.n_directions_ - 1)
+        return self._entries(points, columns)
+
     @abstractmethod
     def _product(self, light):
         """`product` with a light that was checked."""
+
+    @abstractmethod
+    def _entries(self, points, columns):
+        """`entries` of indices that were checked."""
 
     def _as_light(self, light):
         """A light that this form can be lit by, (n_directions, n_channels) float32."""
@@ -148,6 +176,12 @@ def _reads_of(state):
     if "reads" in state:
         return value_of(state, "reads", expect_reads)
     return np.arange(value_of(state, "n_channels", lambda n: expect_whole("n_channels", n, 1, 64)))
+
+
+def pieces(count):
+    """Consecutive slices of so many pairs of a point and a column, each of which fits a cache."""
+    for first in range(0, count, _PAIRS):
+        yield slice(first, min(first + _PAIRS, count))
 
 
 def as_rows(rows):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
-from prt_core.compress.base import Compressor
+from prt_core.compress.base import Compressor, pieces
 from prt_core.compress.state import array_of, expect_state
 from prt_core.errors import expect, expect_array, expect_whole
 from prt_core.runtime.parallel import in_parallel
@@ -79,6 +79,14 @@ class Harmonics(Compressor):
     def _product(self, light):
         return self.product_of_coefficients(self.project(light))
 
+    def _entries(self, points, columns):
+        result = np.empty((len(points), self.n_outputs_), np.float32)
+        integrals = self._integrals.astype(np.float32)
+        for part in pieces(len(points)):
+            some = self.coefficients_[points[part]]
+            result[part] = np.einsum("nko,nk->no", some, integrals[columns[part]])
+        return result
+
     def _state(self):
         return {"coefficients": self.coefficients_}
 
@@ -93,7 +101,8 @@ class Harmonics(Compressor):
 class Irradiance(Compressor):
     """Nine coefficients and the normal: no shadows, no bounces (Ramamoorthi & Hanrahan 2001).
 
-    What every scene can do without a bake, so the floor for all others.
+    What every scene can do without a bake, so the floor for all others. A product is cut at zero,
+    and so is each entry: what entries add up to under a light may be more.
     """
 
     # The clamped cosine's factors of degree 0, 1 and 2.
@@ -119,6 +128,11 @@ class Irradiance(Compressor):
         coefficients = (self._integrals.T @ np.asarray(light, np.float64)).astype(np.float32)
         # Nine terms overshoot below zero behind a hard light.
         return np.maximum(self.weights_ @ np.take(coefficients, self.reads_, axis=1), 0)
+
+    def _entries(self, points, columns):
+        integrals = self._integrals[columns].astype(np.float32)
+        values = np.maximum(np.einsum("nk,nk->n", self.weights_[points], integrals), 0)
+        return np.repeat(values[:, None], self.n_outputs_, axis=1)
 
     def _state(self):
         return {"weights": self.weights_}

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
-from prt_core.basis import haar_areas, haar_rows
+from prt_core.basis import haar_areas, haar_rows, haar_texels
 from prt_core.compress.state import array_of, expect_state
 from prt_core.errors import expect, expect_array, expect_flag, expect_numbers, expect_whole
 
@@ -190,6 +191,26 @@ class RowCode:
         coded = haar_rows(light.T, self.resolution).T if self.resolution else light
         return coded if self.scale is None else coded / self.scale[:, None]
 
+    def texels(self, directions):
+        """Lights that are 1 in one of (m,) `directions`, as `light` returns lights.
+
+        Returns
+        -------
+        (n_directions, m) CSC float32
+            With few entries a column: those of the wavelets above a texel.
+        """
+        if self.resolution:
+            places, values = haar_texels(directions, self.resolution)
+        else:
+            places = np.asarray(directions)[:, None]
+            values = np.ones(places.shape, np.float32)
+        if self.scale is not None:
+            values = values / self.scale[places]
+        m, count = places.shape
+        starts = np.arange(0, m * count + 1, count)
+        shape = self.n_directions, m
+        return sp.csc_matrix((values.ravel(), places.ravel(), starts), shape=shape)
+
     def products(self, vectors, light, rest=None):
         """What feature vectors give under a light, output by output.
 
@@ -223,7 +244,7 @@ class RowCode:
         ----------
         vectors : (k, n_features) float32
         lights : (n_directions, m) float32
-            As `RowCode.light` returns them.
+            As `RowCode.light` or `RowCode.texels` returns them.
 
         Returns
         -------

@@ -275,7 +275,31 @@ class Wavelet4D(Compressor):
     def _product(self, light):
         coefficients = self.choose(light)
         read = np.take(coefficients, self.reads_, axis=1)
-        weights = (self._mixed[:, None] * read).reshape(-1, self.n_outputs_)
+        pictures = self._pictures((self._mixed[:, None] * read).reshape(-1, self.n_outputs_))
+        result = np.empty((self.n_points_, self.n_outputs_), np.float32)
+        result[self._order] = pictures.T
+        return result
+
+    def _entries(self, points, columns):
+        """By columns, all points at once: those of several directions are one inverse transform."""
+        result = np.empty((len(points), self.n_outputs_), np.float32)
+        places, (used, which) = np.argsort(self._order), np.unique(columns, return_inverse=True)
+        each = 4 * self.n_outputs_ * (len(self._mixed) * self.n_directions_ + 4 * self.n_points_)
+        per = int(np.clip(self.memory / each, 1, 256))
+        for first in range(0, len(used), per):
+            some = used[first : first + per]
+            lights = np.zeros((len(some), self.n_directions_), np.float32)
+            lights[np.arange(len(some)), some] = 1
+            coefficients = wavelet_rows(lights, self.resolution_, self.rows).T
+            weights = self._mixed[:, None, None] * coefficients[None, :, :, None]
+            pictures = self._pictures(weights.reshape(-1, len(some) * self.n_outputs_))
+            pictures = pictures.reshape(len(some), self.n_outputs_, -1)
+            mine = np.flatnonzero((which >= first) & (which < first + per))
+            result[mine] = pictures[which[mine] - first, :, places[points[mine]]]
+        return result
+
+    def _pictures(self, weights):
+        """(m, n_points): columns times (n_columns, m) weights, points in the order of columns."""
         quantised = self.scaling if self.bits is not None else "none"
         # Quantised are roots (see `quantise`).
         decode = (lambda v: v * np.abs(v)) if quantised == "root" else np.asarray
@@ -285,11 +309,9 @@ class Wavelet4D(Compressor):
         if plain:
             jobs.append((plain, self._transform.haar))
         parts = on_all_cores(
-            lambda job: picture_of(*job, self.n_outputs_, quantised == "levels"), jobs
+            lambda job: picture_of(*job, weights.shape[1], quantised == "levels"), jobs
         )
-        result = np.empty((self.n_points_, self.n_outputs_), np.float32)
-        result[self._order] = np.sum(parts, axis=0).T
-        return result
+        return np.sum(parts, axis=0)
 
     def state(self):
         state = super().state()

@@ -149,6 +149,20 @@ CALLS = {
     "Compressor.reconstruct": method(
         lambda t: compress.PCA(2).fit(some_rows()), "reconstruct", points=np.array([0, 3])
     ),
+    **{
+        f"{type(model).__name__}.entries": method(
+            lambda t, model=model: model.fit(compress.ArrayRows(some_rows(), RESOLUTION)),
+            "entries",
+            points=np.array([0, 3]),
+            columns=np.array([5, 2]),
+        )
+        for model in (
+            compress.PCA(2),
+            compress.HaarLighting(),
+            compress.Harmonics(2),
+            compress.Wavelet4D(),
+        )
+    },  # fmt: skip
     "Compressor.from_state": plain(
         compress.PCA.from_state, state=compress.PCA(2).fit(some_rows()).state()
     ),

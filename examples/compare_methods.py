@@ -26,7 +26,7 @@ for model in (
 ):
     model.fit(rows)
     start = time.perf_counter()
-    radiance = model.relight(light)
+    radiance = transport.exit_radiance(model.product(light)).toward()
     spent = 1e3 * (time.perf_counter() - start)
     error = colour_error(radiance, truth)["l2"]
     print(f"{type(model).__name__:14} {model.nbytes / 1e6:7.2f} MB {spent:7.1f} ms {error:7.2%}")

@@ -224,7 +224,7 @@ def _better(trial, other, limits):
 
 def _measured(made, transport, lights, truths, rung):
     quick = made.relighter(transport)
-    errors, spent = relit(quick, lights, truths)
+    errors, spent = relit(quick, transport, lights, truths)
     megabytes = made.model.nbytes / 1e6
     error, settings = float(np.mean(errors)), describe(made.model)
     return Trial(made.method, settings, rung, error, max(errors), megabytes, 1e3 * spent, 0.0)

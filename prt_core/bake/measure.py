@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from prt_core.compress import border_pairs, neighbour_pairs, seam
-from prt_core.compress.choice.choose import WORST, relative_l2
+from prt_core.compress.choice.choose import WORST, radiance_of, relative_l2
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
 from prt_core.runtime.progress import Progress, beside
@@ -35,7 +35,7 @@ def measure_steps(bake, made, turning, lights):
     def one(name, turn):
         light = turning[name].at(turn)
         start = time.perf_counter()
-        found = quick.relight(light)
+        found = radiance_of(quick, transport, light)
         spent.append(time.perf_counter() - start)
         # The exact side takes the environment the exact way, so turning is measured as well.
         truth = transport.relight(lights[name].to_cube_map(bake.cube_map, turn))

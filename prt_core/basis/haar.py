@@ -7,7 +7,7 @@ n x n texels with n = 2^k m are halved k times; m x m scaling coefficients stay.
 
 import numpy as np
 
-from prt_core.errors import expect, expect_flag, expect_numbers, expect_whole
+from prt_core.errors import expect, expect_array, expect_flag, expect_numbers, expect_whole
 
 # Texels that are transformed at once.
 _TEXELS = 1 << 18
@@ -110,6 +110,36 @@ def haar_rows(rows, resolution, inverse=False):
     expect_flag("inverse", inverse)
     faces = rows.reshape(*rows.shape[:-1], 6, resolution, resolution)
     return (haar_inverse if inverse else haar_forward)(faces).reshape(rows.shape)
+
+
+def haar_texels(texels, resolution):
+    """`haar_rows` of rows that are 1 at one texel: the few coefficients that are not zero.
+
+    Parameters
+    ----------
+    texels : (m,) int
+    resolution : int
+
+    Returns
+    -------
+    places : (m, 3 levels + 1) int64
+        Of the coefficients in the row, level by level.
+    values : (m, 3 levels + 1) float32
+    """
+    n = expect_whole("resolution", resolution, 1, _MOST_RESOLUTION)
+    texels = expect_array("texels", texels, (None,), np.int64, 0, 6 * n * n - 1)
+    face, row, column = np.unravel_index(texels, (6, n, n))
+    places, values, size, value = [], [], n, np.ones(len(texels), np.float32)
+    for _ in range(haar_levels(n)):
+        size, value = size // 2, value * np.float32(0.5)
+        down, across = 1 - 2 * (row & 1), 1 - 2 * (column & 1)
+        row, column = row >> 1, column >> 1
+        places += [(row, size + column), (size + row, column), (size + row, size + column)]
+        values += [value * across, value * down, value * down * across]
+    places.append((row, column))
+    values.append(value)
+    flat = [face * n * n + r * n + c for r, c in places]
+    return np.stack(flat, axis=1), np.stack(values, axis=1).astype(np.float32)
 
 
 def expect_rows(rows, resolution):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
-from prt_core.compress.base import Compressor
+from prt_core.compress.base import Compressor, pieces
 from prt_core.compress.state import array_of, expect_state
 from prt_core.errors import expect, expect_array, expect_whole
 from prt_core.runtime.parallel import in_parallel
@@ -19,12 +19,12 @@ class Harmonics(Compressor):
     Parameters
     ----------
     order : int
-        Degrees 0 to order - 1: order^2 coefficients a point and channel.
+        Degrees 0 to order - 1: order^2 coefficients a point and output.
 
     Attributes
     ----------
-    coefficients_ : (n_points, order^2, n_channels) float32
-        What each point sends out under a light that is one harmonic.
+    coefficients_ : (n_points, order^2, n_outputs) float32
+        What each point receives under a light that is one harmonic.
     """
 
     def __init__(self, order=5):
@@ -58,24 +58,34 @@ class Harmonics(Compressor):
         """Coefficients of a light: (order^2, n_channels) float64."""
         return self._integrals.T @ self._as_light(light).astype(np.float64)
 
-    def relight_coefficients(self, coefficients, rotation=None):
-        """Colours under a light given by coefficients, turned by `rotation` (degrees or matrix)."""
+    def product_of_coefficients(self, coefficients, rotation=None):
+        """`product` with a light given by coefficients, turned by `rotation` (degrees or matrix).
+
+        Returns (n_points, n_outputs) float32.
+        """
         self._expect_fitted()
         if rotation is not None:
             turn = rotation_of_harmonics(rotation_matrix(rotation), self.order)
             coefficients = turn @ coefficients
         shape = self.order**2, self.n_channels_
         values = expect_array("coefficients", coefficients, shape, np.float32)
-        result = np.einsum("nkc,kc->nc", self.coefficients_, values)
-        return result if self.gain_ is None else result * self.gain_
+        return np.einsum("nko,ko->no", self.coefficients_, np.take(values, self.reads_, axis=1))
 
     @property
     def nbytes(self):
         self._expect_fitted()
-        return self.coefficients_.nbytes + (0 if self.gain_ is None else self.gain_.nbytes)
+        return self.coefficients_.nbytes
 
-    def _relight(self, light):
-        return self.relight_coefficients(self.project(light))
+    def _product(self, light):
+        return self.product_of_coefficients(self.project(light))
+
+    def _entries(self, points, columns):
+        result = np.empty((len(points), self.n_outputs_), np.float32)
+        integrals = self._integrals.astype(np.float32)
+        for part in pieces(len(points)):
+            some = self.coefficients_[points[part]]
+            result[part] = np.einsum("nko,nk->no", some, integrals[columns[part]])
+        return result
 
     def _state(self):
         return {"coefficients": self.coefficients_}
@@ -83,7 +93,7 @@ class Harmonics(Compressor):
     def _restore(self, state):
         _expect_cube_map(self)
         order = expect_whole("order", self.order, 1)
-        shape = self.n_points_, order**2, self.n_channels_
+        shape = self.n_points_, order**2, self.n_outputs_
         self.coefficients_ = array_of(state, "coefficients", shape, "float32")
         self._integrals = texel_harmonics(self.resolution_, order, FACES)
 
@@ -91,7 +101,8 @@ class Harmonics(Compressor):
 class Irradiance(Compressor):
     """Nine coefficients and the normal: no shadows, no bounces (Ramamoorthi & Hanrahan 2001).
 
-    What every scene can do without a bake, so the floor for all others.
+    What every scene can do without a bake, so the floor for all others. A product is cut at zero,
+    and so is each entry: what entries add up to under a light may be more.
     """
 
     # The clamped cosine's factors of degree 0, 1 and 2.
@@ -111,13 +122,17 @@ class Irradiance(Compressor):
     @property
     def nbytes(self):
         self._expect_fitted()
-        return self.weights_.nbytes + (0 if self.gain_ is None else self.gain_.nbytes)
+        return self.weights_.nbytes
 
-    def _relight(self, light):
+    def _product(self, light):
         coefficients = (self._integrals.T @ np.asarray(light, np.float64)).astype(np.float32)
         # Nine terms overshoot below zero behind a hard light.
-        result = np.maximum(self.weights_ @ coefficients, 0)
-        return result if self.gain_ is None else result * self.gain_
+        return np.maximum(self.weights_ @ np.take(coefficients, self.reads_, axis=1), 0)
+
+    def _entries(self, points, columns):
+        integrals = self._integrals[columns].astype(np.float32)
+        values = np.maximum(np.einsum("nk,nk->n", self.weights_[points], integrals), 0)
+        return np.repeat(values[:, None], self.n_outputs_, axis=1)
 
     def _state(self):
         return {"weights": self.weights_}

@@ -64,7 +64,10 @@ class Environments:
         return self._images[path, stamp]
 
     def distant(self, light, lighting, quick=None):
-        """What light from far away gives at strength 1, and the sun that is left out of it.
+        """What points receive of light from far away, and the sun that is left out of it.
+
+        At strength 1 and before it bounces; with a compressed form, whose rows hold the bounces,
+        after them, and so at the strength asked for: on every way strength is the light's.
 
         Parameters
         ----------
@@ -78,21 +81,20 @@ class Environments:
         Returns
         -------
         (n_points, 3) float32, or None
-            What every point receives; with a compressed form, what it sends out.
         BrightPixels, or None
         """
         if light is None:
             return None, None
         matrix, sharp = lighting.matrix, lighting.sharp_sun
         key, kept = self._last
-        made_from = (matrix.tobytes(), sharp, quick)
+        made_from = (matrix.tobytes(), sharp, quick, None if quick is None else lighting.strength)
         same = key is not None and key[0] is light and key[1:] == made_from
         # An array that was given may have other values by now.
         lasting = isinstance(light, EnvironmentMap) or light is self._bake.world
         if not same or not lasting:
             if quick is not None:
                 radiance, sun = self._turned(light, matrix, sharp)
-                kept = quick.relight(radiance), sun
+                kept = quick.product(radiance * np.float32(lighting.strength)), sun
             else:
                 rest, sun = split_sun(light, matrix) if sharp else (light, None)
                 kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun

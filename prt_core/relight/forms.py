@@ -25,7 +25,7 @@ class Compressed:
     facts: dict = field(default_factory=dict)
 
     def relighter(self, transport):
-        """What relights it: `relight(light)` gives radiance, all bounces included."""
+        """What is quickest of it: `product(light)` is what points receive, with all bounces."""
         return method_named(self.method).relighter(self.model, transport)
 
 

@@ -95,16 +95,14 @@ class Relighter:
         factors = [lighting.lamp_factor] * len(parts)
         if sun is not None:
             factors[-1] = lighting.strength
-        sent = None
-        if quick is not None:
-            sent = distant * np.float32(lighting.strength)
-        elif distant is not None:
+        if distant is not None and quick is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
-        if sent is None or parts:
-            work = (self._radiance, parts, factors, lighting.bounces)
-            radiance = yield from maybe_beside(pace, "bounces", *work)
-            sent = radiance if sent is None else radiance + sent
-        return _exposed(sent, lighting)
+        received = distant
+        if parts or quick is None:
+            work = (self._with_bounces, parts, factors, lighting.bounces)
+            received = yield from maybe_beside(pace, "bounces", *work)
+            received = received if quick is None else received + distant
+        return _exposed(self.bake.transport.exit_radiance(received).toward(), lighting)
 
     def sky(self, lighting):
         """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.
@@ -129,11 +127,11 @@ class Relighter:
         """Why `auto` did not use a compressed form; empty where it did."""
         return self._form.why
 
-    def _radiance(self, parts, factors, bounces):
+    def _with_bounces(self, parts, factors, bounces):
         total = np.zeros((self.bake.transport.n_points, 3), np.float32)
         for part, factor in zip(parts, factors, strict=True):
             total += part if factor == 1 else part * np.float32(factor)
-        return self.bake.transport.bounce(total, bounces)
+        return self.bake.transport.with_bounces(total, bounces)
 
     def close(self):
         """Let go of everything."""

@@ -1,7 +1,8 @@
 """How light travels: visibility as bits, the gather operator K, and the factored transport."""
 
-from prt_core.transport.bounce import all_bounces
+from prt_core.transport.bounce import all_bounces, received_with_bounces
 from prt_core.transport.details import detail_steps
+from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.gather import gather_directions, gather_hits, gather_parts
 from prt_core.transport.lamps import lamp_light, lamp_steps
 from prt_core.transport.operator import gather_operator, ray_ends
@@ -12,6 +13,7 @@ from prt_core.transport.view import View
 from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
+    "ExitRadiance",
     "Sharing",
     "Transport",
     "View",
@@ -25,6 +27,7 @@ __all__ = [
     "lamp_steps",
     "ray_ends",
     "received_light",
+    "received_with_bounces",
     "reference_rows",
     "visibility_bits",
 ]

@@ -11,6 +11,7 @@ from prt_core.errors import (
     shown,
 )
 from prt_core.reflectance import QUANTITIES
+from prt_core.transport.exit_radiance import ExitRadiance
 
 # Bounces after which the light must have settled: as many as are needed, or a number asked for.
 _MOST, _MOST_ASKED = 2000, 20_000
@@ -48,6 +49,32 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
         The series does not converge: surfaces reflect all they receive and nothing escapes.
     """
     albedo = expect_array("albedo", albedo, (None, None), least=0, most=MOST_ALBEDO)
+    sends = albedo
+    if mean_albedo is not None:
+        sends = expect_array("mean_albedo", mean_albedo, albedo.shape, least=0, most=MOST_ALBEDO)
+    arrived, n_bounces = received_with_bounces(gather, sends, received, tolerance, bounces)
+    return ExitRadiance(arrived, albedo).toward(), n_bounces
+
+
+def received_with_bounces(gather, albedo, received, tolerance=1e-3, bounces=None):
+    """What points receive with the light between surfaces: E + K A E + K A K A E ...
+
+    Parameters
+    ----------
+    gather : (n_points, n_points) CSR float32, or None
+    albedo : (n_points, n_channels) float32
+        With which points bounce.
+    received : (n_points, n_channels) float32
+    tolerance : float
+    bounces : int, optional
+        See `all_bounces`.
+
+    Returns
+    -------
+    received : (n_points, n_channels) float32
+    n_bounces : int
+    """
+    albedo = expect_array("albedo", albedo, (None, None), least=0, most=MOST_ALBEDO)
     received = expect_array(
         "received", received, (len(albedo), None), least=-MOST_RECEIVED, most=MOST_RECEIVED
     )
@@ -60,14 +87,10 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
         expect_whole("bounces", bounces, 0)
     expect_gather(gather, len(albedo))
     if gather is None:
-        return albedo * received, 0
-    sends = albedo
-    if mean_albedo is not None:
-        sends = expect_array("mean_albedo", mean_albedo, albedo.shape, least=0, most=MOST_ALBEDO)
-    arrived, n_bounces = bounce_series(
-        lambda term: gather @ (sends * term), received, sends, tolerance, bounces
+        return received, 0
+    return bounce_series(
+        lambda term: gather @ (albedo * term), received, albedo, tolerance, bounces
     )
-    return albedo * arrived, n_bounces
 
 
 def expect_gather(gather, n_points):

@@ -20,10 +20,11 @@ from prt_core.reflectance import Materials, expect_materials
 from prt_core.sphere import CubeMap
 from prt_core.transport.bounce import (
     MOST_RECEIVED,
-    all_bounces,
     bounce_series,
     expect_gather,
+    received_with_bounces,
 )
+from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.visibility import UNIT, expect_bits, received_light, unpack
 
 _BLOCK = 1024
@@ -156,19 +157,37 @@ class Transport:
         (n_points, 3) float32
             Linear Rec.709 radiance.
         """
+        return self.exit_radiance(self.product(light, lamps, bounces)).toward()
+
+    def product(self, light, lamps=None, bounces="baked"):
+        """What every point receives under a light, with all bounces: the light stage.
+
+        The same read as that of compressed forms (see `Compressor.product`).
+
+        Parameters
+        ----------
+        light, lamps, bounces
+            As `relight` takes them.
+
+        Returns
+        -------
+        (n_points, 3) float32
+            Irradiance / pi, without the albedo of the point itself.
+        """
         received = np.zeros((self.n_points, 3), np.float32)
         if light is not None:
             received = received + self.received(light)
         if lamps is not None:
             received = received + expect_array("lamps", lamps, (self.n_points, 3), np.float32)
-        return self.bounce(received, bounces)
+        return self.with_bounces(received, bounces)
 
-    def bounce(self, received, bounces="baked"):
-        """Outgoing radiance for any received light (irradiance / pi).
+    def with_bounces(self, received, bounces="baked"):
+        """What points receive with the light between surfaces, for any direct light.
 
         Parameters
         ----------
         received : (n_points, n_channels) float32
+            Irradiance / pi of light that arrives straight from where it is made.
         bounces : int or None
             As `relight` takes them.
 
@@ -187,14 +206,27 @@ class Transport:
         if self._same_channel(1) == self._same_channel(2) == 0 and _is_grey(received):
             # Grey surfaces under grey light: one channel says it all.
             one = np.ascontiguousarray(received[:, :1])
-            one = self._all_bounces(self.gather, one, bounces, slice(0, 1))
+            one = self._bounced(self.gather, one, bounces, slice(0, 1))
             return np.repeat(one, received.shape[1], axis=1)
-        return self._all_bounces(self.gather, received, bounces, slice(None))
+        return self._bounced(self.gather, received, bounces, slice(None))
 
-    def _all_bounces(self, gather, received, bounces, channels):
-        albedo = self.albedo[:, channels]
-        mean = None if self.mean_albedo is None else self.mean_albedo[:, channels]
-        return all_bounces(gather, albedo, received, self.tolerance, bounces, mean)[0]
+    def exit_radiance(self, received):
+        """What points send out: the view stage of what they received.
+
+        Parameters
+        ----------
+        received : (n_points, ..., 3) float32
+            With all bounces: of `product` of this transport or of a compressed form of it.
+
+        Returns
+        -------
+        ExitRadiance
+        """
+        return ExitRadiance(received, self.albedo)
+
+    def _bounced(self, gather, received, bounces, channels):
+        albedo = self.bounced_albedo[:, channels]
+        return received_with_bounces(gather, albedo, received, self.tolerance, bounces)[0]
 
     def direct(self, points):
         """(n, n_directions) float32, rows of D at points: irradiance / pi for unit radiance."""
@@ -219,7 +251,8 @@ class Transport:
         points = np.arange(self.n_points)[points]
         expect(len(points), "points: expected at least one")
         if not expect_flag("indirect", indirect) or self.gather is None:
-            return self.albedo[points, None] * self.direct(points)[..., None]
+            received = self.direct(points)[..., None].repeat(3, axis=2)
+            return ExitRadiance(received, self.albedo[points]).toward()
         transposed = self.gather.T.tocsr()
         result = np.empty((len(points), self.n_directions, 3), np.float32)
         for channel in range(3):
@@ -235,9 +268,8 @@ class Transport:
                 lambda term, albedo=albedo: albedo * (transposed @ term),
                 start, albedo, self.tolerance, self.bounces,
             )  # fmt: skip
-            weights *= self.albedo[points, channel]
             result[:, :, channel] = self._times_direct(weights)
-        return result
+        return ExitRadiance(result, self.albedo[points]).toward()
 
     def _times_direct(self, weights):
         """weights^T D, (n, n_directions) float32, in blocks of points."""
@@ -268,10 +300,10 @@ class Transport:
         seen = (self.bits[:, byte] >> bit.astype(np.uint8)) & 1
         cosine = self.normals @ self.cube_map.vectors[directions].T.astype(np.float32) / np.pi
         received = (seen * cosine).astype(np.float32)
-        return self._with_bounces(received, indirect)
+        return self.exit_radiance(self._in_channels(received, indirect)).toward()
 
-    def _with_bounces(self, received, indirect=True):
-        """(n_points, m) received light to (n_points, m, 3) radiance."""
+    def _in_channels(self, received, indirect=True):
+        """(n_points, m) light that is the same in all channels to (n_points, m, 3) with bounces."""
         result = np.empty((*received.shape, 3), np.float32)
         gather = self.gather if indirect else None
         for channel in range(3):
@@ -279,7 +311,7 @@ class Transport:
             if same is not None:
                 result[:, :, channel] = result[:, :, same]
             else:
-                result[:, :, channel] = self._all_bounces(
+                result[:, :, channel] = self._bounced(
                     gather, received, self.bounces, slice(channel, channel + 1)
                 )
         return result
@@ -318,9 +350,9 @@ class Transport:
             result = np.empty((self.n_points, n_coarse, 3), np.float32)
             for first in range(0, n_coarse, 64):
                 part = slice(first, first + 64)
-                result[:, part] = self._with_bounces(received[:, part])
-                result[:, part] -= self.albedo[:, None] * received[:, part, None]
-            self._coarse[factor] = result
+                result[:, part] = self._in_channels(received[:, part])
+                result[:, part] -= received[:, part, None]
+            self._coarse[factor] = self.exit_radiance(result).toward()
         return self._coarse[factor]
 
     def block(self, points, indirect="full"):

@@ -221,7 +221,6 @@ def _shortly(row):
 def bounces_table(path):
     """All bounces in the compressed rows, against direct rows and K when relighting."""
     from prt_core.compress import Task, method_named
-    from prt_core.transport import all_bounces
 
     bake = prt_core.load(path)
     transport, method = bake.transport, method_named("cpca")
@@ -240,21 +239,16 @@ def bounces_table(path):
         for inside in (True, False):
             task = whole
             if not inside:
-                rows = TransportRows(transport, rank=0)
-                # Received light: the albedo comes with the bounces.
-                rows.gain = None
-                task = replace(whole, rows=rows)
+                task = replace(whole, rows=TransportRows(transport, rank=0))
             model = method.ladder(task)[rung]
             run(model.fit_steps(task.rows))
             method.finish(model, task)
             quick = method.relighter(model, transport)
 
             def relit(light, quick=quick, inside=inside):
-                found = quick.relight(light)
-                if inside:
-                    return found
-                gather, albedo = transport.gather, transport.albedo
-                return all_bounces(gather, albedo, found, transport.tolerance, transport.bounces)[0]
+                received = quick.product(light)
+                received = received if inside else transport.with_bounces(received)
+                return transport.exit_radiance(received).toward()
 
             errors, spent = [], []
             for light, wanted in zip(lights, truth, strict=True):

@@ -52,6 +52,7 @@ from prt_core.scene import auto_camera  # noqa: E402
 from prt_core.scene.images.closed_surface import closed_surface  # noqa: E402
 from prt_core.scene.images.spherical import spherical_positions  # noqa: E402
 from prt_core.sphere import octahedral_square  # noqa: E402
+from prt_core.transport import ExitRadiance  # noqa: E402
 from tests.benchmarks.sections import write_sections  # noqa: E402
 
 CACHE = Path(os.environ.get("PRT_CACHE", "/tmp")) / "wavelet4d"
@@ -151,7 +152,7 @@ def density(scene):
         with run(Wavelet4D(columns).columns_steps(rows)) as file:
             for mode in ("adaptive", "2d"):
                 model = run(Wavelet4D(columns, error=0.02, mode=mode).fit_columns_steps(rows, file))
-                sizes.append(model.nbytes - (0 if model.gain_ is None else model.gain_.nbytes))
+                sizes.append(model.nbytes)
         found.append((rows.n_points, *sizes))
         print(scene, "points, adaptive, 2d bytes", *found[-1], flush=True)
     kept(scene, "model", "density", "json").write_text(json.dumps(found))
@@ -172,7 +173,7 @@ def image(name, kind, size, *errors):
         path.with_suffix(".remesh.json").write_text(json.dumps(far))
         print(path.stem, "remeshed", far, flush=True)
     shown, points = bake.scene.image, bake.scene.points
-    rows = ImageRows(TransportRows(bake.transport), shown)
+    rows = ImageRows(TransportRows(bake.transport), shown, bake.transport.albedo)
     shape = shown.height, shown.width
     place = [shown.pixels(a).reshape(-1, 3) for a in (points.positions, points.normals)]
     orders = (
@@ -264,7 +265,7 @@ def keep(scene, item, name, model, seconds):
     state = {**model.state(), "limit": model.limit_}
     kept(scene, item, name).write_bytes(pickle.dumps(state))
     row = {
-        "bytes": model.nbytes - (0 if model.gain_ is None else model.gain_.nbytes),
+        "bytes": model.nbytes,
         "terms": model.n_coefficients_,
         "error": model.matrix_error_,
         "seconds": seconds,
@@ -308,7 +309,7 @@ def milliseconds(models, lights):
         for name, model in models.items():
             for cut, model.light_error in CUTS.items():
                 began = time.perf_counter()
-                model.relight(light)
+                model.product(light)
                 spent[name][cut].append(1e3 * (time.perf_counter() - began))
     return {
         name: {cut: float(np.median(found[1:])) for cut, found in cuts.items()}
@@ -321,7 +322,7 @@ def image_times(name, kind, size, error=0.02, *modes):
     path = CACHE / f"{name}-{kind}{size}.prt"
     bake = prt_core.load(path)
     shown = bake.scene.image
-    rows = ImageRows(TransportRows(bake.transport), shown)
+    rows = ImageRows(TransportRows(bake.transport), shown, bake.transport.albedo)
     columns = ImageWavelet((shown.height, shown.width), "haar")
     models = {}
     with run(Wavelet4D(columns).columns_steps(rows)) as file:
@@ -342,7 +343,7 @@ def times(scene, item):
     if item != "all":
         names = [o.name for o in bake.scene.objects]
         mine = np.flatnonzero(points.object_index == names.index(item))
-    truth = bake.transport.relight(lights[0])[mine]
+    truth, albedo = bake.transport.relight(lights[0])[mine], bake.transport.albedo[mine]
     models = {}
     for mode in MODES:
         for error in ERRORS:
@@ -352,7 +353,7 @@ def times(scene, item):
     for name, model in models.items():
         row = {f"ms_{cut}": spent[name][cut] for cut in CUTS}
         for cut, model.light_error in CUTS.items():
-            found = model.relight(lights[0])
+            found = ExitRadiance(model.product(lights[0]), albedo).toward()
             row[f"relit_{cut}"] = float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
         row["wavelets"] = [int(model.choose(light).any(axis=1).sum()) for light in lights]
         kept(scene, item, name, "ms.json").write_text(json.dumps(row))

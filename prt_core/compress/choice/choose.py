@@ -205,7 +205,7 @@ def _try(trial, model, method, task, part, lights, truths, start):
     yield from model.fit_steps(part.rows)
     trial.seconds = time.perf_counter() - began
     quick = method.relighter(model, part.transport)
-    errors, spent = yield from beside("choice", relit, quick, lights, truths)
+    errors, spent = yield from beside("choice", relit, quick, part.transport, lights, truths)
     scale = task.n_points / part.n_points
     trial.error, trial.worst = float(np.mean(errors)), max(errors)
     trial.megabytes = method.size(model, task.n_points) / 1e6
@@ -223,31 +223,39 @@ def _start(part, method, lights):
             failure = error
             continue
         quick = method.relighter(model, few.transport)
-        return min((yield from beside("choice", _times, quick, lights)))
+        return min((yield from beside("choice", _times, quick, few.transport, lights)))
     raise failure
 
 
-def relit(quick, lights, truths):
-    """Errors under each light, and the least time of one.
+def relit(quick, transport, lights, truths):
+    """Errors of colours under each light, and the least time of one.
 
     Raises
     ------
     PRTError
         The colours are not finite.
     """
-    errors = [relative_l2(quick.relight(light), truths[name]) for name, light in lights.items()]
+    errors = [
+        relative_l2(radiance_of(quick, transport, light), truths[name])
+        for name, light in lights.items()
+    ]
     bad = [name for name, error in zip(lights, errors, strict=True) if not np.isfinite(error)]
     expect(not bad, f"its colours are not finite under {', '.join(bad)}")
-    return errors, min(_times(quick, lights))
+    return errors, min(_times(quick, transport, lights))
 
 
-def _times(quick, lights):
+def radiance_of(form, transport, light):
+    """(n_points, 3) float32: what a `form` of a `transport` shows under a `light`."""
+    return transport.exit_radiance(form.product(light)).toward()
+
+
+def _times(quick, transport, lights):
     """Seconds of each light, some of them again."""
     spent = []
     for _ in range(_REPEATS):
         for light in lights.values():
             start = time.perf_counter()
-            quick.relight(light)
+            radiance_of(quick, transport, light)
             spent.append(time.perf_counter() - start)
     return spent
 

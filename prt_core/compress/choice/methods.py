@@ -103,7 +103,7 @@ class Method:
     ladder : callable(Task) -> list of Compressor
         Not fitted: the smallest and fastest first, the nearest to the truth last.
     relighter : callable(model, Transport) -> object
-        What relights a fitted model with `relight(light)`; default: the model itself.
+        What gives a fitted model's `product(light)` quickest; default: the model itself.
     finish : callable(model, Task), optional
         The last touch on a model that is kept.
     local : bool

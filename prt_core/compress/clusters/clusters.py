@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.compress.base import Compressor, as_rows
+from prt_core.compress.base import Compressor, as_rows, pieces
 from prt_core.compress.clusters.affine import Affine, fit_affine
 from prt_core.compress.clusters.seams import guests
 from prt_core.compress.rows.row_code import RowCode
@@ -73,13 +73,13 @@ class ClusterCompressor(Compressor):
         """Rows as wide as those that were fitted."""
         self._expect_fitted()
         rows = as_rows(rows)
-        wanted = self.n_directions_, self.n_channels_
-        found = rows.n_directions, rows.n_channels
+        wanted = self.n_directions_, self.n_outputs_
+        found = rows.n_directions, rows.n_outputs
         expect(found == wanted, f"rows: expected (n, {wanted[0]}, {wanted[1]}), got {found}")
         return rows
 
     def inverse_transform(self, coordinates):
-        """Rows from coordinates: (n, n_directions, n_channels) float32."""
+        """Rows from coordinates: (n, n_directions, n_outputs) float32."""
         self._expect_fitted()
         width = 1 + max(len(a.basis) for a in self.affine_)
         limits = -BRIGHTEST, BRIGHTEST
@@ -95,26 +95,53 @@ class ClusterCompressor(Compressor):
         return self.code_.decode(features)
 
     def reconstruct(self, points):
-        """The compressed rows of some fitted points, (n, n_directions, n_channels) float32."""
+        """The compressed rows of some fitted points, (n, n_directions, n_outputs) float32."""
         self._expect_fitted()
         points = expect_indices("points", points, self.n_points_)
+        features = self._of_points(points, lambda slots, _: self._slot_features(slots))
+        return self.code_.decode(features)
+
+    def _entries(self, points, columns):
+        return self._of_points(points, lambda slots, i: self._slot_entries(slots, columns[i]))
+
+    def _of_points(self, points, value):
+        """`value(slots, which of the points)`: of their own slots, mixed with their second."""
         second = np.full(self.n_points_, -1)
         second[self.guests_[:, 0]] = np.arange(len(self.guests_))
-        features = self._slot_features(self.place_[points])
+        result = value(self.place_[points], slice(None))
         blended = np.flatnonzero(second[points] >= 0)
         guest = second[points[blended]]
-        other = self._slot_features(self.guests_[guest, 1])
-        features[blended] += self.shares_[guest, None] * (other - features[blended])
-        return self.code_.decode(features)
+        other = value(self.guests_[guest, 1], blended)
+        result[blended] += self.shares_[guest, None] * (other - result[blended])
+        return result
 
     def _slot_features(self, slots):
         features = np.empty((len(slots), self.code_.n_features), np.float32)
-        labels = np.searchsorted(self.starts_, slots, side="right") - 1
-        for c in np.unique(labels):
-            here, affine = labels == c, self.affine_[c]
+        for c, affine, here in self._by_cluster(slots):
             features[here] = affine.mean
             features[here] += affine.weights[slots[here] - self.starts_[c]] @ affine.basis
         return features
+
+    def _slot_entries(self, slots, columns):
+        """Means and components are looked up in a column, and then mixed by the weights."""
+        result = np.empty((len(slots), self.n_outputs_), np.float32)
+        for c, affine, here in self._by_cluster(slots):
+            used, place = np.unique(columns[here], return_inverse=True)
+            vectors = np.concatenate([affine.mean[None], affine.basis])
+            looked_up = self.code_.responses(vectors, self.code_.texels(used))
+            for part in pieces(len(here)):
+                some, weights = place[part], affine.weights[slots[here[part]] - self.starts_[c]]
+                result[here[part]] = looked_up[0, some]
+                result[here[part]] += np.einsum("nk,kno->no", weights, looked_up[1:, some])
+        return result
+
+    def _by_cluster(self, slots):
+        """(cluster, its model, which of the slots) for each cluster that has some."""
+        labels = np.searchsorted(self.starts_, slots, side="right") - 1
+        order = np.argsort(labels, kind="stable")
+        for here in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1):
+            if len(here):
+                yield labels[here[0]], self.affine_[labels[here[0]]], here
 
     def blend_borders(self, rows, pairs):
         """Mix what their own and the next cluster say about points at borders.
@@ -170,10 +197,10 @@ class ClusterCompressor(Compressor):
         """Of means, bases, weights and order."""
         self._expect_fitted()
         arrays = sum(a.mean.nbytes + a.basis.nbytes + a.weights.nbytes for a in self.affine_)
-        return arrays + len(self.order_) * 4 + (0 if self.gain_ is None else self.gain_.nbytes)
+        return arrays + len(self.order_) * 4
 
-    def _relight(self, light):
-        values = np.empty((len(self.order_), self.n_channels_), np.float32)
+    def _product(self, light):
+        values = np.empty((len(self.order_), self.n_outputs_), np.float32)
         vectors = np.concatenate([part for a in self.affine_ for part in (a.mean[None], a.basis)])
         products = self.code_.products(vectors, self.code_.light(light))
         first = 0
@@ -181,8 +208,7 @@ class ClusterCompressor(Compressor):
             mean, basis = products[first], products[first + 1 : first + 1 + len(affine.basis)]
             first += 1 + len(affine.basis)
             values[self.starts_[c] : self.starts_[c + 1]] = mean + affine.weights @ basis
-        result = blended(values, self.place_, self.guests_, self.shares_)
-        return result if self.gain_ is None else result * self.gain_
+        return blended(values, self.place_, self.guests_, self.shares_)
 
     def _state(self):
         models = self.affine_
@@ -225,9 +251,7 @@ class ClusterCompressor(Compressor):
             "its borders do not fit its points",
         )
         self.shares_ = array_of(state, "shares", (len(found),), "float32")
-        self.code_ = RowCode.from_state(
-            state, self.n_directions_, self.n_channels_, self.resolution_
-        )
+        self.code_ = RowCode.from_state(state, self.n_directions_, self.reads_, self.resolution_)
         n_features = self.code_.n_features
         means = array_of(state, "means", (len(sizes), n_features), "float32")
         bases = array_of(state, "bases", (n_rows, n_features), "float32")
@@ -283,7 +307,7 @@ class ClusterCompressor(Compressor):
 
 
 def blended(values, place, guests, shares):
-    """(n_points, n_channels) from values of slots: each point's own, mixed with its second."""
+    """(n_points, n_outputs) from values of slots: each point's own, mixed with its second."""
     result = np.take(values, place, axis=0)
     if len(guests):
         points, slots = guests.T

@@ -59,7 +59,9 @@ class ClusterRelighter:
         self.model, self.n_terms = model, n_terms
         self.error = expect_number("error", error, 0, 1)
         self.bright = expect_number("bright", bright, 0, 1)
-        self.n_exact = min(n_exact, model.n_directions_) if transport is not None else 0
+        # Rows that do not know direct light apart have no place for it.
+        apart = transport is not None and any(group.direct for group in model.code_.groups)
+        self.n_exact = min(n_exact, model.n_directions_) if apart else 0
         self._n_others = (os.cpu_count() or 1) - 1
         self._pool = ThreadPoolExecutor(max(self._n_others, 1))
         # Products of this size are over before BLAS has woken its threads.
@@ -69,8 +71,11 @@ class ClusterRelighter:
         if self.n_exact:
             self._plan_bits(transport)
 
-    def relight(self, light):
-        """(n_points, n_channels) float32 under (n_directions, n_channels) light."""
+    def product(self, light):
+        """(n_points, n_outputs) float32 under (n_directions, n_channels) light.
+
+        See `Compressor.product`.
+        """
         model = self.model
         shape = model.n_directions_, model.n_channels_
         light = expect_array("light", light, shape, np.float32, -BRIGHTEST, BRIGHTEST)
@@ -85,8 +90,6 @@ class ClusterRelighter:
         result = self._blend @ self._slots
         if bright is not None:
             result += self._lit
-        if self.model.gain_ is not None:
-            result *= self.model.gain_
         return result
 
     def _begin(self, work, jobs):
@@ -119,7 +122,6 @@ class ClusterRelighter:
         """Bytes of what is read when relighting, the visibility bits included."""
         blend = self._blend
         arrays = [blend.data, blend.indices, blend.indptr, self._slots, *self._bases]
-        arrays += [] if self.model.gain_ is None else [self.model.gain_]
         arrays += [batch.weights for batch in self._batches]
         arrays += [self._bits] if self.n_exact else []
         return sum(array.nbytes for array in arrays)
@@ -131,8 +133,8 @@ class ClusterRelighter:
         slots = np.zeros(len(model.order_), np.int64)
         slots[own[own >= 0]] = np.flatnonzero(own >= 0)
         self._blend = _blending(model, slots, len(own))
-        self._slots = np.empty((len(own), model.n_channels_), np.float32)
-        self._lit = np.empty((model.n_points_, model.n_channels_), np.float32)
+        self._slots = np.empty((len(own), model.n_outputs_), np.float32)
+        self._lit = np.empty((model.n_points_, model.n_outputs_), np.float32)
         self._pieces = [
             slice(first, min(first + _PIECE, model.n_points_))
             for first in range(0, model.n_points_, _PIECE)
@@ -189,16 +191,17 @@ class ClusterRelighter:
         return bright, rest
 
     def _products(self, light, rest):
-        """(rows of all bases, n_channels): what each basis row gives under the light."""
+        """(rows of all bases, n_outputs): what each basis row gives under the light."""
         code, n_channels = self.model.code_, light.shape[1]
         both = code.light(light if rest is light else np.hstack([light, rest]))
         coded = {False: both[:, :n_channels], True: both[:, -n_channels:]}
-        result = np.zeros((n_channels, self._bases[0].shape[1]), np.float32)
+        result = np.zeros((code.n_outputs, self._bases[0].shape[1]), np.float32)
         for i, group in enumerate(code.groups):
             used = np.flatnonzero(group.shares)
             some = coded[group.direct]
             chosen = self._chosen(i, some)
-            values = some[chosen][:, used] * np.asarray(group.shares, np.float32)[used]
+            shares = np.asarray(group.shares, np.float32)[used]
+            values = some[chosen][:, code.reads[used]] * shares
             if self._inner[i] is not None:
                 result[used] += values.T @ self._inner[i][chosen] @ self._bases[i]
             else:
@@ -207,8 +210,10 @@ class ClusterRelighter:
 
     def _chosen(self, index, coded):
         """Terms of the light that matter most for one group, in storage order."""
-        shares = np.asarray(self.model.code_.groups[index].shares, np.float32)
-        weight = (coded**2 @ shares**2) * self._importance[index]
+        code = self.model.code_
+        squares = np.zeros(coded.shape[1], np.float32)
+        np.add.at(squares, code.reads, np.asarray(code.groups[index].shares, np.float32) ** 2)
+        weight = (coded**2 @ squares) * self._importance[index]
         return heaviest(weight, self.n_terms, self.error)
 
     def _clusters(self, batch, products):
@@ -221,7 +226,8 @@ class ClusterRelighter:
         bits = self._bits[bright, piece.start // 8 : -(-piece.stop // 8)]
         lit = self._vectors[bright] @ self._normals[:, piece]
         lit *= np.unpackbits(bits, axis=1, count=lit.shape[1], bitorder="little")
-        np.matmul(lit.T, light[bright], out=self._lit[piece])
+        some = np.take(light[bright], self.model.reads_, axis=1)
+        np.matmul(lit.T, some, out=self._lit[piece])
 
 
 def _blending(model, slots, n_slots):
@@ -236,7 +242,7 @@ def _blending(model, slots, n_slots):
 
 
 def _sparse_times(values, chosen, basis):
-    """values.T @ basis[chosen], (n_channels, n_rows), each row of the basis read once."""
+    """values.T @ basis[chosen], (n_outputs, n_rows), each row of the basis read once."""
     starts = np.zeros(len(basis) + 1, np.int32)
     starts[chosen + 1] = values.shape[1]
     channels = np.tile(np.arange(values.shape[1], dtype=np.int32), len(chosen))

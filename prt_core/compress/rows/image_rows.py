@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from prt_core.compress.rows.rows import Rows
 from prt_core.compress.wavelets.haar_lighting import OPPONENTS
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_array
 
 
 class ImageRows(Rows):
@@ -23,19 +23,19 @@ class ImageRows(Rows):
     rows : Rows
         Of all points.
     image : PointImage
+    albedo : (n_points, n_outputs) float32
+        Of all points: a pixel shows several, so that theirs is part of its row.
     """
 
-    def __init__(self, rows, image):
+    def __init__(self, rows, image, albedo):
         expect(image is not None, "image: the bake holds none")
         self.rows, self.image = rows, image
         self.n_points, self.n_directions = image.height * image.width, rows.n_directions
-        self.n_channels, self.resolution = rows.n_channels, rows.resolution
+        self.n_outputs, self.reads, self.resolution = rows.n_outputs, rows.reads, rows.resolution
         self._starts = np.searchsorted(image.pixel, np.arange(self.n_points + 1))
-        gain = rows.gain
-        if gain is None:
-            gain = np.ones((image.point.max(initial=-1) + 1, rows.n_channels), np.float32)
-        self._gains = gain
-        self._grey = bool((gain == gain[:, :1]).all())
+        shape = rows.n_points, rows.n_outputs
+        self._albedo = expect_array("albedo", albedo, shape, np.float32)
+        self._grey = bool((self._albedo == self._albedo[:, :1]).all())
 
     def prepare_steps(self):
         """See `TransportRows.prepare_steps`."""
@@ -45,12 +45,12 @@ class ImageRows(Rows):
 
     @cached_property
     def _groups(self):
-        """Of each group: a slice of the points' features, shares of their gains, the group."""
+        """Of each group: a slice of the points' features, shares of their albedo, the group."""
         found = []
-        mixed = OPPONENTS if self.n_channels == 3 else np.eye(self.n_channels)
+        mixed = OPPONENTS if self.n_outputs == 3 else np.eye(self.n_outputs)
         for group, part in zip(self.rows.code.groups, self.rows.code.slices, strict=True):
             if self._grey:
-                found.append((part, np.eye(self.n_channels)[0], group))
+                found.append((part, np.eye(self.n_outputs)[0], group))
                 continue
             for shares in mixed:
                 found.append((part, shares * group.shares, replace(group, shares=tuple(shares))))
@@ -72,7 +72,7 @@ class ImageRows(Rows):
         pixel = np.repeat(np.arange(len(points)), counts)
         shape = len(points), len(shown)
         for (part, shares, _), own in zip(self._groups, self.code.slices, strict=True):
-            weights = self._gains[shown[place]] @ (shares / self.image.samples).astype(np.float32)
+            weights = self._albedo[shown[place]] @ (shares / self.image.samples).astype(np.float32)
             result[:, own] = sp.csr_matrix((weights, (pixel, place)), shape=shape) @ made[:, part]
         return result
 

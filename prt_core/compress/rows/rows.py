@@ -1,7 +1,8 @@
 """What compressors read: rows of a transport matrix, in blocks, as feature vectors.
 
-A row is a small matrix, (n_directions, n_channels); whether its directions are texels of a cube
-map or anything else matters only where `resolution` says so. Colours are `gain * (row . light)`.
+A row is a small matrix, (n_directions, n_outputs), each of whose outputs reads one channel of a
+light: a product is `sum_d row[d, o] light[d, reads[o]]`. Whether its directions are texels of a
+cube map or anything else matters only where `resolution` says so.
 """
 
 from abc import ABC, abstractmethod
@@ -10,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.compress.rows.indirect import indirect_factors
-from prt_core.compress.rows.row_code import Group, RowCode, natural_scale
+from prt_core.compress.rows.row_code import Group, RowCode, expect_reads, natural_scale
 from prt_core.errors import (
     expect,
     expect_array,
@@ -37,24 +38,28 @@ class Rows(ABC):
 
     Attributes
     ----------
-    n_points, n_directions, n_channels : int
+    n_points, n_directions, n_outputs : int
+    reads : (n_outputs,) int
+        The light's channel that each output is multiplied with; default: each its own.
     resolution : int or None
         Of the cube map whose texels the directions are, else None.
-    gain : (n_points, n_channels) float32 or None
-        Factors of the colours that are not part of the rows.
     """
 
     resolution = None
-    gain = None
 
     @abstractmethod
     def block(self, points):
-        """(n, n_directions, n_channels) float32 for (n,) int points."""
+        """(n, n_directions, n_outputs) float32 for (n,) int points."""
+
+    @cached_property
+    def reads(self):
+        """See the class; a subclass may set its own."""
+        return np.arange(self.n_outputs)
 
     @cached_property
     def code(self):
         """The `RowCode` of the features."""
-        return RowCode.plain(self.n_directions, self.n_channels, self.resolution)
+        return RowCode.plain(self.n_directions, self.n_outputs, self.resolution, reads=self.reads)
 
     def features(self, points):
         """(n, n_features) float32 of some `points`: `block` in the code of these rows."""
@@ -71,17 +76,21 @@ class ArrayRows(Rows):
 
     Parameters
     ----------
-    array : (n_points, n_directions) or (n_points, n_directions, n_channels) float
+    array : (n_points, n_directions) or (n_points, n_directions, n_outputs) float
     resolution : int, optional
+    reads : (n_outputs,) int, optional
+        Default: each output a channel of its own.
     """
 
-    def __init__(self, array, resolution=None):
+    def __init__(self, array, resolution=None, reads=None):
         array = expect_numbers("rows", array)
         array = array[..., None] if array.ndim == 2 else array
-        array = expect_array("rows", array, (None, None, None), None, -BRIGHTEST, BRIGHTEST)
+        array = expect_array("rows", array, (None, None, None), np.float32, -BRIGHTEST, BRIGHTEST)
         expect(array.size, f"rows: expected some, got an array of shape {array.shape}")
-        self.array = array if array.dtype.kind == "f" else array.astype(np.float32)
-        self.n_points, self.n_directions, self.n_channels = array.shape
+        self.array = array
+        self.n_points, self.n_directions, self.n_outputs = array.shape
+        if reads is not None:
+            self.reads = expect_reads(reads, self.n_outputs)
         if resolution is not None:
             expect_whole("resolution", resolution, 1)
             expect(
@@ -98,10 +107,10 @@ class ArrayRows(Rows):
 class TransportRows(Rows):
     """Rows of a baked transport, with all bounces, without the albedo of the point itself.
 
-    `R = D + K T` is what a point receives for unit radiance from each texel, so that colours are
-    albedo * (R . light): textures stay exact and are not compressed. D is exact and the same in
-    every channel; the light between surfaces, K T, is smooth and held as a product of thin
-    factors, so that its features are few.
+    `R = D + K T` is what a point receives for unit radiance from each texel; colours are albedo
+    times that (see `ExitRadiance`), so that textures stay exact and are not compressed. D is exact
+    and the same in every channel; the light between surfaces, K T, is smooth and held as a product
+    of thin factors, so that its features are few.
 
     Parameters
     ----------
@@ -119,9 +128,8 @@ class TransportRows(Rows):
         expect_flag("natural", natural)
         expect_seed(seed)
         self.n_points, self.n_directions = transport.shape
-        self.n_channels = 3
+        self.n_outputs = 3
         self.resolution = transport.cube_map.resolution
-        self.gain = transport.albedo
         self.rank, self.natural, self.seed = rank, natural, seed
         self._prepared = None
 
@@ -145,11 +153,11 @@ class TransportRows(Rows):
             channels = [0] if grey else [0, 1, 2]
             factors = yield from indirect_factors(transport, channels, self.rank, self.seed)
             left, right = factors
-            code = RowCode(self.n_directions, 3, tuple(groups), self.resolution, scale)
+            code = RowCode(self.n_directions, self.reads, tuple(groups), self.resolution, scale)
             right = [code.code(part) for part in right]
             more, lefts = opponent_groups(*(x * 3 if grey else x for x in (left, right)))
             groups += more
-        return RowCode(self.n_directions, 3, tuple(groups), self.resolution, scale), lefts
+        return RowCode(self.n_directions, self.reads, tuple(groups), self.resolution, scale), lefts
 
     @property
     def _ready(self):
@@ -199,8 +207,7 @@ class SomeRows(Rows):
             rows, points = rows.rows, rows.points[points]
         self.rows, self.points, self._features = rows, points, None
         self.n_points, self.n_directions = len(self.points), rows.n_directions
-        self.n_channels, self.resolution = rows.n_channels, rows.resolution
-        self.gain = None if rows.gain is None else rows.gain[self.points]
+        self.n_outputs, self.reads, self.resolution = rows.n_outputs, rows.reads, rows.resolution
 
     @property
     def code(self):

@@ -17,13 +17,13 @@ def columns_by_depth(groups, weights, decode):
     Parameters
     ----------
     groups : list of ((m,) int depths, rising, and SparseColumns of m columns)
-    weights : (n_names, n_channels) float32
+    weights : (n_names, n_outputs) float32
     decode : callable
         What stored values stand for, array to array.
 
     Returns
     -------
-    dict of int -> ((n_rows, k) CSC, (k, n_channels) float32)
+    dict of int -> ((n_rows, k) CSC, (k, n_outputs) float32)
     """
     pieces = []
     for depths, packed in groups:
@@ -52,8 +52,8 @@ def columns_by_depth(groups, weights, decode):
     return {depth: _joined(some, n_rows) for depth, some in found.items()}
 
 
-def picture_of(columns, transform, n_channels, level_scales=False):
-    """(n_channels, n_rows) float32: the sum of `columns_by_depth`, transformed back.
+def picture_of(columns, transform, n_outputs, level_scales=False):
+    """(n_outputs, n_rows) float32: the sum of `columns_by_depth`, transformed back.
 
     Parameters
     ----------
@@ -61,11 +61,11 @@ def picture_of(columns, transform, n_channels, level_scales=False):
         Of depths from 0.
     transform
         Of columns: `n`, `inverse_step`, `scales`.
-    n_channels : int
+    n_outputs : int
     level_scales : bool
         Whether coefficients were multiplied by 2^scale before they were quantised.
     """
-    picture, at = np.zeros((n_channels, transform.n), np.float32), 0
+    picture, at = np.zeros((n_outputs, transform.n), np.float32), 0
     for depth, (matrix, light) in sorted(columns.items(), reverse=True):
         _invert(transform, picture, at, depth)
         product = (matrix @ light).T

@@ -3,8 +3,8 @@
 import numpy as np
 import scipy.sparse as sp
 
-from prt_core.basis import haar_areas, haar_rows
-from prt_core.compress.base import Compressor
+from prt_core.basis import haar_areas, haar_rows, haar_texels
+from prt_core.compress.base import Compressor, pieces
 from prt_core.compress.light_terms import heaviest
 from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect, expect_kind, expect_number, expect_one_of, expect_whole
@@ -12,7 +12,7 @@ from prt_core.runtime.parallel import in_parallel
 from prt_core.runtime.progress import Progress
 
 SELECTIONS = ("unweighted", "area", "transport")
-# Luminance and two differences: what three channels have in common is stored once.
+# Luminance and two differences: what three outputs have in common is stored once.
 OPPONENTS = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
 
 
@@ -49,7 +49,7 @@ class HaarLighting(Compressor):
             expect_whole("n_terms", self.n_terms, 1)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
-        self._mix = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+        self._mix = OPPONENTS if rows.n_outputs == 3 else np.eye(rows.n_outputs)
         largest = 0.0
         for points in rows.blocks(max(1, rows.n_points // 16)):
             some = self._encode(rows.block(points[:: max(1, len(points) // 64)]))
@@ -97,7 +97,9 @@ class HaarLighting(Compressor):
     def choose(self, coefficients, n_terms, selection=None):
         """The `n_terms` largest coefficients under the selection's weights, sorted."""
         selection = selection or self.selection
-        weight = (coefficients**2).sum(axis=1)
+        # Each channel counts as often as it is read.
+        counts = np.bincount(self.reads_, minlength=coefficients.shape[1])
+        weight = (coefficients**2 * counts.astype(coefficients.dtype)).sum(axis=1)
         if selection == "area":
             # An edge of the row changes an orthonormal coefficient by the root of its area.
             weight = weight * self._areas
@@ -106,24 +108,34 @@ class HaarLighting(Compressor):
         return heaviest(weight, n_terms)
 
     def products(self, chosen, coefficients):
-        """(n_points, n_channels) float32: colours of the `chosen` wavelets' `coefficients`."""
-        result = np.zeros((self.n_points_, self.n_channels_), np.float32)
+        """(n_points, n_outputs) float32: received of the `chosen` wavelets' `coefficients`."""
+        result = np.zeros((self.n_points_, self.n_outputs_), np.float32)
+        read = coefficients[chosen][:, self.reads_]
         for shares, columns in zip(self._mix, self.columns_, strict=True):
-            light = coefficients[chosen] * (shares * self.step_)
+            light = read * (shares * self.step_)
             used = np.flatnonzero(shares)
             some = columns[:, chosen].astype(np.float32)
             result[:, used] += some @ np.ascontiguousarray(light[:, used], np.float32)
-        return result if self.gain_ is None else result * self.gain_
+        return result
 
     @property
     def nbytes(self):
         """Of the sparse columns: a value and a row for each coefficient."""
         self._expect_fitted()
-        arrays = sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in self.columns_)
-        return arrays + (0 if self.gain_ is None else self.gain_.nbytes)
+        return sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in self.columns_)
 
-    def _relight(self, light):
+    def _product(self, light):
         return self.products(*self.terms(light))
+
+    def _entries(self, points, columns):
+        result = np.zeros((len(points), self.n_outputs_), np.float32)
+        for part in pieces(len(points)):
+            places, values = haar_texels(columns[part], self.resolution_)
+            for shares, matrix in zip(self._mix, self.columns_, strict=True):
+                found = _looked_up(matrix, points[part, None], places)
+                sums = np.einsum("nt,nt->n", found, values) * np.float32(self.step_)
+                result[part] += sums[:, None] * shares.astype(np.float32)
+        return result
 
     def _state(self):
         state = {"step": self.step_, "importance": self.importance_}
@@ -141,9 +153,9 @@ class HaarLighting(Compressor):
             self.resolution_ and 6 * self.resolution_**2 == n_directions,
             "its directions are no cube map",
         )
-        self._mix = OPPONENTS if self.n_channels_ == 3 else np.eye(self.n_channels_)
+        self._mix = OPPONENTS if self.n_outputs_ == 3 else np.eye(self.n_outputs_)
         self.columns_ = []
-        for i in range(self.n_channels_):
+        for i in range(self.n_outputs_):
             starts = array_of(state, f"indptr{i}", (n_directions + 1,), "int32")
             n = int(starts[-1])
             rows = array_of(state, f"indices{i}", (n,), "int32", n_points)
@@ -154,19 +166,19 @@ class HaarLighting(Compressor):
                 "its columns do not fit each other",
             )  # fmt: skip
             data = array_of(state, f"data{i}", (n,), kind)
-            self.columns_.append(
-                sp.csc_matrix((data, rows, starts), shape=(n_points, n_directions))
-            )
+            matrix = sp.csc_matrix((data, rows, starts), shape=(n_points, n_directions))
+            matrix.sort_indices()
+            self.columns_.append(matrix)
         _, self._areas = haar_areas(self.resolution_)
 
     def _encode(self, block):
-        """(n_groups, n, n_directions) wavelets of mixed channels."""
+        """(n_groups, n, n_directions) wavelets of mixed outputs."""
         mixed = np.einsum("ndc,gc->gnd", block, self._mix.astype(np.float32), optimize=True)
         return haar_rows(mixed, round((block.shape[1] / 6) ** 0.5))
 
 
 class IncrementalLighting:
-    """Relights frame after frame by what changed (Overbeck et al. 2006).
+    """Products frame after frame by what changed (Overbeck et al. 2006).
 
     Each frame spends its terms on the wavelets whose difference to what is already in the
     picture matters most; while the light stands still the picture converges to the exact one.
@@ -187,16 +199,35 @@ class IncrementalLighting:
         self.model, self.n_terms = model, n_terms or model.n_terms
         self.shown = np.zeros((model.n_directions_, model.n_channels_), np.float32)
         # In float64: thousands of small differences add up.
-        self._colours = np.zeros((model.n_points_, model.n_channels_))
+        self._received = np.zeros((model.n_points_, model.n_outputs_))
 
-    def relight(self, light):
-        """(n_points, n_channels) float32 after one more frame under `light`."""
+    def product(self, light):
+        """(n_points, n_outputs) float32 after one more frame under `light`."""
         wanted = self.model.transform_light(light)
         difference = wanted - self.shown
         chosen = self.model.choose(difference, self.n_terms)
-        self._colours += self.model.products(chosen, difference)
+        self._received += self.model.products(chosen, difference)
         self.shown[chosen] = wanted[chosen]
-        return self._colours.astype(np.float32)
+        return self._received.astype(np.float32)
+
+
+def _looked_up(matrix, rows, columns):
+    """Entries of a CSC matrix with sorted columns, float32 in the shape of `columns`.
+
+    By halving all columns at once; scipy goes through each of them from its beginning.
+    """
+    if not matrix.nnz:
+        return np.zeros(columns.shape, np.float32)
+    first, end = matrix.indptr[columns], matrix.indptr[columns + 1]
+    last = end
+    while (going := first < last).any():
+        middle = first + (last - first) // 2
+        below = going & (matrix.indices[np.minimum(middle, matrix.nnz - 1)] < rows)
+        first = np.where(below, middle + 1, first)
+        last = np.where(going & ~below, middle, last)
+    at = np.minimum(first, matrix.nnz - 1)
+    held = (first < end) & (matrix.indices[at] == rows)
+    return np.where(held, matrix.data[at], 0).astype(np.float32)
 
 
 def _sparse(values):

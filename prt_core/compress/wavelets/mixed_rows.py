@@ -1,4 +1,4 @@
-"""Rows as wavelets over directions, of luminance and differences instead of channels."""
+"""Rows as wavelets over directions, of luminance and differences instead of outputs."""
 
 import numpy as np
 
@@ -7,17 +7,17 @@ from prt_core.compress.wavelets.haar_lighting import OPPONENTS
 
 
 def mixed_wavelets(rows, wavelet):
-    """How rows become wavelets of mixed channels: luminance and differences.
+    """How rows become wavelets of mixed outputs: of three, luminance and two differences.
 
     Returns
     -------
-    mixed : (k, n_channels) float32
-        Orthonormal; channels that no row has are left out.
+    mixed : (k, n_outputs) float32
+        Orthonormal; mixtures that no row has are left out.
     encode : callable
         (n,) int points to (n, k n_directions) float32.
     """
     code = rows.code
-    every = OPPONENTS if rows.n_channels == 3 else np.eye(rows.n_channels)
+    every = OPPONENTS if rows.n_outputs == 3 else np.eye(rows.n_outputs)
     shares = every @ np.array([group.shares for group in code.groups]).T
     shares[np.abs(shares) < 1e-9] = 0
     used = shares.any(axis=1)
@@ -41,8 +41,8 @@ def mixed_wavelets(rows, wavelet):
         features = features if lit.all() else features[lit]
         for part, basis, share in zip(code.slices, bases, shares.T, strict=True):
             coded = convert(features[:, part]) if basis is None else features[:, part] @ basis
-            for channel in np.flatnonzero(share):
-                made[:, channel] += share[channel] * coded
+            for mixture in np.flatnonzero(share):
+                made[:, mixture] += share[mixture] * coded
         if lit.all():
             return made.reshape(len(points), -1)
         result = np.zeros((len(points), *made.shape[1:]), np.float32)

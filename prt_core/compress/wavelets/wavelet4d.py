@@ -81,8 +81,8 @@ class Wavelet4D(Compressor):
     Attributes
     ----------
     depths_ : (n_columns,) int
-        Steps of each column; columns are the directions' wavelets, one channel after another
-        (three channels as luminance and two differences).
+        Steps of each column; columns are the directions' wavelets, one output after another
+        (three outputs as luminance and two differences).
     counts_ : (n_columns,) int
         Terms of each column.
     n_coefficients_ : int
@@ -242,12 +242,11 @@ class Wavelet4D(Compressor):
     @property
     def nbytes(self):
         """Of the columns (places, values, sizes, counts, names), the order and features of the
-        points, the weights of the wavelets and the gain."""
+        points, and the weights of the wavelets."""
         self._expect_fitted()
         result = sum(packed.nbytes for _, packed in self._groups)
         result += sum(array.nbytes for array in _points_state(self._transform).values())
-        result += self.importance_.nbytes
-        return result + (0 if self.gain_ is None else self.gain_.nbytes)
+        return result + self.importance_.nbytes
 
     def choose(self, light):
         """The wavelets that a light is cut to: those that weigh most in the colours.
@@ -265,15 +264,42 @@ class Wavelet4D(Compressor):
         coefficients = wavelet_rows(light.T, self.resolution_, self.rows).T
         share = self.matrix_error_ / 10 if self.light_error is None else self.light_error
         importance = self.importance_.astype(np.float64)
-        weight = (coefficients.astype(np.float64) ** 2).sum(axis=1) * importance**2
+        # Each channel counts as often as it is read.
+        counts = np.bincount(self.reads_, minlength=self.n_channels_)
+        weight = (coefficients.astype(np.float64) ** 2 * counts).sum(axis=1) * importance**2
         result = np.zeros_like(coefficients)
         chosen = heaviest(weight, self.n_terms, share)
         result[chosen] = coefficients[chosen]
         return result
 
-    def _relight(self, light):
+    def _product(self, light):
         coefficients = self.choose(light)
-        weights = (self._mixed[:, None] * coefficients).reshape(-1, self.n_channels_)
+        read = np.take(coefficients, self.reads_, axis=1)
+        pictures = self._pictures((self._mixed[:, None] * read).reshape(-1, self.n_outputs_))
+        result = np.empty((self.n_points_, self.n_outputs_), np.float32)
+        result[self._order] = pictures.T
+        return result
+
+    def _entries(self, points, columns):
+        """By columns, all points at once: those of several directions are one inverse transform."""
+        result = np.empty((len(points), self.n_outputs_), np.float32)
+        places, (used, which) = np.argsort(self._order), np.unique(columns, return_inverse=True)
+        each = 4 * self.n_outputs_ * (len(self._mixed) * self.n_directions_ + 4 * self.n_points_)
+        per = int(np.clip(self.memory / each, 1, 256))
+        for first in range(0, len(used), per):
+            some = used[first : first + per]
+            lights = np.zeros((len(some), self.n_directions_), np.float32)
+            lights[np.arange(len(some)), some] = 1
+            coefficients = wavelet_rows(lights, self.resolution_, self.rows).T
+            weights = self._mixed[:, None, None] * coefficients[None, :, :, None]
+            pictures = self._pictures(weights.reshape(-1, len(some) * self.n_outputs_))
+            pictures = pictures.reshape(len(some), self.n_outputs_, -1)
+            mine = np.flatnonzero((which >= first) & (which < first + per))
+            result[mine] = pictures[which[mine] - first, :, places[points[mine]]]
+        return result
+
+    def _pictures(self, weights):
+        """(m, n_points): columns times (n_columns, m) weights, points in the order of columns."""
         quantised = self.scaling if self.bits is not None else "none"
         # Quantised are roots (see `quantise`).
         decode = (lambda v: v * np.abs(v)) if quantised == "root" else np.asarray
@@ -283,11 +309,9 @@ class Wavelet4D(Compressor):
         if plain:
             jobs.append((plain, self._transform.haar))
         parts = on_all_cores(
-            lambda job: picture_of(*job, self.n_channels_, quantised == "levels"), jobs
+            lambda job: picture_of(*job, weights.shape[1], quantised == "levels"), jobs
         )
-        result = np.empty((self.n_points_, self.n_channels_), np.float32)
-        result[self._order] = np.sum(parts, axis=0).T
-        return result if self.gain_ is None else result * self.gain_
+        return np.sum(parts, axis=0)
 
     def state(self):
         state = super().state()
@@ -317,7 +341,7 @@ class Wavelet4D(Compressor):
         else:
             self.columns = value_of(state, "image", _image_wavelet)
             expect_state(self.columns.n == self.n_points_, "'image' has another size")
-        mixed = array_of(state, "mixed", (None, self.n_channels_), "float32")
+        mixed = array_of(state, "mixed", (None, self.n_outputs_), "float32")
         self._prepare(self.n_points_, mixed)
         self.importance_ = array_of(state, "importance", (self.n_directions_,), "float16")
         n_columns = len(mixed) * self.n_directions_

@@ -6,7 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.compress import Irradiance, Task, border_pairs, method_named, neighbour_pairs, seam
-from prt_core.compress.choice.choose import FAILURES, describe, reason_of, relative_l2
+from prt_core.compress.choice.choose import (
+    FAILURES,
+    describe,
+    radiance_of,
+    reason_of,
+    relative_l2,
+)
 from prt_core.errors import expect
 from prt_core.runtime.machine import peak_bytes, reset_peak
 from prt_core.runtime.progress import Progress
@@ -61,7 +67,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
         Of each method's ladder (its budgets); default: all.
     seed : int
     made : dict, optional
-        Filled with what relights, by the label of its row (for pictures).
+        Filled with what gives products, by the label of its row (for pictures).
 
     Returns
     -------
@@ -122,7 +128,7 @@ def _measured(method, model, task, truth, pairs, label, made):
         "seconds": seconds,
         "peak_bytes": peak,
         **_matrix(model, truth, task),
-        **(yield from _relit(quick, model, truth, pairs, label)),
+        **(yield from _relit(quick, model, truth, task, pairs, label)),
     }
     if made is not None:
         made[label] = quick
@@ -181,7 +187,7 @@ def _references(task, truth):
     errors, spent = [], []
     for name, light in truth.lights.items():
         start = time.perf_counter()
-        found = model.relight(light)
+        found = radiance_of(model, transport, light)
         spent.append(time.perf_counter() - start)
         errors.append(relative_l2(found, truth.colours[name]))
     yield {
@@ -205,7 +211,8 @@ def _matrix(model, truth, task):
     model = model.uncut()
     lost = kept = 0.0
     for light, wanted in zip(truth.white, truth.white_colours, strict=True):
-        lost += float(((model.relight(light).astype(np.float64) - wanted) ** 2).sum())
+        found = radiance_of(model, task.transport, light).astype(np.float64)
+        lost += float(((found - wanted) ** 2).sum())
         kept += float((wanted.astype(np.float64) ** 2).sum())
     entries = 3 * task.n_points * task.rows.n_directions
     rms = np.sqrt(lost / (len(truth.white) * entries))
@@ -215,14 +222,14 @@ def _matrix(model, truth, task):
     return {"matrix_l2": float(share), "matrix_psnr": psnr and float(psnr)}
 
 
-def _relit(quick, model, truth, pairs, label):
+def _relit(quick, model, truth, task, pairs, label):
     labels = getattr(model, "labels_", None)
     border = None if labels is None else border_pairs(labels, pairs)
-    quick.relight(next(iter(truth.lights.values())))
+    radiance_of(quick, task.transport, next(iter(truth.lights.values())))
     errors, spent, psnr, seams = {}, [], [], []
     for index, (name, light) in enumerate(truth.lights.items()):
         start = time.perf_counter()
-        found = quick.relight(light)
+        found = radiance_of(quick, task.transport, light)
         spent.append(time.perf_counter() - start)
         wanted = truth.colours[name]
         errors[name] = relative_l2(found, wanted)

@@ -12,6 +12,7 @@ CALLS = {
     "haar_inverse": plain(
         basis.haar_inverse, any_of("coefficients"), coefficients=np.ones((3, 4, 4)), levels=1
     ),
+    "haar_texels": plain(basis.haar_texels, texels=np.array([0, 23]), resolution=2),
     "haar_rows": plain(
         basis.haar_rows, any_of("rows"), rows=np.ones((5, 24)), resolution=2, inverse=True
     ),

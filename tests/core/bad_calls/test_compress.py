@@ -23,7 +23,7 @@ def fitted(kind, **params):
 
     def call(rows, light, **changed):
         model = kind(**{**params, **changed}).fit(rows)
-        return model.relight(light)
+        return model.product(light)
 
     return call
 
@@ -91,7 +91,7 @@ CALLS = {
         {"rows": compress.TransportRows(t.bake.transport), "light": t.light},
     ),
     "IncrementalLighting": lambda t: Call(
-        lambda model, n_terms, light: compress.IncrementalLighting(model, n_terms).relight(light),
+        lambda model, n_terms, light: compress.IncrementalLighting(model, n_terms).product(light),
         {
             "model": compress.HaarLighting().fit(compress.ArrayRows(some_rows(), RESOLUTION)),
             "n_terms": 3,
@@ -100,7 +100,7 @@ CALLS = {
         ("n_terms None",),
     ),  # fmt: skip
     "ClusterRelighter": lambda t: Call(
-        lambda light, **rest: compress.ClusterRelighter(**rest).relight(light),
+        lambda light, **rest: compress.ClusterRelighter(**rest).product(light),
         {
             "model": compress.PCA(2).fit(compress.TransportRows(t.bake.transport)),
             "transport": t.bake.transport,
@@ -113,7 +113,11 @@ CALLS = {
         ("transport None", "n_terms None"),
     ),  # fmt: skip
     "ArrayRows": plain(
-        compress.ArrayRows, ("array another axis",), array=some_rows(), resolution=RESOLUTION
+        compress.ArrayRows,
+        ("array another axis",),
+        array=some_rows(),
+        resolution=RESOLUTION,
+        reads=np.array([0, 1, 1]),
     ),  # fmt: skip
     "TransportRows": lambda t: Call(
         lambda points, **rest: compress.TransportRows(**rest).features(points),
@@ -129,7 +133,12 @@ CALLS = {
         compress.SomeRows, rows=compress.ArrayRows(some_rows()), points=np.array([1, 3])
     ),
     "RowCode.plain": plain(
-        compress.RowCode.plain, n_directions=24, n_channels=3, resolution=2, natural=True
+        compress.RowCode.plain,
+        n_directions=24,
+        n_outputs=3,
+        resolution=2,
+        natural=True,
+        reads=np.array([0, 1, 1]),
     ),
     "Compressor.predict": method(
         lambda t: compress.PCA(2).fit(some_rows()), "predict", rows=some_rows(5)
@@ -145,6 +154,20 @@ CALLS = {
     "Compressor.reconstruct": method(
         lambda t: compress.PCA(2).fit(some_rows()), "reconstruct", points=np.array([0, 3])
     ),
+    **{
+        f"{type(model).__name__}.entries": method(
+            lambda t, model=model: model.fit(compress.ArrayRows(some_rows(), RESOLUTION)),
+            "entries",
+            points=np.array([0, 3]),
+            columns=np.array([5, 2]),
+        )
+        for model in (
+            compress.PCA(2),
+            compress.HaarLighting(),
+            compress.Harmonics(2),
+            compress.Wavelet4D(),
+        )
+    },  # fmt: skip
     "Compressor.from_state": plain(
         compress.PCA.from_state, state=compress.PCA(2).fit(some_rows()).state()
     ),

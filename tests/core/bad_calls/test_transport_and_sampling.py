@@ -11,6 +11,8 @@ from prt_core.sampling.groups import certified_together
 
 from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scene
 
+BEYOND = "a NaN", "an infinity"
+
 
 def sampled(there):
     """Every entry traced."""
@@ -42,9 +44,43 @@ CALLS = {
         bounces=1,
     ),
     "Transport.received": method(lambda t: t.bake.transport, "received", light=lambda t: t.light),
-    "Transport.bounce": method(
+    "Transport.product": method(
         lambda t: t.bake.transport,
-        "bounce",
+        "product",
+        ("lamps", "light None", "bounces None"),
+        light=lambda t: t.light,
+        lamps=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
+        bounces=1,
+    ),
+    "ExitRadiance": lambda t: Call(
+        lambda received, albedo: transport.ExitRadiance(received, albedo).toward(),
+        {
+            "received": np.ones((t.bake.transport.n_points, 3), np.float32),
+            "albedo": t.bake.transport.albedo,
+        },
+        # What is received is checked where the light comes in, not once more for each view.
+        (*(f"{name} {label}" for name in ("received", "albedo") for label in BEYOND),),
+    ),
+    "Transport.exit_radiance": method(
+        lambda t: t.bake.transport,
+        "exit_radiance",
+        (*(f"received {label}" for label in BEYOND),),
+        received=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
+    ),
+    "received_with_bounces": lambda t: Call(
+        transport.received_with_bounces,
+        {
+            "gather": t.bake.transport.gather,
+            "albedo": t.bake.transport.albedo,
+            "received": np.ones_like(t.bake.transport.albedo),
+            "tolerance": 1e-3,
+            "bounces": 2,
+        },
+        ("gather None", "bounces None"),
+    ),  # fmt: skip
+    "Transport.with_bounces": method(
+        lambda t: t.bake.transport,
+        "with_bounces",
         ("bounces None",),
         received=lambda t: np.ones((t.bake.transport.n_points, 3), np.float32),
         bounces=2,

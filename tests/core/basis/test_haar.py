@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.basis import haar_areas, haar_forward, haar_inverse, haar_levels, haar_rows
+from prt_core.basis import (
+    haar_areas,
+    haar_forward,
+    haar_inverse,
+    haar_levels,
+    haar_rows,
+    haar_texels,
+)
 
 RNG = np.random.default_rng(0)
 
@@ -22,6 +29,20 @@ def test_reconstruction_is_perfect(size, dtype, bound):
 def test_basis_is_orthonormal(resolution):
     basis = haar_rows(np.eye(6 * resolution**2), resolution)
     assert np.abs(basis @ basis.T - np.eye(len(basis))).max() < 1e-12
+
+
+@pytest.mark.parametrize("resolution", [1, 2, 3, 6, 8])
+def test_rows_of_one_texel_have_few_coefficients(resolution):
+    n = 6 * resolution**2
+    wanted = haar_rows(np.eye(n, dtype=np.float32), resolution)
+    texels = RNG.permutation(n)
+    places, values = haar_texels(texels, resolution)
+    assert places.shape == values.shape == (n, 3 * haar_levels(resolution) + 1)
+    found = np.zeros_like(wanted)
+    np.put_along_axis(found, places, values, axis=1)
+    np.testing.assert_array_equal(found, wanted[texels])
+    with pytest.raises(PRTError, match="texels: expected values from 0"):
+        haar_texels([n], resolution)
 
 
 def test_areas_are_those_of_the_wavelets():

@@ -55,13 +55,23 @@ def test_what_is_read_relights_bit_by_bit(baked, rows, kind):
     model = kind.fit(rows)
     keep(baked, model, method="some")
     found = kept(baked, type(kind))
-    np.testing.assert_array_equal(found.relight(LIGHT), model.relight(LIGHT))
+    np.testing.assert_array_equal(found.product(LIGHT), model.product(LIGHT))
     assert found.nbytes == model.nbytes and found.get_params() == model.get_params()
     assert compressed_facts(BakeStore(baked))["method"] == "some"
     load(baked)
     assert remove_compressed(BakeStore(baked, "a"))
     assert not remove_compressed(BakeStore(baked, "a"))
     assert abs(BakeStore(baked).nbytes() - before) < 100
+
+
+def test_a_form_that_holds_the_albedo_is_read_without_it(baked, rows):
+    """Forms of before held the albedo, as a gain; it is the bake's."""
+    model = Harmonics(2).fit(rows)
+    state = {**model.state(), "gain": np.full((model.n_points_, 3), 0.3, np.float32)}
+    for _ in write_compressed(BakeStore(baked, "a"), state, {}):
+        pass
+    np.testing.assert_array_equal(kept(baked, Harmonics).product(LIGHT), model.product(LIGHT))
+    assert "gain" not in model.state()
 
 
 def test_blended_borders_are_kept(baked, rows):
@@ -71,11 +81,11 @@ def test_blended_borders_are_kept(baked, rows):
     assert len(model.guests_)
     keep(baked, model)
     found = kept(baked, ClusteredPCA)
-    np.testing.assert_array_equal(found.relight(LIGHT), model.relight(LIGHT))
+    np.testing.assert_array_equal(found.product(LIGHT), model.product(LIGHT))
 
 
 def test_a_kill_leaves_the_old_form_or_the_new(baked, rows, monkeypatch):
-    old, new = ClusteredPCA(3, 2).fit(rows), Harmonics(2).fit(rows)
+    old, new = ClusteredPCA(3, 2).fit(rows), PCA(2).fit(rows)
     keep(baked, old)
     for killed_after in (1, 2):
         steps = write_compressed(BakeStore(baked, "a"), new.state(), {})
@@ -85,16 +95,16 @@ def test_a_kill_leaves_the_old_form_or_the_new(baked, rows, monkeypatch):
         # Cut short in the middle of a file as well.
         (baked / "compressed2" / "half").mkdir(parents=True, exist_ok=True)
         (baked / "compressed2" / "half" / "zarr.json").write_text('{"zarr_')
-        np.testing.assert_array_equal(kept(baked, ClusteredPCA).relight(LIGHT), old.relight(LIGHT))
+        np.testing.assert_array_equal(kept(baked, ClusteredPCA).product(LIGHT), old.product(LIGHT))
         load(baked)
     keep(baked, new)
-    np.testing.assert_array_equal(kept(baked, Harmonics).relight(LIGHT), new.relight(LIGHT))
+    np.testing.assert_array_equal(kept(baked, PCA).product(LIGHT), new.product(LIGHT))
     assert [p.name for p in baked.glob("compressed*")] == ["compressed2"]
     # Killed after the switch, before the old folder went.
     monkeypatch.setattr(BakeStore, "remove", lambda *_: None)
     keep(baked, old)
     assert len(list(baked.glob("compressed*"))) == 2
-    np.testing.assert_array_equal(kept(baked, ClusteredPCA).relight(LIGHT), old.relight(LIGHT))
+    np.testing.assert_array_equal(kept(baked, ClusteredPCA).product(LIGHT), old.product(LIGHT))
 
 
 def _replace(name, change):

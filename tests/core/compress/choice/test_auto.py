@@ -104,8 +104,8 @@ class Failing(Harmonics):
 class Wild(Harmonics):
     """Colours that are not finite."""
 
-    def _relight(self, light):
-        return super()._relight(light) * np.float32(np.nan)
+    def _product(self, light):
+        return super()._product(light) * np.float32(np.nan)
 
 
 @pytest.fixture

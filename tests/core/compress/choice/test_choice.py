@@ -20,6 +20,7 @@ from prt_core.compress import (
 from prt_core.compress.choice import methods
 from prt_core.compress.choice.choose import choose_steps
 from prt_core.runtime.progress import run
+from prt_core.transport import ExitRadiance
 
 N_POINTS, N_DIRECTIONS = 9000, 6
 LIGHTS = {"one": np.ones((N_DIRECTIONS, 3), np.float32), "two": np.eye(6, 3, dtype=np.float32)}
@@ -35,6 +36,7 @@ class FakeTask(Task):
         self.matrix = matrix[self.points]
         self.transport = SimpleNamespace(
             relight=lambda light: self.matrix @ light,
+            exit_radiance=lambda received: ExitRadiance(received, np.ones((len(received), 1))),
             cube_map=SimpleNamespace(n_directions=N_DIRECTIONS),
         )
         self.rows = SimpleNamespace(prepare_steps=lambda: iter(()), n_points=len(self.points))
@@ -66,7 +68,7 @@ class Known:
 
 
 def relighter(model, transport):
-    return SimpleNamespace(relight=lambda light: transport.relight(light) * (1 + model.error))
+    return SimpleNamespace(product=lambda light: transport.relight(light) * (1 + model.error))
 
 
 @pytest.fixture

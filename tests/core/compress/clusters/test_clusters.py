@@ -52,11 +52,11 @@ def test_estimator_conventions(kind):
     assert relative(stored, rows) == pytest.approx(model.matrix_error_, abs=1e-4)
     assert model.nbytes > 0
     with pytest.raises(PRTError, match="fit"):
-        clone(kind).relight(np.zeros((24, 2)))
+        clone(kind).product(np.zeros((24, 2)))
     with pytest.raises(PRTError, match="light"):
-        model.relight(np.zeros((23, 2)))
+        model.product(np.zeros((23, 2)))
     with pytest.raises(PRTError, match="NaN"):
-        model.relight(np.full((24, 2), np.nan))
+        model.product(np.full((24, 2), np.nan))
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: type(k).__name__)
@@ -65,9 +65,9 @@ def test_relighting_is_linear_and_that_of_the_rows(kind):
     model = clone(kind).fit(rows)
     a, b = RNG.standard_normal((2, 24, 2)).astype(np.float32)
     truth = np.einsum("ndc,dc->nc", model.reconstruct(np.arange(60)), a)
-    np.testing.assert_allclose(model.relight(a), truth, atol=1e-4)
+    np.testing.assert_allclose(model.product(a), truth, atol=1e-4)
     np.testing.assert_allclose(
-        model.relight(2 * a - b), 2 * model.relight(a) - model.relight(b), atol=1e-3
+        model.product(2 * a - b), 2 * model.product(a) - model.product(b), atol=1e-3
     )
 
 
@@ -75,7 +75,8 @@ def test_relighting_is_linear_and_that_of_the_rows(kind):
 def test_planted_spaces_are_found(method):
     rows, labels = planted()
     model = ClusteredPCA(3, 2, method=method).fit(rows)
-    assert model.matrix_error_ < 1e-5
+    # The root of a difference of float32 sums.
+    assert model.matrix_error_ < 1e-4
     assert relative(model.reconstruct(np.arange(60))[..., 0], rows) < 1e-5
     # The same clusters, whatever their names.
     assert len({(a, b) for a, b in zip(model.labels_, labels, strict=True)}) == 3
@@ -110,7 +111,7 @@ def test_ugly_rows(method):
     rows = np.zeros((50, 24), np.float32)
     model = ClusteredPCA(6, 3, method=method).fit(rows)
     assert model.matrix_error_ == 0 and model.ranks_.sum() == 0
-    assert not model.relight(np.ones(24)).any()
+    assert not model.product(np.ones(24)).any()
     rows[:] = RNG.random(24)
     model = ClusteredPCA(6, 3, method=method).fit(rows)
     assert model.ranks_.sum() == 0 and model.matrix_error_ < 1e-6
@@ -158,34 +159,34 @@ def compressed(transport):
 
 def test_real_time_relighting_is_that_of_the_model(transport, compressed, light):
     quick = ClusterRelighter(compressed, n_terms=None, error=0)
-    assert relative(quick.relight(light), compressed.relight(light)) < 1e-5
+    assert relative(quick.product(light), compressed.product(light)) < 1e-5
     again = light[::-1].copy()
-    assert relative(quick.relight(again), compressed.relight(again)) < 1e-5
-    assert not quick.relight(np.zeros_like(light)).any()
+    assert relative(quick.product(again), compressed.product(again)) < 1e-5
+    assert not quick.product(np.zeros_like(light)).any()
 
 
 def test_bright_texels_are_exact(transport, compressed, light):
-    truth = transport.relight(light)
-    plain = relative(ClusterRelighter(compressed).relight(light), truth)
-    exact = relative(ClusterRelighter(compressed, transport).relight(light), truth)
+    truth = transport.product(light)
+    plain = relative(ClusterRelighter(compressed).product(light), truth)
+    exact = relative(ClusterRelighter(compressed, transport).product(light), truth)
     assert exact < 0.5 * plain
     sun = np.zeros_like(light)
     sun[100] = 1e5
     direct_only = TransportRows(transport, 0)
     model = ClusteredPCA(2, 0).fit(direct_only)
-    found = ClusterRelighter(model, transport).relight(sun)
-    assert relative(found, transport.relight(sun, bounces=0)) < 1e-5
+    found = ClusterRelighter(model, transport).product(sun)
+    assert relative(found, transport.product(sun, bounces=0)) < 1e-5
 
 
 def test_fewer_terms_cost_what_was_asked_for(transport, compressed, light):
     light = light.copy()
     light[100] = 1
-    every = ClusterRelighter(compressed, n_terms=None, error=0).relight(light)
+    every = ClusterRelighter(compressed, n_terms=None, error=0).product(light)
     errors = []
     for error in (0.1, 0.01, 0.001):
         quick = ClusterRelighter(compressed, n_terms=None, error=error)
         assert quick.terms(light)[0] < transport.n_directions
-        errors.append(relative(quick.relight(light), every))
+        errors.append(relative(quick.product(light), every))
         assert errors[-1] < 3 * error
     assert errors == sorted(errors, reverse=True)
 
@@ -207,18 +208,18 @@ def test_blended_borders_have_smaller_seams(scene, transport, light):
     border = border_pairs(model.labels_, pairs)
     assert 0 < len(border) < len(pairs)
     light = np.minimum(light, 5)
-    truth = transport.relight(light)
-    before = seam(model.relight(light), truth, border)
-    error = relative(model.relight(light), truth)
+    truth = transport.product(light)
+    before = seam(model.product(light), truth, border)
+    error = relative(model.product(light), truth)
     model.blend_borders(rows, pairs)
-    after = seam(model.relight(light), truth, border)
+    after = seam(model.product(light), truth, border)
     assert after["rms"] < 0.85 * before["rms"]
-    assert relative(model.relight(light), truth) < error
+    assert relative(model.product(light), truth) < error
     quick = ClusterRelighter(model, n_terms=None, error=0)
-    assert relative(quick.relight(light), model.relight(light)) < 1e-5
+    assert relative(quick.product(light), model.product(light)) < 1e-5
     every = np.arange(rows.n_points)
-    truth = np.einsum("ndc,dc->nc", model.reconstruct(every), light) * rows.gain
-    assert relative(model.relight(light), truth) < 1e-5
+    truth = np.einsum("ndc,dc->nc", model.reconstruct(every), light)
+    assert relative(model.product(light), truth) < 1e-5
     with pytest.raises(PRTError, match="already"):
         model.blend_borders(rows, pairs)
 

@@ -26,8 +26,8 @@ def test_terms_are_left_out_by_what_they_add_to_the_colours(n_channels):
             spare = (np.cumsum(order) < error**2 * order.sum()).sum()
             wanted.append(24 - int(spare))
         assert quick.terms(light) == wanted
-        every = ClusterRelighter(model, n_terms=None, error=0).relight(light)
-        left = np.linalg.norm(quick.relight(light) - every) / np.linalg.norm(every)
+        every = ClusterRelighter(model, n_terms=None, error=0).product(light)
+        left = np.linalg.norm(quick.product(light) - every) / np.linalg.norm(every)
         assert left < 2 * error
     few = ClusterRelighter(model, n_terms=5, error=0)
     assert few.terms(light) == [5] * n_channels
@@ -57,10 +57,10 @@ def test_the_texels_that_are_looked_up_are_those_of_most_power(transport):
     model = ClusteredPCA(3, 1).fit(TransportRows(transport, 0))
     rest, one = light.copy(), np.zeros_like(light)
     rest[large], one[large] = 0, light[large]
-    wanted = model.relight(rest) + transport.relight(one, bounces=0)
-    found = ClusterRelighter(model, transport, None, 0, n_exact=1).relight(light)
+    wanted = model.product(rest) + transport.product(one, bounces=0)
+    found = ClusterRelighter(model, transport, None, 0, n_exact=1).product(light)
     np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * wanted.max())
     # None of them is looked up where it is not bright.
     even = np.ones_like(light)
     dim = ClusterRelighter(model, transport, None, 0, n_exact=16, bright=0.01)
-    np.testing.assert_allclose(dim.relight(even), model.relight(even), rtol=1e-4)
+    np.testing.assert_allclose(dim.product(even), model.product(even), rtol=1e-4)

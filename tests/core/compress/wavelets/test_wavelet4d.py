@@ -42,20 +42,19 @@ def hierarchy(scene):
 
 
 def restored(model):
-    """The matrix that a model holds, column by column, without the gain; no light is cut."""
+    """The matrix that a model holds, column by column; no light is cut."""
     model = model.uncut()
     lights = np.eye(model.n_directions_, dtype=np.float32)
-    gain = 1 if model.gain_ is None else model.gain_
     white = np.ones((1, model.n_channels_), np.float32)
-    return np.stack([model.relight(light[:, None] * white) / gain for light in lights], axis=1)
+    return np.stack([model.product(light[:, None] * white) for light in lights], axis=1)
 
 
 @pytest.mark.parametrize("wavelet", ["haar", "d4", "d6", "d8"])
 @pytest.mark.parametrize("mode", ["adaptive", "4d", "2d"])
 def test_every_term_is_exact_even_under_a_sun(rows, matrix, hierarchy, light, mode, wavelet):
     model = Wavelet4D(hierarchy, wavelet, error=0, mode=mode, bits=None).fit(rows)
-    truth = np.einsum("pdc,dc->pc", matrix.astype(np.float64), light) * rows.gain
-    assert relative(model.relight(light), truth) < 1e-5
+    truth = np.einsum("pdc,dc->pc", matrix.astype(np.float64), light)
+    assert relative(model.product(light), truth) < 1e-5
     assert model.matrix_error_ < 1e-6
 
 
@@ -156,7 +155,7 @@ def test_rows_of_zeros_of_ones_and_with_one_entry(wavelet):
     model = Wavelet4D(columns, error=0.01, bits=12).fit(ArrayRows(matrix, 4))
     assert relative(restored(model), matrix) <= 0.0101
     nothing = Wavelet4D(columns).fit(ArrayRows(0 * matrix, 4))
-    assert nothing.n_coefficients_ == 0 and not nothing.relight(np.ones((96, 1))).any()
+    assert nothing.n_coefficients_ == 0 and not nothing.product(np.ones((96, 1))).any()
     assert nothing.matrix_error_ == 0
 
 
@@ -164,32 +163,32 @@ def test_float64_rows_give_what_float32_rows_give(grey, hierarchy, light):
     one = Wavelet4D(hierarchy, error=0.02).fit(grey)
     two = Wavelet4D(hierarchy, error=0.02).fit(ArrayRows(grey.array.astype(np.float64), 8))
     # A value at the edge of a step falls to either side, as machines round.
-    assert relative(one.relight(light[:, 0]), two.relight(light[:, 0])) < 1e-3
+    assert relative(one.product(light[:, 0]), two.product(light[:, 0])) < 1e-3
 
 
 def test_fewer_wavelets_of_the_light_come_nearer_with_more(rows, hierarchy, light):
     model = Wavelet4D(hierarchy, error=0.02, light_error=0.0, n_terms=384).fit(rows)
-    every = model.relight(np.minimum(light, 3))
+    every = model.product(np.minimum(light, 3))
     errors = []
     for n_terms in (10, 60, 200):
         model.n_terms = n_terms
-        errors.append(relative(model.relight(np.minimum(light, 3)), every))
+        errors.append(relative(model.product(np.minimum(light, 3)), every))
     assert errors == sorted(errors, reverse=True) and 0 < errors[-1] < 0.2 * errors[0]
 
 
 def test_a_light_is_cut_to_what_its_colours_need(rows, hierarchy, light):
     model = Wavelet4D(hierarchy, error=0.02, light_error=0.0).fit(rows)
     light = np.minimum(light, 3)
-    every, used = model.relight(light), []
+    every, used = model.product(light), []
     for share in (1e-3, 1e-2, 1e-1):
         model.light_error = share
         used.append(int(model.choose(light).any(axis=1).sum()))
-        assert 0 < relative(model.relight(light), every) < 2 * share
+        assert 0 < relative(model.product(light), every) < 2 * share
     assert 0 < used[2] < used[1] < used[0] <= rows.n_directions
     model.light_error = None
-    assert 0 < relative(model.relight(light), every) < 2 * model.matrix_error_ / 10
+    assert 0 < relative(model.product(light), every) < 2 * model.matrix_error_ / 10
     # A share of nothing, and of light that no point sees.
-    assert not model.relight(0 * light).any()
+    assert not model.product(0 * light).any()
     with pytest.raises(PRTError, match="light_error"):
         Wavelet4D(hierarchy, light_error=1.0).fit(rows)
 
@@ -205,7 +204,7 @@ def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
         model.fit(ArrayRows(some, 8))
     state = model.state()
     again = Wavelet4D.from_state(state)
-    np.testing.assert_array_equal(again.relight(light), model.relight(light))
+    np.testing.assert_array_equal(again.product(light), model.product(light))
     assert again.nbytes == model.nbytes
     for name, broken in (
         ("low", state["low"][:-3]),

@@ -75,7 +75,7 @@ def test_white_lights_measure_the_matrix(bake, lights, monkeypatch):
     class Task:
         n_points = transport.n_points
 
-    Task.rows = rows
+    Task.rows, Task.transport = rows, transport
     measured = _matrix(model, truth, Task)
     assert measured["matrix_l2"] == pytest.approx(error, rel=0.1)
     # A light that is cut to few terms is not the matrix' fault.

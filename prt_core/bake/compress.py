@@ -10,7 +10,9 @@ from prt_core.compress import (
     Limits,
     Task,
     border_pairs,
+    candidate_names,
     choose_steps,
+    method_asked,
     method_named,
     method_names,
     neighbour_pairs,
@@ -20,12 +22,11 @@ from prt_core.compress.choice.choose import (
     FAILURES,
     WORST,
     Trial,
-    describe,
     none_left,
     reason_of,
     relative_l2,
-    relit,
 )
+from prt_core.compress.choice.methods import describe, settings_of
 from prt_core.errors import (
     PRTError,
     expect,
@@ -51,7 +52,7 @@ from prt_core.version import __version__
 
 # Degrees about z: of the lights a method is chosen under, and of those it is measured under.
 _CHOICE, _MEASURE = 20.0, (65.0, 185.0, 305.0)
-_CHOICE_LIGHTS, _TURNS = 4, 2
+_CHOICE_LIGHTS, _TURNS = 8, 2
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ class CompressSettings:
     Parameters
     ----------
     method : str
-        `auto`, or a registered method (`compress.method_names()`).
+        `auto`, or a registered method (`compress.method_names()`); settings of its own that are
+        to be the same all along its ladder as NAME:key=value,key=value.
     tolerance : float, optional
         Relative L2 error of relit colours: in the mean over lights, and twice that under the
         worst of them. Default 0.01 where nothing else is asked for.
@@ -79,11 +81,14 @@ class CompressSettings:
     seed: int = 0
 
     def __post_init__(self):
-        names = method_names()
+        good = isinstance(self.method, str)
+        name, names = self.method.partition(":")[0] if good else None, method_names()
         expect(
-            isinstance(self.method, str) and self.method in ("auto", *names),
+            good and (self.method == "auto" or name in names),
             f"method: expected auto, {', '.join(names)} or none, got {shown(self.method)}",
         )
+        if name != "auto":
+            method_asked(self.method)
         expect_seed(self.seed)
         self.limits  # noqa: B018  (checks them)
 
@@ -156,18 +161,19 @@ def _compress(bake, settings, lights):
     expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
     began = time.perf_counter()
     task = Task.of(bake.transport, bake.scene.points, settings.seed)
-    names = method_names() if settings.method == "auto" else [settings.method]
+    names = candidate_names() if settings.method == "auto" else [settings.method]
     turning = yield from beside("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
     few = {name: light.at(_CHOICE) for name, light in few}
     limits = settings.limits
     ranked, trials = yield from choose_steps(task, names, limits, few)
-    made, why = yield from _fit_best(task, ranked, trials, limits, few)
+    new = yield from _new_lights(task, turning, lights)
+    methods = {method.name: method for method in map(method_asked, names)}
+    made, found, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
     spent = time.perf_counter() - began
-    found = yield from measure_steps(bake, made, turning, lights)
     made.facts = {
         "method": made.method,
-        "settings": {k: v for k, v in made.model.get_params().items() if _plain(v)},
+        "settings": settings_of(made.model),
         "asked": asdict(settings),
         "why": why,
         "trials": [asdict(trial) for trial in trials],
@@ -198,20 +204,25 @@ def met(limits, found):
     return bool(found["error"] <= limits.tolerance and found["worst"] <= most)
 
 
-def _fit_best(task, ranked, trials, limits, lights):
-    """The first of the ranked that all points can be fitted with, within the limits, and why.
+def _fit_best(task, methods, ranked, trials, limits, lights):
+    """The first of the ranked that all points can be fitted with, within the limits.
 
     What fails is added to `trials`.
+
+    Returns
+    -------
+    made : Compressed
+    found : dict
+        See `measure_steps`.
+    why : str
     """
-    truths = {}
-    for name, light in lights.items():
-        truths[name] = yield from beside("choice", task.transport.relight, light)
     failed, beyond = set(), []
     for chosen, why in ranked:
         if (chosen.method, chosen.rung) in failed:
             continue
         try:
-            made, trial = yield from _fit(task, chosen, limits, lights, truths, failed)
+            method = methods[chosen.method]
+            made, found, trial = yield from _fit(task, method, chosen, limits, lights, failed)
         except FAILURES as error:
             reason = f"of all points: {reason_of(error)}"
             trials.append(Trial(chosen.method, chosen.settings, chosen.rung, failure=reason))
@@ -220,20 +231,21 @@ def _fit_best(task, ranked, trials, limits, lights):
             beyond.append(trial)
             continue
         other = "" if trial.rung == chosen.rung else f"; of all points {trial.settings}"
-        return made, why + other
+        return made, found, why + other
     raise PRTError(limits.beyond(beyond) if beyond else none_left(trials))
 
 
-def _fit(task, chosen, limits, lights, truths, failed):
+def _fit(task, method, chosen, limits, lights, failed):
     """Fit the chosen rung to all points; a few rungs up or down where the sample was wrong.
 
     Returns
     -------
     made : Compressed
+    found : dict
+        See `measure_steps`.
     trial : Trial
         Measured on all points.
     """
-    method = method_named(chosen.method)
     ladder, rung, way, best = method.ladder(task), chosen.rung, 0, None
     for _ in range(1 + _TURNS):
         model = ladder[rung]
@@ -243,16 +255,16 @@ def _fit(task, chosen, limits, lights, truths, failed):
             if method.finish is not None:
                 yield from beside("seams", method.finish, model, task)
             made = Compressed(chosen.method, model)
-            work = (_measured, made, task.transport, lights, truths, rung)
-            trial = yield from beside("choice", *work)
+            found = yield from measure_steps(task, made, lights)
+            trial = _measured(made, found, rung)
         except FAILURES:
             # A rung beside the chosen one is tried for being better only.
             if best is None:
                 raise
             break
-        if best is None or _better(trial, best[1], limits):
-            best = made, trial
-        step = -1 if limits.excess(trial) > 1 else 0 if limits.near(trial) else 1
+        if best is None or _better(trial, best[2], limits):
+            best = made, found, trial
+        step = -1 if limits.excess(trial) > 1 else 1 if met(limits, found) is False else 0
         if not step or way == -step or not 0 <= rung + step < len(ladder):
             break
         way, rung = step, rung + step
@@ -263,21 +275,39 @@ def _better(trial, other, limits):
     """First within size and time, then within the tolerance, then nearer."""
 
     def key(t):
-        return max(limits.excess(t), 1.0), not limits.near(t), t.error
+        return max(limits.excess(t), 1.0), t.error
 
     return key(trial) < key(other)
 
 
-def _measured(made, transport, lights, truths, rung):
-    quick = made.relighter(transport)
-    errors, spent = relit(quick, lights, truths)
-    megabytes = made.model.nbytes / 1e6
-    error, settings = float(np.mean(errors)), describe(made.model)
-    return Trial(made.method, settings, rung, error, max(errors), megabytes, 1e3 * spent, 0.0)
+def _measured(made, found, rung):
+    figures = found["error"], found["worst"], found["bytes"] / 1e6, found["milliseconds"]
+    return Trial(made.method, describe(made.model), rung, *figures, 0.0)
 
 
-def measure_steps(bake, made, turning, lights):
+def _new_lights(task, turning, lights):
+    """Lights to measure under: {what it is called: (light on texels, exact colours)}."""
+    found = {}
+    for name, image in lights.items():
+        for turn in _MEASURE:
+            # The exact side takes the environment the exact way, so turning is measured as well.
+            cube_map = task.transport.cube_map
+            light = yield from beside("lights", image.to_cube_map, cube_map, turn)
+            found[f"{name} at {turn:g}°"] = light
+    colours = yield from beside("measure", task.colours, found)
+    quick = {f"{n} at {t:g}°": (turning[n], t) for n in lights for t in _MEASURE}
+    return {name: (*quick[name], colours[name]) for name in found}
+
+
+def measure_steps(task, made, lights):
     """Errors and times of a compressed form under turned lights; a generator of `Progress`.
+
+    Parameters
+    ----------
+    task : Task
+    made : Compressed
+    lights : dict of str -> (TurningLight, float, (n_points, 3) float32)
+        Each with its rotation, in degrees about z, and the exact colours.
 
     Returns
     -------
@@ -285,31 +315,27 @@ def measure_steps(bake, made, turning, lights):
         bytes, bits_a_coefficient, milliseconds (median), milliseconds_worst, error (mean), worst,
         worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
     """
-    transport, points = bake.transport, bake.scene.points
+    transport = task.transport
     quick = yield from beside("measure", made.relighter, transport)
     labels = getattr(made.model, "labels_", None)
     border = None
     if labels is not None:
-        pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
+        pairs = neighbour_pairs(task.positions, task.normals, task.groups)
         border = border_pairs(labels, pairs)
     errors, spent, seams = {}, [], [0.0]
 
-    def one(name, turn):
-        light = turning[name].at(turn)
+    def one(name, turning, turn, truth):
+        light = turning.at(turn)
         start = time.perf_counter()
         found = quick.relight(light)
         spent.append(time.perf_counter() - start)
-        # The exact side takes the environment the exact way, so turning is measured as well.
-        truth = transport.relight(lights[name].to_cube_map(bake.cube_map, turn))
-        errors[f"{name} at {turn:g}°"] = relative_l2(found, truth)
+        errors[name] = relative_l2(found, truth)
         if border is not None:
             seams.append(seam(found, truth, border)["largest"])
 
-    total = len(lights) * len(_MEASURE)
-    for name in lights:
-        for turn in _MEASURE:
-            yield from beside("measure", one, name, turn)
-            yield Progress("measure", len(errors), total)
+    for name, light in lights.items():
+        yield from beside("measure", one, name, *light)
+        yield Progress("measure", len(errors), len(lights))
     bad = [name for name, error in errors.items() if not np.isfinite(error)]
     expect(
         not bad,
@@ -326,7 +352,7 @@ def measure_steps(bake, made, turning, lights):
         "error": float(np.mean(list(errors.values()))),
         "worst": errors[worst],
         "worst_light": worst,
-        "lights": total,
+        "lights": len(lights),
         "matrix_l2": getattr(model, "matrix_error_", None),
         "seam": max(seams),
     }
@@ -390,7 +416,3 @@ def standing_lights():
 
 def _turning(lights, cube_map):
     return {name: TurningLight(light, cube_map) for name, light in lights.items()}
-
-
-def _plain(value):
-    return value is None or isinstance(value, bool | int | float | str)

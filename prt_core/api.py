@@ -186,8 +186,8 @@ def compress(
     bake : str or Path
         `NAME.prt`.
     method : str
-        `auto` tries all on a sample; `none` removes the compressed form; or one of
-        `method_names()` of `prt_core.compress`.
+        `auto` tries several on a sample; `none` removes the compressed form; or one of
+        `prt_core.compress.method_names()`, with settings of its own as NAME:key=value,key=value.
     tolerance, megabytes, milliseconds : float, optional
         Error of relit colours, size, time of a new light that must be kept (see
         `CompressSettings`); default: a tolerance of 0.01.

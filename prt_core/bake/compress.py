@@ -6,16 +6,22 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from prt_core.bake.measure import measure_steps, met, standing_lights
-from prt_core.compress import Limits, Task, choose_steps, method_named, method_names
+from prt_core.bake.measure import measure_steps, met, new_lights, standing_lights
+from prt_core.compress import (
+    Limits,
+    Task,
+    candidate_names,
+    choose_steps,
+    method_asked,
+    method_names,
+)
 from prt_core.compress.choice.choose import (
     FAILURES,
     Trial,
-    describe,
     none_left,
     reason_of,
-    relit,
 )
+from prt_core.compress.choice.methods import describe, settings_of
 from prt_core.errors import (
     PRTError,
     expect,
@@ -35,7 +41,7 @@ from prt_core.version import __version__
 
 # Degrees about z of the lights that a method is chosen under.
 _CHOICE = 20.0
-_CHOICE_LIGHTS, _TURNS = 4, 2
+_CHOICE_LIGHTS, _TURNS = 8, 2
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,8 @@ class CompressSettings:
     Parameters
     ----------
     method : str
-        `auto`, or a registered method (`compress.method_names()`).
+        `auto`, or a registered method (`compress.method_names()`); settings of its own that are
+        to be the same all along its ladder as NAME:key=value,key=value.
     tolerance : float, optional
         Relative L2 error of relit colours: in the mean over lights, and twice that under the
         worst of them. Default 0.01 where nothing else is asked for.
@@ -63,11 +70,14 @@ class CompressSettings:
     seed: int = 0
 
     def __post_init__(self):
-        names = method_names()
+        good = isinstance(self.method, str)
+        name, names = self.method.partition(":")[0] if good else None, method_names()
         expect(
-            isinstance(self.method, str) and self.method in ("auto", *names),
+            good and (self.method == "auto" or name in names),
             f"method: expected auto, {', '.join(names)} or none, got {shown(self.method)}",
         )
+        if name != "auto":
+            method_asked(self.method)
         expect_seed(self.seed)
         self.limits  # noqa: B018  (checks them)
 
@@ -118,18 +128,19 @@ def _compress(bake, settings, lights):
     expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
     began = time.perf_counter()
     task = Task.of(bake.transport, bake.scene.points, settings.seed)
-    names = method_names() if settings.method == "auto" else [settings.method]
+    names = candidate_names() if settings.method == "auto" else [settings.method]
     turning = yield from beside("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
     few = {name: light.at(_CHOICE) for name, light in few}
     limits = settings.limits
     ranked, trials = yield from choose_steps(task, names, limits, few)
-    made, why = yield from _fit_best(task, ranked, trials, limits, few)
+    new = yield from new_lights(task, turning, lights)
+    methods = {method.name: method for method in map(method_asked, names)}
+    made, found, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
     spent = time.perf_counter() - began
-    found = yield from measure_steps(bake, made, turning, lights)
     made.facts = {
         "method": made.method,
-        "settings": {k: v for k, v in made.model.get_params().items() if _plain(v)},
+        "settings": settings_of(made.model),
         "asked": asdict(settings),
         "why": why,
         "trials": [asdict(trial) for trial in trials],
@@ -152,20 +163,25 @@ def _compress(bake, settings, lights):
     return made.facts
 
 
-def _fit_best(task, ranked, trials, limits, lights):
-    """The first of the ranked that all points can be fitted with, within the limits, and why.
+def _fit_best(task, methods, ranked, trials, limits, lights):
+    """The first of the ranked that all points can be fitted with, within the limits.
 
     What fails is added to `trials`.
+
+    Returns
+    -------
+    made : Compressed
+    found : dict
+        See `measure_steps`.
+    why : str
     """
-    truths = {}
-    for name, light in lights.items():
-        truths[name] = yield from beside("choice", task.transport.relight, light)
     failed, beyond = set(), []
     for chosen, why in ranked:
         if (chosen.method, chosen.rung) in failed:
             continue
         try:
-            made, trial = yield from _fit(task, chosen, limits, lights, truths, failed)
+            method = methods[chosen.method]
+            made, found, trial = yield from _fit(task, method, chosen, limits, lights, failed)
         except FAILURES as error:
             reason = f"of all points: {reason_of(error)}"
             trials.append(Trial(chosen.method, chosen.settings, chosen.rung, failure=reason))
@@ -174,20 +190,21 @@ def _fit_best(task, ranked, trials, limits, lights):
             beyond.append(trial)
             continue
         other = "" if trial.rung == chosen.rung else f"; of all points {trial.settings}"
-        return made, why + other
+        return made, found, why + other
     raise PRTError(limits.beyond(beyond) if beyond else none_left(trials))
 
 
-def _fit(task, chosen, limits, lights, truths, failed):
+def _fit(task, method, chosen, limits, lights, failed):
     """Fit the chosen rung to all points; a few rungs up or down where the sample was wrong.
 
     Returns
     -------
     made : Compressed
+    found : dict
+        See `measure_steps`.
     trial : Trial
         Measured on all points.
     """
-    method = method_named(chosen.method)
     ladder, rung, way, best = method.ladder(task), chosen.rung, 0, None
     for _ in range(1 + _TURNS):
         model = ladder[rung]
@@ -197,16 +214,16 @@ def _fit(task, chosen, limits, lights, truths, failed):
             if method.finish is not None:
                 yield from beside("seams", method.finish, model, task)
             made = Compressed(chosen.method, model)
-            work = (_measured, made, task.transport, lights, truths, rung)
-            trial = yield from beside("choice", *work)
+            found = yield from measure_steps(task, made, lights)
+            trial = _measured(made, found, rung)
         except FAILURES:
             # A rung beside the chosen one is tried for being better only.
             if best is None:
                 raise
             break
-        if best is None or _better(trial, best[1], limits):
-            best = made, trial
-        step = -1 if limits.excess(trial) > 1 else 0 if limits.near(trial) else 1
+        if best is None or _better(trial, best[2], limits):
+            best = made, found, trial
+        step = -1 if limits.excess(trial) > 1 else 1 if met(limits, found) is False else 0
         if not step or way == -step or not 0 <= rung + step < len(ladder):
             break
         way, rung = step, rung + step
@@ -217,22 +234,15 @@ def _better(trial, other, limits):
     """First within size and time, then within the tolerance, then nearer."""
 
     def key(t):
-        return max(limits.excess(t), 1.0), not limits.near(t), t.error
+        return max(limits.excess(t), 1.0), t.error
 
     return key(trial) < key(other)
 
 
-def _measured(made, transport, lights, truths, rung):
-    quick = made.relighter(transport)
-    errors, spent = relit(quick, transport, lights, truths)
-    megabytes = made.model.nbytes / 1e6
-    error, settings = float(np.mean(errors)), describe(made.model)
-    return Trial(made.method, settings, rung, error, max(errors), megabytes, 1e3 * spent, 0.0)
+def _measured(made, found, rung):
+    figures = found["error"], found["worst"], found["bytes"] / 1e6, found["milliseconds"]
+    return Trial(made.method, describe(made.model), rung, *figures, 0.0)
 
 
 def _turning(lights, cube_map):
     return {name: TurningLight(light, cube_map) for name, light in lights.items()}
-
-
-def _plain(value):
-    return value is None or isinstance(value, bool | int | float | str)

@@ -14,8 +14,41 @@ from prt_core.runtime.progress import Progress, beside
 _ROTATIONS = 65.0, 185.0, 305.0
 
 
-def measure_steps(bake, made, turning, lights):
+def new_lights(task, turning, lights):
+    """Lights that no method was chosen under, and the exact colours; a generator of `Progress`.
+
+    Parameters
+    ----------
+    task : Task
+    turning : dict of str -> TurningLight
+    lights : dict of str -> EnvironmentMap
+
+    Returns
+    -------
+    dict of str -> (TurningLight, float, (n_points, 3) float32)
+        See `measure_steps`.
+    """
+    found = {}
+    for name, image in lights.items():
+        for turn in _ROTATIONS:
+            # The exact side takes the environment the exact way, so turning is measured as well.
+            cube_map = task.transport.cube_map
+            light = yield from beside("lights", image.to_cube_map, cube_map, turn)
+            found[f"{name} at {turn:g}°"] = light
+    colours = yield from beside("measure", task.colours, found)
+    quick = {f"{n} at {t:g}°": (turning[n], t) for n in lights for t in _ROTATIONS}
+    return {name: (*quick[name], colours[name]) for name in found}
+
+
+def measure_steps(task, made, lights):
     """Errors and times of a compressed form under turned lights; a generator of `Progress`.
+
+    Parameters
+    ----------
+    task : Task
+    made : Compressed
+    lights : dict of str -> (TurningLight, float, (n_points, 3) float32)
+        Each with its rotation, in degrees about z, and the exact colours.
 
     Returns
     -------
@@ -23,31 +56,27 @@ def measure_steps(bake, made, turning, lights):
         bytes, bits_a_coefficient, milliseconds (median), milliseconds_worst, error (mean), worst,
         worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
     """
-    transport, points = bake.transport, bake.scene.points
+    transport = task.transport
     quick = yield from beside("measure", made.relighter, transport)
     labels = getattr(made.model, "labels_", None)
     border = None
     if labels is not None:
-        pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
+        pairs = neighbour_pairs(task.positions, task.normals, task.groups)
         border = border_pairs(labels, pairs)
     errors, spent, seams = {}, [], [0.0]
 
-    def one(name, turn):
-        light = turning[name].at(turn)
+    def one(name, turning, turn, truth):
+        light = turning.at(turn)
         start = time.perf_counter()
         found = radiance_of(quick, transport, light)
         spent.append(time.perf_counter() - start)
-        # The exact side takes the environment the exact way, so turning is measured as well.
-        truth = transport.relight(lights[name].to_cube_map(bake.cube_map, turn))
-        errors[f"{name} at {turn:g}°"] = relative_l2(found, truth)
+        errors[name] = relative_l2(found, truth)
         if border is not None:
             seams.append(seam(found, truth, border)["largest"])
 
-    total = len(lights) * len(_ROTATIONS)
-    for name in lights:
-        for turn in _ROTATIONS:
-            yield from beside("measure", one, name, turn)
-            yield Progress("measure", len(errors), total)
+    for name, light in lights.items():
+        yield from beside("measure", one, name, *light)
+        yield Progress("measure", len(errors), len(lights))
     bad = [name for name, error in errors.items() if not np.isfinite(error)]
     expect(
         not bad,
@@ -64,7 +93,7 @@ def measure_steps(bake, made, turning, lights):
         "error": float(np.mean(list(errors.values()))),
         "worst": errors[worst],
         "worst_light": worst,
-        "lights": total,
+        "lights": len(lights),
         "matrix_l2": getattr(model, "matrix_error_", None),
         "seam": max(seams),
     }

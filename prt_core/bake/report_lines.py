@@ -115,9 +115,10 @@ def _spared(skipped):
 def trial_lines(facts):
     """The short table of what was tried on a sample of the points, and why one was chosen."""
     trials = facts["trials"]
-    width = max(len(trial["settings"]) for trial in trials)
+    width = max((len(trial["settings"]) for trial in trials), default=0)
     head = f"{'settings':{width}}"
-    yield f"tried on a sample: method      {head}  error %  worst %       MB      ms"
+    if trials:
+        yield f"tried on a sample: method      {head}  error %  worst %       MB      ms"
     for trial in trials:
         if trial.get("failure"):
             figures = f"out: {trial['failure']}"

@@ -35,6 +35,8 @@ class PointHaar:
     """
 
     orthonormal = True
+    # What it is called in settings.
+    name = "haar"
     # Another transform on the same order, that a column may rather take.
     haar = None
 

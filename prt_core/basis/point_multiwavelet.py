@@ -39,6 +39,8 @@ class PointMultiwavelet(PointHaar):
         side) to make the basis anew; what is the same at all points is left out.
     """
 
+    name = "multiwavelet"
+
     def __init__(self, positions, normals=None, groups=None):
         positions = expect_array("positions", positions, (None, 3), np.float64)
         tree = PointHaar(positions, normals, groups)

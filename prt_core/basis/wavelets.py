@@ -55,6 +55,8 @@ class ImageWavelet:
     depth : int
         Steps that the size allows.
     orthonormal : bool
+    name : str
+        What it is called in settings: `wavelet`.
     """
 
     # There is no other transform on the same order, as points have.
@@ -62,7 +64,7 @@ class ImageWavelet:
 
     def __init__(self, shape, wavelet="haar"):
         self.shape = expect_pair("shape", shape, 1, _MOST_SIDE)
-        self.wavelet = expect_one_of("wavelet", wavelet, WAVELETS)
+        self.wavelet = self.name = expect_one_of("wavelet", wavelet, WAVELETS)
         step_matrices(2, wavelet)
         self.orthonormal = wavelet in ORTHONORMAL
         self.n = self.shape[0] * self.shape[1]

@@ -2,6 +2,7 @@
 
 import argparse
 
+from prt_core.compress import candidate_names, method_names
 from prt_core.errors import expect
 
 _IN_BLENDER = "the scene that is open"
@@ -37,6 +38,13 @@ def caster_argument(parser):
         "--caster", default="auto", choices=("auto", "blender", "bvhtree", "embree"),
         help="who traces rays; auto: Embree where installed, else Blender",
     )  # fmt: skip
+
+
+def methods_help():
+    """What can be asked of compressors, for `--method` and `--methods`."""
+    tried = candidate_names()
+    others = [name for name in method_names() if name not in tried]
+    return f"{', '.join(tried)}; by name alone {', '.join(others)}; settings as NAME:key=value,…"
 
 
 def transport_argument(parser):

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.load import load
-from prt_core.cli.arguments import quiet_arguments, scene_argument
+from prt_core.cli.arguments import methods_help, quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
-from prt_core.compress import method_named, method_names
+from prt_core.compress import candidate_names, method_asked
 from prt_core.errors import expect
 from prt_core.runtime.progress import run
 
@@ -20,8 +20,8 @@ def add_bench_compress(kinds, in_blender):
     )
     scene_argument(compress, in_blender)
     compress.add_argument(
-        "--methods", nargs="+", default=method_names(), metavar="NAME",
-        help=f"of {', '.join(method_names())} (all)",
+        "--methods", nargs="+", default=candidate_names(), metavar="NAME[:key=value,…]",
+        help=f"of {methods_help()} (all that auto tries)",
     )  # fmt: skip
     compress.add_argument(
         "--rungs", nargs="+", type=int, metavar="N",
@@ -56,7 +56,7 @@ def _bench_compress(options):
         "--resolution: changes nothing for a bake that is there",
     )
     for name in options.methods:
-        method_named(name)
+        method_asked(name)
     silent = options.quiet or options.json
     with working(silent) as bar, tempfile.TemporaryDirectory() as folder:
         images = images_named(options.light, every=True)

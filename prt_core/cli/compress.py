@@ -4,9 +4,8 @@ import json
 import sys
 
 from prt_core.bake.report_lines import compressed_lines, missed, trial_lines
-from prt_core.cli.arguments import quiet_arguments
+from prt_core.cli.arguments import methods_help, quiet_arguments
 from prt_core.cli.show import working
-from prt_core.compress import method_names
 from prt_core.errors import expect
 
 
@@ -15,8 +14,8 @@ def add_compress(commands):
     compress = commands.add_parser("compress", help="compress a bake, to relight in milliseconds")
     compress.add_argument("bake", help="NAME.prt")
     compress.add_argument(
-        "--method", default="auto",
-        help=f"auto tries on a sample: {', '.join(method_names())}; none removes what is there",
+        "--method", default="auto", metavar="NAME[:key=value,…]",
+        help=f"auto tries on a sample: {methods_help()}; none removes what is there",
     )  # fmt: skip
     compress.add_argument(
         "--tolerance", type=float, help="relative error of relit colours (0.01, if nothing else)"

@@ -35,6 +35,10 @@ class Compressor(Parameters, ABC):
         """The same form, for lights of which nothing may be spared: white ones, single texels."""
         return copy(self).set_params(**self._UNCUT)
 
+    def expect_params(self):
+        """The estimator itself; `PRTError` where a parameter is wrong, whatever the rows are."""
+        return self
+
     def fit(self, rows, y=None):
         """Compress rows.
 

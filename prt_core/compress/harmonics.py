@@ -30,8 +30,12 @@ class Harmonics(Compressor):
     def __init__(self, order=5):
         self.order = order
 
+    def expect_params(self):
+        expect_whole("order", self.order, 1, 10)
+        return self
+
     def fit_steps(self, rows):
-        order = expect_whole("order", self.order, 1, 10)
+        order = self.expect_params().order
         expect(
             rows.resolution is not None,
             "rows: harmonics need the texels of a cube map; say its resolution",

@@ -2,7 +2,7 @@
 
 import inspect
 
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_whole
 
 
 class Parameters:
@@ -35,3 +35,8 @@ class Parameters:
     def __repr__(self):
         params = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
         return f"{type(self).__name__}({params})"
+
+
+def expect_optional(name, value, least):
+    """`value`, where it is None or a whole number of at least `least`."""
+    return None if value is None else expect_whole(name, value, least)

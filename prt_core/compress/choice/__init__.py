@@ -5,6 +5,8 @@ from prt_core.compress.choice.choose import Limits, Trial, choose_steps
 from prt_core.compress.choice.methods import (
     Method,
     Task,
+    candidate_names,
+    method_asked,
     method_named,
     method_names,
     register_method,
@@ -15,7 +17,9 @@ __all__ = [
     "Method",
     "Task",
     "Trial",
+    "candidate_names",
     "choose_steps",
+    "method_asked",
     "method_named",
     "method_names",
     "register_method",

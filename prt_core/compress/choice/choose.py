@@ -2,7 +2,8 @@
 
 Each method's ladder is bisected, on patches of neighbouring points or on an even sample, under a
 few lights, for the rung where it is near enough or too large or too slow for what was asked. A
-rung that fails is out of the race and says why; the others go on.
+rung that fails is out of the race and says why; the others go on. Methods that take longer for a
+light than a frame lasts are tried only where none of the quick ones keeps what was asked for.
 """
 
 import time
@@ -10,7 +11,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from prt_core.compress.choice.methods import Task, method_named
+from prt_core.compress.choice.methods import Task, describe, method_asked
 from prt_core.errors import (
     PRTError,
     expect,
@@ -27,9 +28,9 @@ _POINTS, _PATCHES, _FEW = 3072, 12, 64
 _REPEATS, _LIVE = 3, 33.0
 # The worst light may be so many times further off than all are in the mean.
 WORST = 2.0
-# So near a form must be under the few lights that choose: under all of them, at other rotations,
-# errors were up to a fifth larger.
-_SPARE = 0.8
+# Errors of all points were up to so many times those of an even sample. On patches, which clusters
+# fill less well, they were smaller.
+_GROWTH = 1.12
 # Sizes and times of all points are told from a sample so far as to try what seems too much.
 _DOUBT = 1.25
 # How a candidate may fail without ending the choice.
@@ -60,8 +61,10 @@ class Limits:
 
     def near(self, trial):
         """Whether a trial will keep the tolerance; True where none was asked for."""
-        wanted = None if self.tolerance is None else _SPARE * self.tolerance
-        return wanted is None or (trial.error <= wanted and trial.worst <= WORST * wanted)
+        if self.tolerance is None:
+            return True
+        wanted = self.tolerance / trial.growth
+        return trial.error <= wanted and trial.worst <= WORST * wanted
 
     def excess(self, trial):
         """How many times over the limits of size and time a trial is, 1 or less: within."""
@@ -97,6 +100,10 @@ class Trial:
     megabytes, milliseconds, seconds : float or None
     failure : str
         Why it is out of the race; empty where it is not.
+    work : float or None
+        Numbers that a light is multiplied with (see `Method`).
+    growth : float
+        What the error is expected to be of all points, in units of `error`.
     """
 
     method: str
@@ -108,6 +115,8 @@ class Trial:
     milliseconds: float | None = None
     seconds: float | None = None
     failure: str = ""
+    work: float | None = None
+    growth: float = 1.0
 
 
 def choose_steps(task, names, limits, lights):
@@ -117,6 +126,7 @@ def choose_steps(task, names, limits, lights):
     ----------
     task : Task
     names : sequence of str
+        NAME or NAME:key=value,key=value, each name once.
     limits : Limits
     lights : dict of str -> (n_directions, 3) float32
 
@@ -125,7 +135,7 @@ def choose_steps(task, names, limits, lights):
     ranked : list of (Trial, str)
         Those that may be taken, the best first, and in a few words why.
     trials : list of Trial
-        All that was tried.
+        All that was tried; none where there is but one setting of one method.
 
     Raises
     ------
@@ -137,27 +147,38 @@ def choose_steps(task, names, limits, lights):
     expect_kind("limits", limits, Limits)
     names = expect_all("names", names, str, "methods' names")
     expect(names, "names: expected at least one method")
+    methods = [method_asked(name) for name in names]
+    expect(
+        len({method.name for method in methods}) == len(methods),
+        f"names: expected each method once, got {', '.join(names)}",
+    )
     lights = {
         name: expect_radiance(f"lights: {name}", light, task.transport.cube_map)
         for name, light in expect_named("lights", lights, object, "lights").items()
     }
     expect(lights, "lights: expected at least one")
     yield from task.rows.prepare_steps()
-    truths = {}
-    for name, light in lights.items():
-        truths[name] = yield from beside("choice", task.transport.relight, light)
-    trials = []
-    for patches in (_PATCHES, None):
-        some = [n for n in names if method_named(n).local == (patches is not None)]
-        if some:
-            points = yield from beside("choice", task.sample, _POINTS, patches)
-            part, here = task.some(points), {n: truth[points] for n, truth in truths.items()}
-            for name in some:
-                try:
-                    trials += yield from _climb(task, part, name, limits, lights, here)
-                except FAILURES as error:
-                    trials.append(Trial(name, "", 0, failure=reason_of(error)))
-                yield Progress("choice", len({t.method for t in trials}), len(names))
+    only = [(m.name, describe(model)) for m in methods for model in m.ladder(task)]
+    if len(only) == 1:
+        # Nothing is to be chosen: what all points give is measured anyhow.
+        return [(Trial(*only[0], 0), "all that was asked for")], []
+    truths = yield from beside("choice", task.colours, lights)
+    trials, samples = [], {}
+    for quick in (True, False):
+        for method in (m for m in methods if m.quick == quick):
+            if method.local not in samples:
+                patches = _PATCHES if method.local else None
+                points = yield from beside("choice", task.sample, _POINTS, patches)
+                here = {name: truth[points] for name, truth in truths.items()}
+                samples[method.local] = task.some(points), here
+            part, here = samples[method.local]
+            try:
+                trials += yield from _climb(task, part, method, limits, lights, here)
+            except FAILURES as error:
+                trials.append(Trial(method.name, "", 0, failure=reason_of(error)))
+            yield Progress("choice", len({t.method for t in trials}), len(methods))
+        if any(_will_do(trial, limits) for trial in trials):
+            break
     good = [trial for trial in trials if not trial.failure]
     expect(good, none_left(trials))
     ranked = _ranked(good, limits)
@@ -177,15 +198,16 @@ def reason_of(error):
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _climb(task, part, name, limits, lights, truths):
+def _climb(task, part, method, limits, lights, truths):
     """Trials of one method: by bisection of its ladder, to the rung where a limit is crossed."""
-    method, trials = method_named(name), []
+    trials = []
     ladder, whole = method.ladder(part), method.ladder(task)
     start = yield from _start(part, method, lights)
     low, high = 0, len(ladder)
     while low < high:
         rung = (low + high) // 2
-        trial = Trial(name, describe(whole[rung]), rung)
+        growth = 1.0 if method.local else _GROWTH
+        trial = Trial(method.name, describe(whole[rung]), rung, growth=growth)
         try:
             yield from _try(trial, ladder[rung], method, task, part, lights, truths, start)
             near = limits.tolerance is not None and limits.near(trial)
@@ -210,6 +232,7 @@ def _try(trial, model, method, task, part, lights, truths, start):
     trial.error, trial.worst = float(np.mean(errors)), max(errors)
     trial.megabytes = method.size(model, task.n_points) / 1e6
     trial.milliseconds = 1e3 * (start + max(spent - start, 0) * scale)
+    trial.work = method.work(model, task.n_points)
 
 
 def _start(part, method, lights):
@@ -267,33 +290,30 @@ def relative_l2(found, truth):
     return float(distance / size) if size else float(distance > 0)
 
 
+def _will_do(trial, limits):
+    """Whether a trial keeps the tolerance, within the limits, at 30 frames a second."""
+    asked = not trial.failure and limits.tolerance is not None
+    return asked and limits.near(trial) and limits.excess(trial) <= 1 and _is_live(trial)
+
+
+def _is_live(trial):
+    return trial.milliseconds <= _LIVE
+
+
 def _ranked(trials, limits):
     """Trials that may be within the limits with the reason to take each, the best first."""
     within = [t for t in trials if limits.excess(t) <= 1]
     good = [t for t in within if limits.tolerance is not None and limits.near(t)]
-    # By size: times differ from run to run, and the same seed is to choose the same.
-    live = [t for t in good if t.milliseconds <= _LIVE] or good
+    live = [t for t in good if _is_live(t)] or good
     if good:
-        why = f"the smallest of {len(live)} that keep the tolerance at 30 frames a second"
+        why = f"the smallest and quickest of {len(live)} that keep the tolerance"
     elif limits.tolerance is not None:
         why = "nothing tried keeps the tolerance; this is the nearest"
     else:
         why = f"the least error of {len(within)} within the limit"
-    first = sorted(live, key=lambda t: t.megabytes)
+    # By work, not by time, which differs from run to run: the same seed is to choose the same.
+    first = sorted(live, key=lambda t: t.megabytes * t.work)
     rest = sorted((t for t in within if t not in live), key=lambda t: t.error)
     doubtful = sorted((t for t in trials if 1 < limits.excess(t) <= _DOUBT), key=limits.excess)
     ranked = [*first, *rest, *doubtful]
     return [(t, why if i == 0 else "the best that is left") for i, t in enumerate(ranked)]
-
-
-def describe(model):
-    """An estimator's settings that are not the default, and its main ones, in a few words."""
-    return ", ".join(f"{k}={_short(v)}" for k, v in model.get_params().items() if _plain(k, v))
-
-
-def _plain(key, value):
-    return key not in ("seed", "memory") and isinstance(value, int | float | str)
-
-
-def _short(value):
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -6,14 +6,23 @@ is all that a compressor needs to be chosen, stored, relit from, measured and of
 command line.
 """
 
+import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from prt_core.basis import PointHaar
 from prt_core.compress.rows import Rows, SomeRows, TransportRows
-from prt_core.errors import expect, expect_kind, expect_offers, expect_one_of, expect_whole
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_kind,
+    expect_offers,
+    expect_one_of,
+    expect_whole,
+)
+from prt_core.runtime.named_settings import expect_settings, named_settings, read_setting
 
 _METHODS = {}
 
@@ -51,6 +60,27 @@ class Task:
     def n_points(self):
         """Rows of the matrix."""
         return self.rows.n_points
+
+    def colours(self, lights):
+        """Exact colours under lights, for which the visibility is unpacked once.
+
+        Parameters
+        ----------
+        lights : dict of str -> (n_directions, 3) float32
+
+        Returns
+        -------
+        dict of str -> (n_points, 3) float32
+        """
+        # Of light without colour one column is enough.
+        some = [x[:, :1] if (x == x[:, :1]).all() else x for x in lights.values()]
+        ends = np.cumsum([x.shape[1] for x in some])
+        received = np.split(self.transport.received(np.hstack(some)), ends[:-1], axis=1)
+        shape = self.transport.n_points, 3
+        return {
+            name: self.transport.relight(None, lamps=np.broadcast_to(part, shape).copy())
+            for name, part in zip(lights, received, strict=True)
+        }
 
     def some(self, points):
         """The same for some of the points: their rows hold the light of all."""
@@ -91,6 +121,10 @@ def _in_proportion(model, n_points):
     return model.nbytes * n_points / model.n_points_
 
 
+def _every_number(model, n_points):
+    return _in_proportion(model, n_points) / 4
+
+
 @dataclass(frozen=True)
 class Method:
     """A way to compress.
@@ -111,6 +145,18 @@ class Method:
         otherwise an even sample does.
     size : callable(model, n_points) -> float
         Bytes for so many points, told from a model of some of them.
+    work : callable(model, n_points) -> float
+        Numbers that a light of so many points is multiplied with: what its time grows with.
+    candidate : bool
+        Whether `auto` tries it.
+    quick : bool
+        Whether a light takes it milliseconds: such are tried first.
+    fixed : tuple of str
+        Parameters that come with the bake or with the call, and are no settings.
+    choices : dict of str -> tuple of str
+        Words for settings that are objects.
+    made : callable(Task, str, str) -> object
+        What such a word stands for: of the task, the setting and the word.
     """
 
     name: str
@@ -120,6 +166,64 @@ class Method:
     finish: Callable | None = None
     local: bool = True
     size: Callable = _in_proportion
+    work: Callable = _every_number
+    candidate: bool = True
+    quick: bool = True
+    fixed: tuple = ("seed",)
+    choices: dict = field(default_factory=dict)
+    made: Callable | None = None
+
+    @property
+    def settings(self):
+        """Settings that can be asked for, and their defaults: a dict by name."""
+        parameters = inspect.signature(self.kind).parameters
+        return {k: p.default for k, p in parameters.items() if k not in self.fixed}
+
+    def with_settings(self, texts):
+        """This method with some settings the same all along its ladder.
+
+        Parameters
+        ----------
+        texts : dict of str -> str
+            As `named_settings` gives them.
+
+        Returns
+        -------
+        Method
+            Settings of the ladder that are the same now are there once.
+
+        Raises
+        ------
+        PRTError
+            There is no such setting, or it cannot have such a value.
+        """
+        if not texts:
+            return self
+        known = self.settings
+        expect_settings(self.name, texts, known)
+        words = {key: text for key, text in texts.items() if key in self.choices}
+        for key, word in words.items():
+            expect_one_of(f"method: '{self.name}': {key}", word, self.choices[key])
+        values = {k: read_setting(t, known[k]) for k, t in texts.items() if k not in words}
+        # What comes with the bake is not there yet.
+        parameters = inspect.signature(self.kind).parameters
+        absent = [k for k, p in parameters.items() if p.default is inspect.Parameter.empty]
+        try:
+            self.kind(**dict.fromkeys(absent), **values).expect_params()
+        except PRTError as error:
+            raise PRTError(f"method: '{self.name}': {error}") from error
+
+        def ladder(task):
+            more = {key: self.made(task, key, word) for key, word in words.items()}
+            found = []
+            for model in self.ladder(task):
+                model.set_params(**values, **more)
+                params = model.get_params()
+                if all(params != other.get_params() for other in found):
+                    found.append(model)
+            return found
+
+        return replace(self, ladder=ladder)
 
 
 def register_method(method):
@@ -138,7 +242,48 @@ def method_names():
     return list(_METHODS)
 
 
+def candidate_names():
+    """Names of the methods that `auto` tries."""
+    return [name for name, method in _METHODS.items() if method.candidate]
+
+
 def method_named(name):
     """The `Method` of a name; `PRTError` where there is none."""
     expect_one_of("method", name, _METHODS)
     return _METHODS[name]
+
+
+def method_asked(text):
+    """The `Method` of a `text`, NAME or NAME:key=value,key=value.
+
+    Raises
+    ------
+    PRTError
+        There is no such method or setting, or it cannot have such a value; what there is is said.
+    """
+    name, settings = named_settings(text)
+    return method_named(name).with_settings(settings)
+
+
+def settings_of(model):
+    """Parameters of a `model` as a report tells them: a dict of plain values by name.
+
+    Objects are told by their `name`; what has none is left out.
+    """
+    params = model.get_params()
+    named = {k: v if _is_plain(v) else getattr(v, "name", None) for k, v in params.items()}
+    return {k: v for k, v in named.items() if v is not None or params[k] is None}
+
+
+def describe(model):
+    """The settings of a `model` that are not None, but for seed and memory, in a few words."""
+    shown = {k: v for k, v in settings_of(model).items() if k not in ("seed", "memory")}
+    return ", ".join(f"{k}={_short(v)}" for k, v in shown.items() if v is not None)
+
+
+def _is_plain(value):
+    return value is None or isinstance(value, bool | int | float | str)
+
+
+def _short(value):
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

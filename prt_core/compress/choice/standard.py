@@ -1,13 +1,13 @@
 """The methods of this library by name, each with its ladder from small to near."""
 
-from prt_core.basis import PointMultiwavelet
+from prt_core.basis import PointHaar, PointMultiwavelet
 from prt_core.compress.choice.methods import Method, register_method
 from prt_core.compress.clusters.clustered_pca import ClusteredPCA
 from prt_core.compress.clusters.pca import PCA
 from prt_core.compress.clusters.realtime import ClusterRelighter
 from prt_core.compress.clusters.seams import neighbour_pairs
 from prt_core.compress.clusters.vq import VectorQuantisation
-from prt_core.compress.harmonics import Harmonics
+from prt_core.compress.harmonics import Harmonics, Irradiance
 from prt_core.compress.wavelets.haar_lighting import HaarLighting
 from prt_core.compress.wavelets.wavelet4d import Wavelet4D
 
@@ -20,6 +20,10 @@ _POINTS_A_VECTOR = (120, 30, 10)
 _HAAR = ((32, 1 / 64), (256, 1 / 254), (2048, 1 / 1022))
 _ORDERS = (3, 5, 10)
 # Error of the matrix, and bits of a coefficient.
+# Transforms of columns on points.
+_COLUMNS = {"multiwavelet": PointMultiwavelet, "haar": PointHaar}
+# Terms that a light is cut to when clusters are relit, at most.
+_TERMS = 512
 _WAVELETS = ((0.3, 7), (0.2, 7), (0.1, 7), (0.05, 7), (0.02, 8), (0.01, 9), (0.005, 9))
 
 
@@ -38,8 +42,29 @@ def _vectors(task):
 
 
 def _wavelets(task):
-    columns = PointMultiwavelet(task.positions, task.normals, task.groups)
+    columns = _columns(task, "columns", "multiwavelet")
     return [Wavelet4D(columns, error=error, bits=bits, seed=task.seed) for error, bits in _WAVELETS]
+
+
+def _columns(task, _, word):
+    return _COLUMNS[word](task.positions, task.normals, task.groups)
+
+
+def _clusters_work(model, n_points):
+    """Weights of each point, and the terms that each row of the bases is read at."""
+    return (_weights(model) + _TERMS * _basis_rows(model)) * n_points / model.n_points_
+
+
+def _one_basis_work(model, n_points):
+    return _weights(model) * n_points / model.n_points_ + _TERMS * _basis_rows(model)
+
+
+def _weights(model):
+    return sum(a.weights.size for a in model.affine_) + model.n_points_
+
+
+def _basis_rows(model):
+    return sum(1 + len(a.basis) for a in model.affine_)
 
 
 def _one_basis(model, n_points):
@@ -54,7 +79,9 @@ def _blend(model, task):
     model.blend_borders(task.rows, pairs)
 
 
-register_method(Method("cpca", ClusteredPCA, _clustered, ClusterRelighter, _blend))
+register_method(
+    Method("cpca", ClusteredPCA, _clustered, ClusterRelighter, _blend, work=_clusters_work)
+)
 register_method(
     Method(
         "pca",
@@ -63,18 +90,29 @@ register_method(
         ClusterRelighter,
         local=False,
         size=_one_basis,
+        work=_one_basis_work,
     )
 )
-register_method(Method("vq", VectorQuantisation, _vectors, ClusterRelighter))
+register_method(Method("vq", VectorQuantisation, _vectors, ClusterRelighter, work=_clusters_work))
 register_method(
     Method(
         "haar",
         HaarLighting,
         lambda task: [HaarLighting(terms, step=step) for terms, step in _HAAR],
         local=False,
+        quick=False,
     )
 )
-register_method(Method("wavelet4d", Wavelet4D, _wavelets))
+register_method(
+    Method(
+        "wavelet4d",
+        Wavelet4D,
+        _wavelets,
+        quick=False,
+        choices={"columns": tuple(_COLUMNS)},
+        made=_columns,
+    )
+)
 register_method(
     Method(
         "harmonics",
@@ -82,4 +120,7 @@ register_method(
         lambda task: [Harmonics(order) for order in _ORDERS],
         local=False,
     )
+)
+register_method(
+    Method("irradiance", Irradiance, lambda task: [Irradiance()], local=False, candidate=False)
 )

@@ -6,6 +6,7 @@ from prt_core.compress.clusters.clusters import ClusterCompressor, expect_tolera
 from prt_core.compress.clusters.kmeans import kmeans_steps
 from prt_core.compress.clusters.lbg import lbg_steps
 from prt_core.compress.clusters.sketch import sketch_steps
+from prt_core.compress.parameters import expect_optional
 from prt_core.errors import expect_one_of, expect_seed, expect_whole
 
 # Points a cluster has on average where their number is not given.
@@ -47,19 +48,22 @@ class ClusteredPCA(ClusterCompressor):
         self.n_sketch = n_sketch
         self.seed = seed
 
+    def expect_params(self):
+        expect_optional("n_clusters", self.n_clusters, 1)
+        expect_whole("n_components", self.n_components, 0)
+        expect_optional("n_sketch", self.n_sketch, 1)
+        expect_tolerance(self.tolerance)
+        expect_one_of("method", self.method, ("static", "iterative"))
+        expect_seed(self.seed)
+        return self
+
     def fit_steps(self, rows):
-        n_clusters = self.n_clusters
+        self.expect_params()
+        n_clusters, rank, tolerance = self.n_clusters, self.n_components, self.tolerance
         if n_clusters is None:
             n_clusters = max(1, round(rows.n_points / _POINTS_A_CLUSTER))
-        n_clusters = expect_whole("n_clusters", n_clusters, 1)
-        rank = expect_whole("n_components", self.n_components, 0)
-        tolerance = expect_tolerance(self.tolerance)
-        method = expect_one_of("method", self.method, ("static", "iterative"))
-        expect_seed(self.seed)
-        iterative = method == "iterative"
-        n_sketch = 256 if iterative else 64
-        if self.n_sketch is not None:
-            n_sketch = expect_whole("n_sketch", self.n_sketch, 1)
+        iterative = self.method == "iterative"
+        n_sketch = self.n_sketch or (256 if iterative else 64)
         sketch = yield from sketch_steps(rows, n_sketch, self.seed)
         first = np.ascontiguousarray(sketch.coordinates[:, :64])
         labels = yield from kmeans_steps(first, n_clusters, self.seed)

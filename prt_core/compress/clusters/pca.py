@@ -22,10 +22,15 @@ class PCA(ClusterCompressor):
         self.n_components = n_components
         self.tolerance = tolerance
 
+    def expect_params(self):
+        expect_whole("n_components", self.n_components, 0)
+        expect_tolerance(self.tolerance)
+        return self
+
     def fit_steps(self, rows):
-        rank = expect_whole("n_components", self.n_components, 0)
+        self.expect_params()
         labels = np.zeros(rows.n_points, np.int32)
-        return self._fit_clusters(rows, labels, rank, expect_tolerance(self.tolerance))
+        return self._fit_clusters(rows, labels, self.n_components, self.tolerance)
 
 
 class BlockPCA(ClusterCompressor):
@@ -48,14 +53,19 @@ class BlockPCA(ClusterCompressor):
         self.n_components = n_components
         self.tolerance = tolerance
 
+    def expect_params(self):
+        expect_whole("size", self.size, 1)
+        expect_whole("n_components", self.n_components, 0)
+        expect_tolerance(self.tolerance)
+        return self
+
     def fit_steps(self, rows):
-        height, width = expect_pair("shape", self.shape)
-        size = expect_whole("size", self.size, 1)
+        self.expect_params()
+        (height, width), size = expect_pair("shape", self.shape), self.size
         expect(
             height * width == rows.n_points,
             f"shape: {height} x {width} pixels are not the {rows.n_points} points of the rows",
         )
         row, column = np.divmod(np.arange(height * width), width)
         labels = row // size * -(-width // size) + column // size
-        rank = expect_whole("n_components", self.n_components, 0)
-        return self._fit_clusters(rows, labels, rank, expect_tolerance(self.tolerance))
+        return self._fit_clusters(rows, labels, self.n_components, self.tolerance)

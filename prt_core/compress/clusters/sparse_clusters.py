@@ -6,6 +6,7 @@ from prt_core.compress.clusters.clusters import ClusterCompressor, expect_tolera
 from prt_core.compress.clusters.kmeans import kmeans_steps
 from prt_core.compress.clusters.lbg import lbg_steps
 from prt_core.compress.clusters.sketch import Sketch, sketch_basis, sketch_coordinates
+from prt_core.compress.parameters import expect_optional
 from prt_core.errors import expect, expect_array, expect_seed, expect_whole
 
 # Components that clusters of dense points go through; rounds of all rows in the end.
@@ -52,14 +53,21 @@ class SparseClusteredPCA(ClusterCompressor):
         self.n_sketch = n_sketch
         self.seed = seed
 
+    def expect_params(self):
+        expect_optional("n_clusters", self.n_clusters, 1)
+        expect_whole("n_components", self.n_components, 0)
+        expect_whole("n_sketch", self.n_sketch, 1)
+        expect_tolerance(self.tolerance)
+        expect_seed(self.seed)
+        return self
+
     def fit_steps(self, rows):
+        self.expect_params()
         last = rows.n_points - 1
         dense = expect_array("dense", self.dense, (None,), np.int64, 0, last)
         near = expect_array(
             "neighbours", self.neighbours, (rows.n_points, None), np.int64, -1, last
         )
-        expect_whole("n_sketch", self.n_sketch, 1)
-        expect_seed(self.seed)
         expect(len(dense), f"dense: expected some of the {rows.n_points} points, got none")
         known = np.zeros(rows.n_points + 1, bool)
         known[dense] = True
@@ -70,8 +78,7 @@ class SparseClusteredPCA(ClusterCompressor):
         n_clusters = self.n_clusters
         if n_clusters is None:
             n_clusters = max(1, round(rows.n_points / 350))
-        n_clusters = expect_whole("n_clusters", n_clusters, 1)
-        rank = expect_whole("n_components", self.n_components, 0)
+        rank = self.n_components
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
         basis = yield from sketch_basis(rows, dense, self.n_sketch, self.seed)
@@ -85,8 +92,7 @@ class SparseClusteredPCA(ClusterCompressor):
         everywhere = yield from lbg_steps(
             every.coordinates, everywhere, rank, ranks=[rank], last_rounds=_LAST
         )
-        tolerance = expect_tolerance(self.tolerance)
-        return (yield from self._fit_clusters(rows, everywhere, rank, tolerance))
+        return (yield from self._fit_clusters(rows, everywhere, rank, self.tolerance))
 
     @staticmethod
     def _follow(labels, dense, near, n_points):

@@ -22,10 +22,14 @@ class VectorQuantisation(ClusterCompressor):
         self.n_sketch = n_sketch
         self.seed = seed
 
-    def fit_steps(self, rows):
-        n_clusters = expect_whole("n_clusters", self.n_clusters, 1)
+    def expect_params(self):
+        expect_whole("n_clusters", self.n_clusters, 1)
         expect_whole("n_sketch", self.n_sketch, 1)
         expect_seed(self.seed)
+        return self
+
+    def fit_steps(self, rows):
+        self.expect_params()
         sketch = yield from sketch_steps(rows, self.n_sketch, self.seed)
-        labels = yield from kmeans_steps(sketch.coordinates, n_clusters, self.seed)
+        labels = yield from kmeans_steps(sketch.coordinates, self.n_clusters, self.seed)
         return (yield from self._fit_clusters(rows, labels, 0))

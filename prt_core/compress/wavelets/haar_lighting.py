@@ -6,6 +6,7 @@ import scipy.sparse as sp
 from prt_core.basis import haar_areas, haar_rows, haar_texels
 from prt_core.compress.base import Compressor, pieces
 from prt_core.compress.light_terms import heaviest
+from prt_core.compress.parameters import expect_optional
 from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect, expect_kind, expect_number, expect_one_of, expect_whole
 from prt_core.runtime.parallel import in_parallel
@@ -38,15 +39,18 @@ class HaarLighting(Compressor):
         self.selection = selection
         self.step = step
 
+    def expect_params(self):
+        expect_one_of("selection", self.selection, SELECTIONS)
+        expect_number("step", self.step, above=0, below=1)
+        expect_optional("n_terms", self.n_terms, 1)
+        return self
+
     def fit_steps(self, rows):
+        self.expect_params()
         expect(
             rows.resolution is not None,
             "rows: Haar lighting needs the texels of a cube map; say its resolution",
         )
-        expect_one_of("selection", self.selection, SELECTIONS)
-        expect_number("step", self.step, above=0, below=1)
-        if self.n_terms is not None:
-            expect_whole("n_terms", self.n_terms, 1)
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
         self._mix = OPPONENTS if rows.n_outputs == 3 else np.eye(rows.n_outputs)

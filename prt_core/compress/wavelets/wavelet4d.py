@@ -18,6 +18,7 @@ from prt_core.basis import (
 )
 from prt_core.compress.base import Compressor
 from prt_core.compress.light_terms import heaviest
+from prt_core.compress.parameters import expect_optional
 from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.compress.wavelets.column_coder import ColumnCoder
 from prt_core.compress.wavelets.column_pictures import columns_by_depth, picture_of
@@ -179,18 +180,9 @@ class Wavelet4D(Compressor):
         self._pack(found, file.shape[0])
         return self._fitted(rows)
 
-    def _check(self, rows):
-        expect(
-            rows.resolution is not None,
-            "rows: 4D wavelets need the texels of a cube map; say its resolution",
-        )
+    def expect_params(self):
         if self.columns is not None:
             expect_offers("columns", self.columns, ("n", "depth", "forward_step"), "a transform")
-        n = getattr(self.columns, "n", rows.n_points)
-        expect(
-            n == rows.n_points,
-            f"columns: a transform of {n} points, the rows have {rows.n_points}",
-        )
         expect_one_of("mode", self.mode, MODES)
         expect_one_of("rows", self.rows, ORTHONORMAL)
         expect_one_of("scaling", self.scaling, SCALINGS)
@@ -202,9 +194,21 @@ class Wavelet4D(Compressor):
             expect_number("light_error", self.light_error, 0, below=1)
         expect_whole("memory", self.memory, 1)
         expect_seed(self.seed)
-        for name in ("nbytes_wanted", "n_terms"):
-            if getattr(self, name) is not None:
-                expect_whole(name, getattr(self, name), 1)
+        expect_optional("nbytes_wanted", self.nbytes_wanted, 1)
+        expect_optional("n_terms", self.n_terms, 1)
+        return self
+
+    def _check(self, rows):
+        self.expect_params()
+        expect(
+            rows.resolution is not None,
+            "rows: 4D wavelets need the texels of a cube map; say its resolution",
+        )
+        n = getattr(self.columns, "n", rows.n_points)
+        expect(
+            n == rows.n_points,
+            f"columns: a transform of {n} points, the rows have {rows.n_points}",
+        )
 
     def _prepare(self, n_points, mixed):
         self._transform = self.columns or ImageWavelet((1, n_points))

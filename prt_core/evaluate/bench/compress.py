@@ -5,14 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.compress import Irradiance, Task, border_pairs, method_named, neighbour_pairs, seam
-from prt_core.compress.choice.choose import (
-    FAILURES,
-    describe,
-    radiance_of,
-    reason_of,
-    relative_l2,
-)
+from prt_core.compress import Irradiance, Task, border_pairs, method_asked, neighbour_pairs, seam
+from prt_core.compress.choice.choose import FAILURES, radiance_of, reason_of, relative_l2
+from prt_core.compress.choice.methods import describe, settings_of
 from prt_core.errors import expect
 from prt_core.runtime.machine import peak_bytes, reset_peak
 from prt_core.runtime.progress import Progress
@@ -62,6 +57,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     name : str
         Of the scene, for the rows.
     methods : sequence of str
+        NAME or NAME:key=value,key=value (see `method_asked`).
     lights : dict of str -> (n_directions, 3) float32
     rungs : sequence of int, optional
         Of each method's ladder (its budgets); default: all.
@@ -79,7 +75,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
         relighting reads; seconds count what all methods of a bake share. A method that failed
         has None for all that was to be measured, and `failure` says why.
     """
-    chosen = [method_named(method) for method in methods]
+    chosen = [method_asked(method) for method in methods]
     expect(lights, "light: give at least one")
     task = Task.of(bake.transport, bake.scene.points, seed)
     began = time.perf_counter()
@@ -101,7 +97,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
                 **_NOTHING,
                 "method": method.name,
                 "label": label,
-                "settings": {k: v for k, v in model.get_params().items() if _is_plain(v)},
+                "settings": settings_of(model),
                 "rung": rung,
             }
             try:
@@ -251,7 +247,3 @@ def _relit(quick, model, truth, task, pairs, label):
         "seam": max((s["largest"] for s in seams), default=None),
         "seam_rms": float(np.mean([s["rms"] for s in seams])) if seams else None,
     }
-
-
-def _is_plain(value):
-    return value is None or isinstance(value, bool | int | float | str)

@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect
 from prt_core.evaluate.metrics import colour_error
 from prt_core.runtime.machine import peak_bytes, reset_peak
+from prt_core.runtime.named_settings import expect_settings, named_settings, read_setting
 from prt_core.runtime.progress import Progress
 from prt_core.sampling import Sampled, certificate_steps, sampler_named
 from prt_core.sampling.tracer import count_bits
@@ -41,40 +41,17 @@ class Method:
     def made_settings(self, seed):
         """The sampler's settings; `PRTError` where it has none of a name."""
         if self.name == "exhaustive":
-            expect(not self.settings, "method: 'exhaustive' has no settings")
+            expect_settings(self.name, self.settings, ())
             return None
         kind = sampler_named(self.name)[1]
-        try:
-            return kind(**{"seed": seed, **self.settings})
-        except TypeError as error:
-            known = ", ".join(asdict(kind()))
-            raise PRTError(f"method: '{self.name}' has the settings {known}; {error}") from error
+        expect_settings(self.name, self.settings, asdict(kind()))
+        return kind(**{"seed": seed, **self.settings})
 
 
 def parse_method(text):
-    """`NAME` or `NAME:key=value,key=value`; values are numbers where they look like ones.
-
-    Raises
-    ------
-    PRTError
-        A setting is not of the form key=value.
-    """
-    name, _, rest = text.partition(":")
-    settings = {}
-    for part in filter(None, rest.split(",")):
-        key, equals, value = part.partition("=")
-        expect(equals and key, f"method: expected NAME:key=value,key=value, got '{text}'")
-        settings[key] = _value(value)
-    return Method(name, settings)
-
-
-def _value(text):
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    """The `Method` of a `text` (see `named_settings`)."""
+    name, settings = named_settings(text)
+    return Method(name, {key: read_setting(value) for key, value in settings.items()})
 
 
 def bench_sampling_steps(scene, cube_map, caster, methods, lights, name, seed=0):

@@ -119,6 +119,12 @@ BAD = {
     "bench compress a.prt -o r --rotate nan": "--rotate: expected a number, got nan",
     "bench compress a.prt -o r --seed -1": "seed: expected",
     "bench compress a.prt -o r --methods best": "method: expected one of cpca",
+    "bench compress a.prt -o r --methods pca:size=3": "'pca' has the settings n_components, tol",
+    "compress a.prt --method best": "method: expected auto, cpca, pca, vq, haar, wavelet4d, harm",
+    "compress a.prt --method pca:size=3": "'pca' has the settings n_components, tolerance; got",
+    "compress a.prt --method cpca:method=quick": "method: expected one of static, iterative, got",
+    "compress a.prt --method cpca:n_clusters": "expected NAME:key=value,key=value, got",
+    "compress a.prt --method auto:seed=3": "method: expected auto, cpca",
     "bench sampling open.blend -o r --resolution 0": "resolution: expected",
     "bench rays open.blend --points 0": "--points: expected a whole number >= 1, got 0",
     "bench rays open.blend --resolution 0": "resolution: expected",
@@ -239,6 +245,17 @@ def test_a_budget_that_cannot_be_kept_leaves_what_was_there(folder, capfd):
         assert "cannot be kept; the least is" in errors[0] and what in errors[0]
         assert "Nothing was stored" in errors[0]
     assert contents(folder) == before
+
+
+def test_a_method_with_settings_of_its_own_is_made_and_named(folder, capfd):
+    line = "compress bare.prt --method wavelet4d:rows=d4,columns=haar,mode=4d,error=0.1,bits=9"
+    code, out, _ = prt(f"{line} --tolerance 0.5 --light sky.exr", capfd)
+    assert code == 0 and "tried on a sample" not in out
+    told = prt("info bare.prt", capfd)[1]
+    for word in ("wavelet4d", "rows d4", "columns haar", "mode 4d", "error 0.1", "bits 9"):
+        assert word in told
+    assert "settings" in prt("info bare.prt --json", capfd)[1]
+    assert prt("compress bare.prt --method none", capfd)[0] == 0
 
 
 def test_a_missed_tolerance_is_said_loudly(folder, capfd):

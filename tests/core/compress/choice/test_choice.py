@@ -41,6 +41,9 @@ class FakeTask(Task):
         )
         self.rows = SimpleNamespace(prepare_steps=lambda: iter(()), n_points=len(self.points))
 
+    def colours(self, lights):
+        return {name: self.transport.relight(light) for name, light in lights.items()}
+
     def some(self, points):
         return FakeTask(self.points[points])
 

@@ -5,7 +5,7 @@ import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
 from prt_core.bake.measure import standing_lights
-from prt_core.compress import PCA, HaarLighting, TransportRows, method_names
+from prt_core.compress import PCA, HaarLighting, TransportRows, candidate_names
 from prt_core.evaluate.bench import compress as bench_compress
 from prt_core.evaluate.bench.compress import _matrix, _truth, bench_compress_steps
 from prt_core.evaluate.bench.compress_report import compress_report
@@ -36,7 +36,7 @@ def lights(bake):
 
 def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
     made = {}
-    names = method_names()
+    names = candidate_names()
     rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], made=made))
     assert [row["method"] for row in rows[:3]] == ["dense", "exact", "irradiance"]
     assert all(KEYS <= set(row) for row in rows)

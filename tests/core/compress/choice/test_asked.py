@@ -1,0 +1,125 @@
+"""Methods asked for with settings of their own, from the text to the form in the store."""
+
+import numpy as np
+import pytest
+
+from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
+from prt_core.api import compress_bake, relight_points
+from prt_core.bake.compress import standing_lights
+from prt_core.bake.report_lines import compressed_lines, trial_lines
+from prt_core.compress import Task, candidate_names, method_asked, method_named, method_names
+from prt_core.compress.choice.methods import describe, settings_of
+from tests.meshes import plane, sphere
+
+SKY = standing_lights()["low soft sun"]
+
+
+@pytest.fixture(scope="module")
+def baked(tmp_path_factory):
+    path = tmp_path_factory.mktemp("asked") / "a.prt"
+    ball = sphere(7, 0.5, (0, 0, 0.6), name="ball", albedo=(0.9, 0.3, 0.1))
+    scene = Scene.from_meshes([ball, plane(11, albedo=0.7)], max_hidden=0)
+    run(bake_steps(scene, path, BakeSettings(resolution=4, tolerance=0.05)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def task(baked):
+    bake = load(baked)
+    return Task.of(bake.transport, bake.scene.points, 3)
+
+
+def test_settings_hold_all_along_the_ladder(task):
+    plain = method_named("cpca").ladder(task)
+    asked = method_asked("cpca:method=iterative,n_sketch=5").ladder(task)
+    assert all((m.method, m.n_sketch, m.seed) == ("iterative", 5, 3) for m in asked)
+    # What is the same is there once.
+    sizes = [(m.n_clusters, m.n_components) for m in asked]
+    assert sizes == list(dict.fromkeys((m.n_clusters, m.n_components) for m in plain))
+    assert len(sizes) < len(plain)
+    orders = [m.order for m in method_asked("harmonics:order=4").ladder(task)]
+    assert orders == [4]
+    wavelets = method_asked("wavelet4d:error=0.1").ladder(task)
+    assert [(m.error, m.bits) for m in wavelets] == [(0.1, 7), (0.1, 8), (0.1, 9)]
+    assert method_asked("pca") == method_named("pca")
+
+
+# The door, what the form has, and the words that say it.
+DOORS = {
+    "cpca:method=iterative,n_clusters=5,n_components=3": "method iterative",
+    "irradiance": "irradiance",
+    "wavelet4d:rows=d4,error=0.1,bits=9": "rows d4",
+    "wavelet4d:columns=haar,error=0.1,bits=9": "columns haar",
+    "wavelet4d:mode=2d,error=0.1,bits=9": "mode 2d",
+    "wavelet4d:mode=4d,error=0.1,bits=9": "mode 4d",
+    "wavelet4d:scaling=levels,dither=true,error=0.1,bits=11": "dither True",
+    "wavelet4d:scaling=none,bits=none,error=0.1": "scaling none",
+    "haar:selection=area,n_terms=90,step=0.001": "selection area",
+    "haar:selection=unweighted,n_terms=none,step=0.001": "selection unweighted",
+}
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_what_is_built_is_compressed_stored_relit_and_named(baked, door):
+    facts = compress_bake(baked, method=door, tolerance=0.1, lights={"sky": SKY})
+    assert facts["method"] == door.partition(":")[0] and facts["asked"]["method"] == door
+    # One setting of one method is not tried before: there is no choice.
+    assert facts["trials"] == [] and facts["why"] == "all that was asked for"
+    assert list(trial_lines(facts)) == [f"chosen: {facts['method']}, all that was asked for"]
+    assert DOORS[door] in next(iter(compressed_lines(facts)))
+    found = relight_points(load(baked), SKY, rotation=65, transport="compressed")
+    exact = relight_points(load(baked), SKY, rotation=65, transport="exact")
+    error = np.linalg.norm(found - exact) / np.linalg.norm(exact)
+    assert facts["lights"] == 3 and facts["error"] < (0.5 if door == "irradiance" else 0.12)
+    assert error <= facts["worst"] * 1.001
+
+
+def test_doors_differ(baked):
+    """Each selects what it names: other settings give other bytes."""
+    sizes = {}
+    for door in DOORS:
+        facts = compress_bake(baked, method=door, tolerance=0.1, lights={"sky": SKY})
+        sizes[door] = facts["bytes"], round(facts["error"], 9)
+    assert len(set(sizes.values())) == len(sizes)
+
+
+def test_what_auto_does_not_try_is_there_by_name():
+    assert set(method_names()) - set(candidate_names()) >= {"irradiance"}
+    assert method_asked("irradiance").settings == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("best", "method: expected one of cpca, pca, "),
+        ("cpca:foo=1", "'cpca' has the settings n_clusters, n_components, method, .*; got 'foo'"),
+        ("cpca:seed=1", "'cpca' has the settings .*; got 'seed'"),
+        ("irradiance:order=3", "'irradiance' has no settings; got 'order'"),
+        ("cpca:method=quick", "'cpca': method: expected one of static, iterative, got 'quick'"),
+        ("cpca:n_clusters=0", "'cpca': n_clusters: expected a whole number >= 1, got 0"),
+        ("cpca:n_clusters=many", "'cpca': n_clusters: expected a whole number >= 1, got 'many'"),
+        ("pca:n_components=1.5", "'pca': n_components: expected a whole number"),
+        ("pca:tolerance=2", "'pca': tolerance: expected a number above 0 and below 1"),
+        ("vq:n_sketch=0", "'vq': n_sketch: expected a whole"),
+        ("harmonics:order=11", "'harmonics': order: expected a whole number from 1 to 10"),
+        ("haar:selection=size", "'haar': selection: expected one of unweighted, area, transport"),
+        ("haar:step=0", "'haar': step: expected a number above 0"),
+        ("wavelet4d:rows=9/7", "'wavelet4d': rows: expected one of haar, d4, d6, d8"),
+        ("wavelet4d:columns=d4", "'wavelet4d': columns: expected one of multiwavelet, haar"),
+        ("wavelet4d:mode=3d", "'wavelet4d': mode: expected one of adaptive, 4d, 2d"),
+        ("wavelet4d:dither=maybe", "'wavelet4d': dither: expected True or False"),
+        ("wavelet4d:bits=1", "'wavelet4d': bits: expected a whole number from 2 to 16"),
+        ("wavelet4d:scaling=log", "'wavelet4d': scaling: expected one of root, levels, none"),
+    ],
+)
+def test_what_there_is_not_is_said_with_what_there_is(text, message):
+    with pytest.raises(PRTError, match=message) as caught:
+        method_asked(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_settings_are_told_in_plain_values(task):
+    model = method_named("wavelet4d").ladder(task)[2]
+    told = settings_of(model)
+    assert told["columns"] == "multiwavelet" and told["n_terms"] is None and told["bits"] == 7
+    assert "columns=multiwavelet" in describe(model) and "seed" not in describe(model)

@@ -158,17 +158,3 @@ class CubeMap:
         face = 2 - 2 * on_x.astype(np.int32) + 2 * on_z + (along < 0)
         column, row = (np.clip((c + n / 2).astype(np.int32), 0, n - 1) for c in (column, row))
         return (face * n + row) * n + column
-
-    def coarser(self, factor):
-        """(n_directions,) int32: the texel of the cube map `factor` times coarser around each.
-
-        Raises
-        ------
-        PRTError
-            `factor` does not divide the resolution.
-        """
-        n, factor = self.resolution, expect_whole("factor", factor, 1)
-        expect(n % factor == 0, f"coarser: {factor} does not divide the resolution {n}")
-        small = n // factor
-        face, row, column = np.unravel_index(np.arange(self.n_directions), (6, n, n))
-        return (face * small * small + row // factor * small + column // factor).astype(np.int32)

@@ -1,7 +1,7 @@
 """`Transport`: T factored into visibility bits, the gather operator K and the materials."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,7 +14,6 @@ from prt_core.errors import (
     expect_kind,
     expect_number,
     expect_whole,
-    shown,
 )
 from prt_core.reflectance import Materials, expect_materials
 from prt_core.sphere import CubeMap
@@ -63,7 +62,6 @@ class Transport:
     tolerance: float = 1e-3
     bounces: int | None = None
     mean_materials: Materials | None = None
-    _coarse: dict = field(default_factory=dict, repr=False)
 
     def __post_init__(self):
         expect_kind("cube_map", self.cube_map, CubeMap)
@@ -323,69 +321,6 @@ class Transport:
             if all((albedo[:, other] == albedo[:, channel]).all() for albedo in both):
                 return other
         return None
-
-    def coarse_indirect(self, factor):
-        """The indirect part of T on a grid of directions `factor` times coarser; kept.
-
-        Returns
-        -------
-        (n_points, n_directions / factor^2, 3) float32
-            Radiance after at least one bounce, for unit radiance from whole coarse texels.
-        """
-        if factor not in self._coarse:
-            fine_to_coarse = self.cube_map.coarser(factor)
-            n_coarse = self.n_directions // factor**2
-            received = np.empty((self.n_points, n_coarse), np.float32)
-            group = sp.csr_matrix(
-                (
-                    np.ones(self.n_directions, np.float32),
-                    (np.arange(self.n_directions), fine_to_coarse),
-                ),
-                shape=(self.n_directions, n_coarse),
-            )
-            for first in range(0, self.n_points, _BLOCK):
-                part = slice(first, first + _BLOCK)
-                rows = np.arange(self.n_points)[part]
-                received[part] = self.direct(rows) @ group
-            result = np.empty((self.n_points, n_coarse, 3), np.float32)
-            for first in range(0, n_coarse, 64):
-                part = slice(first, first + 64)
-                result[:, part] = self._in_channels(received[:, part])
-                result[:, part] -= received[:, part, None]
-            self._coarse[factor] = self.exit_radiance(result).toward()
-        return self._coarse[factor]
-
-    def block(self, points, indirect="full"):
-        """Rows of T as compressors read them.
-
-        Parameters
-        ----------
-        points : (n,) int
-        indirect : {"none", "full"} or int
-            Direct light only; all bounces at every direction; or all bounces with the indirect
-            part on a grid of directions so many times coarser (it is smooth), spread evenly
-            over the texels.
-
-        Returns
-        -------
-        (n, n_directions, 3) float32
-        """
-        if isinstance(indirect, str) and indirect in ("none", "full"):
-            return self.rows(points, indirect == "full")
-        good = isinstance(indirect, int | np.integer) and not isinstance(indirect, bool)
-        expect(
-            good and indirect >= 1,
-            f"indirect: expected 'none', 'full' or a whole number >= 1, got {shown(indirect)}",
-        )
-        points = expect_indices("points", points, self.n_points)
-        direct = self.rows(points, False)
-        if self.gather is None:
-            return direct
-        fine_to_coarse = self.cube_map.coarser(int(indirect))
-        solid_angles = self.cube_map.solid_angles
-        share = solid_angles / np.bincount(fine_to_coarse, solid_angles)[fine_to_coarse]
-        coarse = self.coarse_indirect(int(indirect))[points]
-        return direct + coarse[:, fine_to_coarse] * share[None, :, None].astype(np.float32)
 
 
 def _is_grey(received):

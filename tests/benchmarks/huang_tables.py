@@ -22,7 +22,7 @@ sys.path[:0] = [str(ROOT)]
 from prt_core.blender.measuring import MODELS, measuring_scene  # noqa: E402
 from prt_core.evaluate.bench.sampling import matrix_errors  # noqa: E402
 from prt_core.runtime.progress import run  # noqa: E402
-from prt_core.sampling.adaptive_angle import AngularGrid, spread_grid  # noqa: E402
+from prt_core.sampling.adaptive_angle import AngularGrid  # noqa: E402
 from prt_core.sampling.dense import dense_steps  # noqa: E402
 from prt_core.sampling.huang import HuangSettings, sample_huang  # noqa: E402
 from prt_core.sampling.sparse import SparsePoints, sparse_blocks  # noqa: E402
@@ -206,6 +206,39 @@ def quantity(names):
         found = [sparse.measure(replace(base, **settings), index) for index in (0, 1)]
         cells = "   ".join(f"{f['final']:6.2f} ({f['combined']:6.2f})" for f in found)
         print(f"{settings!s:50} {cells}", flush=True)
+
+
+def spread_grid(values, grid):
+    """Rows known on the quarter grid alone, spread to all directions: for indirect light.
+
+    Light that has bounced off diffuse surfaces is smooth in the direction it came from, so its
+    transport is sampled on the grid only (section 4.2, end). Every other direction takes the mean
+    of the grid directions around it, in transport per solid angle, for texels differ in size.
+
+    Parameters
+    ----------
+    values : (n, n_grid, ...) float
+        Transport at `grid.grid`.
+    grid : AngularGrid
+
+    Returns
+    -------
+    (n, n_directions, ...) float, of the dtype of `values`
+    """
+    solid_angles = grid.cube_map.solid_angles.astype(values.dtype)
+    around = AngularGrid(grid.cube_map, 3).neighbours
+    trailing = (None,) * (values.ndim - 2)
+    density = values / solid_angles[grid.grid][(None, slice(None), *trailing)]
+    spread = np.zeros((len(values), len(around), *values.shape[2:]), values.dtype)
+    count = np.zeros(len(around), values.dtype)
+    for place in range(around.shape[1]):
+        # A repeated first entry is padding.
+        fresh = (around[:, place] != around[:, 0]) | (place == 0)
+        spread[:, fresh] += density[:, around[fresh, place]]
+        count[fresh] += 1
+    spread *= (solid_angles / count)[(None, slice(None), *trailing)]
+    spread[:, grid.grid] = values
+    return spread
 
 
 def indirect(names):

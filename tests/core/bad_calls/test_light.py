@@ -13,7 +13,6 @@ CALLS = {
     "CubeMap.on_faces": method(
         lambda t: sphere.CubeMap(3), "on_faces", ("u", "v"), u=np.zeros(3), v=np.ones(3)
     ),
-    "CubeMap.coarser": method(lambda t: sphere.CubeMap(4), "coarser", factor=2),
     "EnvironmentMap": plain(
         light.EnvironmentMap,
         ("name other text", "name empty text"),

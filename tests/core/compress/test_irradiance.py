@@ -58,7 +58,7 @@ def test_coefficients_are_what_a_light_of_one_harmonic_gives():
     # The mean of each harmonic over a texel, by the texels of a finer map.
     values = harmonics(fine.directions, 3) * fine.solid_angles[:, None]
     means = np.zeros((24, 9))
-    np.add.at(means, fine.coarser(32), values)
+    np.add.at(means, coarse.texel_of(fine.directions), values)
     model = Harmonics(3).fit(ArrayRows(matrix, 2))
     wanted = np.einsum("pdc,dk->pkc", matrix, means / coarse.solid_angles[:, None])
     assert relative(model.coefficients_, wanted) < 1e-3

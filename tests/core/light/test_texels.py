@@ -14,7 +14,7 @@ TURN = (20.0, -50.0, 130.0)
 def quadrature(cube_map, function, n=24):
     """Mean of a function of directions over each texel, by n x n places weighted by solid angle."""
     fine = CubeMap(cube_map.resolution * n)
-    group = fine.coarser(n)
+    group = cube_map.texel_of(fine.directions)
     values = function(fine.directions) * fine.solid_angles[:, None]
     return np.stack(
         [np.bincount(group, column) / cube_map.solid_angles for column in values.T], axis=1

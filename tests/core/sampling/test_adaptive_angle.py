@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from prt_core.runtime.progress import run
-from prt_core.sampling.adaptive_angle import AngularGrid, adaptive_steps, spread_grid, windows
+from prt_core.sampling.adaptive_angle import AngularGrid, adaptive_steps, windows
 from prt_core.sampling.tracer import Tracer
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
@@ -92,14 +92,3 @@ def test_an_edge_of_the_shadow_is_traced_on_both_faces(scene):
     assert edge.any()
     assert not (edge & ~touches).any()
     assert set(np.flatnonzero(edge) // 64) >= {0, 1, 2, 4, 5}
-
-
-def test_indirect_light_on_the_quarter_grid_is_spread_by_solid_angle():
-    cube_map = CubeMap(8)
-    grid = AngularGrid(cube_map)
-    even = cube_map.solid_angles[None, :, None] * np.ones((2, 1, 3))
-    np.testing.assert_allclose(spread_grid(even[:, grid.grid], grid), even, rtol=1e-12)
-    smooth = (1.5 + cube_map.directions @ [0.3, -0.2, 0.6])[None] * cube_map.solid_angles
-    found = spread_grid(smooth[:, grid.grid], grid)
-    np.testing.assert_array_equal(found[:, grid.grid], smooth[:, grid.grid])
-    assert np.abs(found - smooth).max() / smooth.max() < 0.06

@@ -96,15 +96,6 @@ def test_rows_columns_and_relighting_are_one_matrix(bench):
     np.testing.assert_allclose(direct, transport.relight(light, bounces=0), rtol=2e-4, atol=1e-5)
 
 
-def test_blocks_on_a_coarser_grid_keep_the_energy(bench):
-    transport = transport_of(bench)
-    some = np.array([2, 3, 70, 71])
-    full, coarse = transport.block(some), transport.block(some, indirect=2)
-    np.testing.assert_allclose(coarse.sum(axis=1), full.sum(axis=1), rtol=1e-4)
-    with pytest.raises(PRTError, match="indirect: expected"):
-        transport.block(some, indirect="half")
-
-
 def test_two_bounces_are_the_first_terms_of_the_series(bench):
     transport = transport_of(bench)
     received = transport.received(np.ones((transport.n_directions, 3), np.float32))

@@ -71,38 +71,16 @@ def test_rows_columns_and_relighting_have_the_same_bounces(transport, bounces):
     light = np.random.default_rng(0).random((transport.n_directions, 3)).astype(np.float32)
     truth = np.einsum("pdc,dc->pc", wanted, light)
     np.testing.assert_allclose(transport.relight(light), truth, rtol=1e-4)
-    np.testing.assert_allclose(transport.block(every, "full"), wanted, rtol=1e-4, atol=atol)
+    np.testing.assert_allclose(transport.rows(every), wanted, rtol=1e-4, atol=atol)
     direct = transport.albedo[:, None] * direct_of(transport)[..., None]
     for found in (
         transport.rows(every, indirect=False),
         transport.columns(np.arange(transport.n_directions), indirect=False),
-        transport.block(every, "none"),
     ):
         np.testing.assert_allclose(found, direct, rtol=1e-4, atol=atol)
     np.testing.assert_allclose(
         transport.relight(light, bounces=0), np.einsum("pdc,dc->pc", direct, light), rtol=1e-4
     )
-
-
-@pytest.mark.parametrize("bounces", [1, None])
-@pytest.mark.parametrize("factor", [1, 2, 4])
-def test_coarse_indirect_light_is_spread_by_solid_angle(transport, factor, bounces):
-    transport = replace(transport, bounces=bounces, _coarse={})
-    wanted, direct = written_out(transport, bounces), written_out(transport, 0)
-    group, solid_angles = transport.cube_map.coarser(factor), transport.cube_map.solid_angles
-    sums, angles = np.zeros((N_POINTS, group.max() + 1, 3)), np.zeros(group.max() + 1)
-    for d, coarse in enumerate(group):
-        sums[:, coarse] += (wanted - direct)[:, d]
-        angles[coarse] += solid_angles[d]
-    np.testing.assert_allclose(
-        transport.coarse_indirect(factor), sums, rtol=1e-4, atol=1e-6 * sums.max()
-    )
-    spread = direct.copy()
-    for d, coarse in enumerate(group):
-        spread[:, d] += sums[:, coarse] * solid_angles[d] / angles[coarse]
-    some = np.array([1, 9, 4])
-    found = transport.block(some, indirect=factor)
-    np.testing.assert_allclose(found, spread[some], rtol=1e-4, atol=1e-6 * spread.max())
 
 
 def test_the_series_ends_when_what_is_left_is_below_the_tolerance(transport):

@@ -16,7 +16,7 @@ def test_rows_are_those_of_as_many_bounces(transport, bounces):
     transport = replace(transport, bounces=bounces)
     rows = TransportRows(transport, rank=60)
     some = np.array([3, 50, 7, 120, 180])
-    direct = transport.block(some, "none")
+    direct = transport.rows(some, False)
     found = rows.block(some) * transport.albedo[some, None]
     wanted = transport.rows(some)
     if bounces == 0:
@@ -24,7 +24,7 @@ def test_rows_are_those_of_as_many_bounces(transport, bounces):
     else:
         # What bounces alone, which is a small part of the whole.
         assert relative(found - direct, wanted - direct) < 0.05
-    under = transport.block(some, "full").sum(axis=1)
+    under = transport.rows(some).sum(axis=1)
     np.testing.assert_allclose(found.sum(axis=1), under, rtol=0.01)
 
 

@@ -13,7 +13,7 @@ RNG = np.random.default_rng(2)
 def test_rows_of_a_transport_are_its_rows(transport, light, natural):
     rows = TransportRows(transport, rank=200, natural=natural)
     points = np.array([3, 50, 7, 200])
-    truth = transport.block(points)
+    truth = transport.rows(points)
     found = rows.block(points) * transport.albedo[points, None]
     assert relative(found, truth) < 5e-3
     under = rows.code.products(rows.features(points), rows.code.light(light))
@@ -24,12 +24,12 @@ def test_direct_rows_are_exact(transport):
     rows = TransportRows(transport, rank=0)
     points = np.arange(0, rows.n_points, 9)
     found = rows.block(points) * transport.albedo[points, None]
-    assert relative(found, transport.block(points, "none")) < 1e-6
+    assert relative(found, transport.rows(points, False)) < 1e-6
 
 
 def test_more_rank_is_never_worse(transport):
     points = np.arange(0, transport.n_points, 5)
-    truth = transport.block(points)
+    truth = transport.rows(points)
     albedo, errors = transport.albedo[points, None], []
     for rank in (0, 2, 10, 80):
         errors.append(relative(TransportRows(transport, rank=rank).block(points) * albedo, truth))
@@ -43,7 +43,7 @@ def test_a_grey_scene_needs_no_colour_differences(transport):
     grey = replace(transport, materials=np.full_like(transport.albedo, 0.5))
     rows = TransportRows(grey, rank=40)
     assert len(rows.code.slices) == 2 or rows.code.n_features < 384 + 40 + 2
-    assert relative(rows.block(np.arange(9)) * 0.5, grey.block(np.arange(9))) < 2e-2
+    assert relative(rows.block(np.arange(9)) * 0.5, grey.rows(np.arange(9))) < 2e-2
 
 
 @pytest.mark.parametrize("resolution", [None, 2])

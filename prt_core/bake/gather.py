@@ -116,12 +116,13 @@ def _rays_of(bake):
     expect_offers("bake", bake, ("scene", "settings", "path"), "a Bake")
     expect(bake.path is not None, "bake: expected one that was loaded from its folder")
     store = BakeStore(bake.path)
-    n_points = len(bake.scene.points)
-    normals = store.read("point_normals", (None, 3), "float32")
+    points = bake.scene.points
+    same = [
+        np.array_equal(store.read(f"point_{name}"), getattr(points, name))
+        for name in ("positions", "normals")
+    ]
     expect(
-        len(normals) == n_points
-        and (normals == bake.scene.points.normals).all()
-        and store.facts["settings"] == bake.settings,
+        all(same) and store.facts["settings"] == bake.settings,
         f"{bake.path}: the bake was replaced since it was loaded; load it again",
     )
     rounds = store.facts.get("rounds", 0)

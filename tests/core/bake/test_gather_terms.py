@@ -1,6 +1,7 @@
 """K of any term from the rays of a bake, block by block, in the order in which they were cast."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,11 +140,29 @@ def test_what_cannot_be_weighed_is_said(bake, tmp_path):
     other = tmp_path / "b.prt"
     shutil.copytree(bake.path, other)
     copy = load(other)
-    run(bake_steps(Scene.from_meshes([plane(3)]), other, SETTINGS, restart=True))
+    seeded = replace(SETTINGS, seed=12)
+    first, *rest = (
+        Scene.from_meshes([plane(7), ball(*where)], max_hidden=0)
+        for where in ((1, 0), (1.1, 0), (1, 0.1))
+    )
+    run(bake_steps(first, other, SETTINGS, restart=True))
     said("replaced since it was loaded; load it again", bake=copy)
+    copy = load(other)
+    for scene, settings in (*((scene, SETTINGS) for scene in rest), (first, seeded)):
+        run(bake_steps(scene, other, settings, restart=True))
+        assert len(load(other).scene.points) == len(copy.scene.points)
+        said("replaced since it was loaded; load it again", bake=copy)
+    run(bake_steps(Scene.from_meshes([plane(3)]), other, SETTINGS, restart=True))
     said("has no bounce rays", bake=load(other))
     copy.path = None
     said("expected one that was loaded", bake=copy)
+
+
+def ball(height, tilt):
+    """So far above the plane that there is no place in between that needs points of its own."""
+    mesh = sphere(5, 0.3, (0, 0, height))
+    mesh.corner_normal = mesh.corner_normal + [0, tilt, 0]
+    return mesh
 
 
 def one_nan(directions):

@@ -1,19 +1,21 @@
 """A quantity that is one line in the table is found wherever materials go."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from prt_core import BakeSettings, bake_steps, load, run
 from prt_core.errors import PRTError
 from prt_core.reflectance import QUANTITIES, Materials, Quantity, expect_materials
-from prt_core.scene import Scene, mesh_digests, with_camera_image, with_details
+from prt_core.scene import Camera, Scene, mesh_digests, with_camera_image, with_details
 from prt_core.store import BakeStore, read_scene
 from tests.core.scene.test_scene import quad
 from tests.meshes import Stripes, caster_of, plane
 
 DEFAULT = 0.25
 SETTINGS = BakeSettings(resolution=3, tolerance=0.2, caster="brute")
-CAMERA = {"matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]], "tangent": 0.3}
+CAMERA = Camera([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]], 0.3)
 
 
 @pytest.fixture
@@ -119,6 +121,11 @@ def test_it_is_in_all_digests(roughness):
     one, other = [Scene.from_meshes(meshes(rough(scale))) for scale in (0.1, 0.11)]
     again = Scene.from_meshes(meshes(rough(0.1)))
     assert one.fingerprint() != other.fingerprint() and one.fingerprint() == again.fingerprint()
+    for name in ("materials", "mean_materials"):
+        materials = getattr(one.points, name)
+        halved = materials.replaced(roughness=materials.roughness / 2)
+        changed = replace(one, points=replace(one.points, **{name: halved}))
+        assert changed.fingerprint() != one.fingerprint()
     digests = [mesh_digests(meshes(rough(scale))) for scale in (0.1, 0.11)]
     assert digests[0]["floor"] != digests[1]["floor"]
     assert digests[0]["plane"] == digests[1]["plane"]

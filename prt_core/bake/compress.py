@@ -33,6 +33,7 @@ from prt_core.errors import (
     expect_kind,
     expect_named,
     expect_offers,
+    expect_one_of,
     expect_seed,
     shown,
     system_errors,
@@ -72,6 +73,9 @@ class CompressSettings:
     milliseconds : float, optional
         For all points under a new light.
     seed : int
+    of : {"auto", "points", "image"}
+        What is compressed: a bake's points, or the pixels of its image. `auto`: the image where
+        the bake holds one.
     """
 
     method: str = "auto"
@@ -79,8 +83,10 @@ class CompressSettings:
     megabytes: float | None = None
     milliseconds: float | None = None
     seed: int = 0
+    of: str = "auto"
 
     def __post_init__(self):
+        expect_one_of("of", self.of, ("auto", "points", "image"))
         good = isinstance(self.method, str)
         name, names = self.method.partition(":")[0] if good else None, method_names()
         expect(
@@ -116,8 +122,19 @@ class Compressed:
     model: object
     facts: dict = field(default_factory=dict)
 
+    @property
+    def of(self):
+        """What it holds: "points" or "image"."""
+        return self.facts.get("of", "points")
+
     def relighter(self, transport):
-        """What relights it: `relight(light)` gives radiance, all bounces included."""
+        """What relights it: `relight(light)` gives radiance, all bounces included.
+
+        Parameters
+        ----------
+        transport : Transport or None
+            Of the bake; None for pixels, which have no bits to be looked up.
+        """
         return method_named(self.method).relighter(self.model, transport)
 
 
@@ -136,9 +153,9 @@ def compress_steps(bake, settings=None, lights=None):
     Returns
     -------
     dict
-        The facts that are stored: method, settings, why, trials, bytes, bits_a_coefficient,
-        seconds, milliseconds, milliseconds_worst, error, worst, worst_light, lights, tolerance,
-        tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
+        The facts that are stored: method, of ("points" or "image"), settings, why, trials, bytes,
+        bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst, worst_light,
+        lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
     """
     settings = CompressSettings() if settings is None else settings
     expect_kind("settings", settings, CompressSettings)
@@ -160,7 +177,7 @@ def _expect_lights(lights):
 def _compress(bake, settings, lights):
     expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
     began = time.perf_counter()
-    task = Task.of(bake.transport, bake.scene.points, settings.seed)
+    task = _task(bake, settings)
     names = candidate_names() if settings.method == "auto" else [settings.method]
     turning = yield from beside("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
@@ -173,6 +190,7 @@ def _compress(bake, settings, lights):
     spent = time.perf_counter() - began
     made.facts = {
         "method": made.method,
+        "of": "points" if task.image is None else "image",
         "settings": settings_of(made.model),
         "asked": asdict(settings),
         "why": why,
@@ -183,7 +201,7 @@ def _compress(bake, settings, lights):
         "notes": [note for light in lights.values() for note in light.notes],
         "tolerance_met": met(limits, found),
         "peak_bytes": peak_bytes(),
-        "fingerprint": (yield from beside("store", bake.transport.fingerprint)),
+        "fingerprint": (yield from beside("store", fingerprint_of, bake, task.image)),
         "versions": {
             "prt_core": __version__,
             "numpy": np.__version__,
@@ -194,6 +212,24 @@ def _compress(bake, settings, lights):
     for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.facts):
         yield Progress("store", 0, 0)
     return made.facts
+
+
+def _task(bake, settings):
+    """What is to be compressed: the pixels of the bake's image, or its points."""
+    image = bake.scene.image
+    expect(
+        image is not None or settings.of != "image",
+        "of: this bake holds no image; bake with --camera-pixels or --geometry-image",
+    )
+    if image is None or settings.of == "points":
+        return Task.of(bake.transport, bake.scene.points, settings.seed)
+    return Task.of_image(bake.transport, image, settings.seed)
+
+
+def fingerprint_of(bake, image):
+    """A digest of all that the colours depend on: of a bake's points, or of its `image`."""
+    digest = bake.transport.fingerprint()
+    return digest if image is None else f"{digest} {image.digest()}"
 
 
 def met(limits, found):
@@ -316,7 +352,7 @@ def measure_steps(task, made, lights):
         worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
     """
     transport = task.transport
-    quick = yield from beside("measure", made.relighter, transport)
+    quick = yield from beside("measure", made.relighter, task.read_bits)
     labels = getattr(made.model, "labels_", None)
     border = None
     if labels is not None:
@@ -346,7 +382,7 @@ def measure_steps(task, made, lights):
     model = made.model
     return {
         "bytes": int(model.nbytes),
-        "bits_a_coefficient": 8 * model.nbytes / (3 * transport.n_points * transport.n_directions),
+        "bits_a_coefficient": 8 * model.nbytes / (3 * task.n_points * transport.n_directions),
         "milliseconds": 1e3 * float(np.median(spent)),
         "milliseconds_worst": 1e3 * max(spent),
         "error": float(np.mean(list(errors.values()))),
@@ -384,11 +420,14 @@ def _load(bake):
         return None, "there is no compressed form; make one with 'prt compress'"
     if facts.get("method") not in method_names():
         return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
-    if facts.get("fingerprint") != bake.transport.fingerprint():
+    image = bake.scene.image if facts.get("of") == "image" else None
+    if facts.get("fingerprint") != fingerprint_of(bake, image):
         return None, f"the compressed form is of another state of the bake; {AGAIN}"
     state = read_compressed(store, facts)
+    n_points, n_directions = bake.transport.shape
+    n_points = n_points if image is None else image.height * image.width
     expect(
-        (state.get("n_points"), state.get("n_directions")) == bake.transport.shape,
+        (state.get("n_points"), state.get("n_directions")) == (n_points, n_directions),
         f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
     )
     with damage_said(bake.path, "its compressed form", AGAIN):

@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from prt_core.cli.show import Hushed
 from prt_core.errors import expect, expect_number, expect_whole
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
-from prt_core.light import EnvironmentMap
+from prt_core.light import EnvironmentMap, write_image
 from prt_core.light.environment import BRIGHTEST, read_environment
 from prt_core.relight.relighter import MOST_LAMP_SAMPLES, Relighter
 from prt_core.runtime.files import expect_output
@@ -26,7 +27,7 @@ from prt_core.sphere import rotation_matrix
 
 # Stops beyond which float32 overflows or holds nothing any more.
 _MOST_STOPS = 64
-_OUTPUTS = {"output": ".npz", "png": ".png", "image": ".png", "blend": ".blend"}
+_OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
     "size": (("png",), "--png"),
     "scene": (("blend",), "--blend"),
@@ -56,7 +57,9 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
-    relight.add_argument("--image", metavar="PNG", help="the image that was baked")
+    relight.add_argument(
+        "--image", metavar="PNG", help="the image that was baked; as .exr in linear radiance"
+    )
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
@@ -92,25 +95,29 @@ def _relight(options):
     _bpy_for(options)
     start = time.perf_counter()
     relighter = Relighter(baked, options.caster, options.transport)
+    light, of_image = read_environment(options.light), _of_image(options)
     try:
-        radiance = relighter.relight(read_environment(options.light), **_light_options(options))
+        radiance = relighter.relight(light, **_light_options(options))
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
     finally:
         relighter.close()
     radiance = _exposed(radiance, options)
+    if of_image:
+        _write_image(options.image, radiance)
+        print(f"{options.image}: {_shown(baked, options)} relit {how} in {spent:.2f} s")
+        _print_notes(baked, options, notes)
+        return 0
     colours = baked.colours(radiance)
     if options.output:
         write_npz(options.output, colours)
     if options.png:
         _write_png(baked, radiance, options)
     if options.image:
-        from prt_core.evaluate import to_srgb, write_png
-
-        write_png(options.image, to_srgb(baked.image(radiance)))
+        _write_image(options.image, baked.image(radiance))
     if options.blend:
         _write_blend(baked, colours, options)
     written = ", ".join(p for p in _outputs(options).values() if p)
-    print(f"{written}: {len(baked.scene.points):,} points relit {how} in {spent:.2f} s")
+    print(f"{written}: {_shown(baked, options)} relit {how} in {spent:.2f} s")
     _print_notes(baked, options, notes)
     return 0
 
@@ -142,9 +149,9 @@ def _expect_request(options):
     )
     if options.turn:
         expect(
-            options.light is not None and not fixed and not options.blend and not options.image,
-            "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE, "
-            "and --output or --png alone",
+            options.light is not None and not fixed and not options.blend,
+            "--turn: turns an image's light into numbered files; give --light IMAGE, and --output, "
+            "--png or --image",
         )
     _expect_numbers(options)
     paths = []
@@ -188,19 +195,28 @@ def _relight_turn(baked, options):
     light = read_environment(options.light)
     relighter = Relighter(baked, options.caster, options.transport)
     pictures = PictureWriter(baked, options.size, options.caster)
-    start = time.perf_counter()
+    start, spent = time.perf_counter(), []
     for frame in range(options.turn):
         rotation = (options.rotate or 0.0) + 360.0 * frame / options.turn
+        begun = time.perf_counter()
         radiance = relighter.relight(light, **{**_light_options(options), "rotation": rotation})
+        spent.append(time.perf_counter() - begun)
         radiance = _exposed(radiance, options)
+        if options.image:
+            shown = radiance if _of_image(options) else baked.image(radiance)
+            _write_image(frame_path(options.image, frame + 1), shown)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
             sky = _sky(light, rotation, options)
             pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
-    spent = (time.perf_counter() - start) / options.turn
-    first = frame_path(options.png or options.output, 1)
-    print(f"{first} and on: {options.turn} frames relit {_how(relighter)}, {spent:.2f} s each")
+    whole = (time.perf_counter() - start) / options.turn
+    first = frame_path(options.png or options.output or options.image, 1)
+    print(
+        f"{first} and on: {options.turn} frames of {_shown(baked, options)} relit "
+        f"{_how(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of them "
+        "to relight"
+    )
     _print_notes(baked, options, relighter.notes)
     return 0
 
@@ -250,7 +266,30 @@ def _light_options(options):
         "lamps": options.lamps,
         "lamp_samples": options.lamp_samples,
         "bounces": options.bounces,
+        "of": "image" if _of_image(options) else "points",
     }
+
+
+def _of_image(options):
+    """Whether the image is all that is wanted: then its own compressed form will do."""
+    return bool(options.image) and not (options.output or options.png or options.blend)
+
+
+def _shown(baked, options):
+    """What was relit, for the line that reports it."""
+    if _of_image(options):
+        return f"{baked.scene.image.width} x {baked.scene.image.height} pixels"
+    return f"{len(baked.scene.points):,} points"
+
+
+def _write_image(path, pixels):
+    """Linear pixels as a picture for the eye, or as they are in .exr."""
+    if Path(path).suffix.lower() == ".exr":
+        write_image(path, pixels)
+        return
+    from prt_core.evaluate import to_srgb, write_png
+
+    write_png(path, to_srgb(pixels))
 
 
 def _bpy_where_needed():

@@ -93,6 +93,7 @@ class Relighter:
         bounces="baked",
         light_strength=1.0,
         pace=None,
+        of="points",
     ):
         """Relight, as a generator of `Progress`.
 
@@ -104,12 +105,20 @@ class Relighter:
             Another factor, on `light` alone.
         pace : float, optional
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
+        of : {"points", "image"}
+            What is shown: all points, or the image that was baked. A compressed form is of one.
 
         Returns
         -------
-        (n_points, 3) float32
-            Linear Rec.709 radiance of all points.
+        (n_points, 3) or (height, width, 3) float32
+            Linear Rec.709 radiance.
         """
+        expect_one_of("of", of, ("points", "image"))
+        image = self.bake.scene.image
+        expect(
+            of == "points" or image is not None,
+            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+        )
         strength = expect_number("strength", strength, 0, BRIGHTEST)
         light_strength = expect_number("light_strength", light_strength, 0, BRIGHTEST)
         sharp_sun = expect_flag("sharp_sun", sharp_sun)
@@ -144,7 +153,7 @@ class Relighter:
         quick = None
         if light is not None and self.transport != "exact":
             unread = pace and self._form is None
-            quick = yield from maybe_beside(unread, "compressed form", self._quick, bounces)
+            quick = yield from maybe_beside(unread, "compressed form", self._quick, bounces, of)
         self.used = "exact" if quick is None else "compressed"
         work = (self._distant, light, rotation, sharp_sun, quick)
         distant, sun = (yield from beside("light", *work)) if pace else work[0](*work[1:])
@@ -156,19 +165,24 @@ class Relighter:
         sent = None
         if quick is not None:
             sent = distant * np.float32(strength * light_strength)
+            sent = sent if of == "points" else sent.reshape(image.height, image.width, -1)
             if not parts:
                 return sent
         elif distant is not None:
             parts, factors = [distant, *parts], [strength * light_strength, *factors]
         work = (self._radiance, parts, factors, bounces)
         radiance = (yield from beside("bounces", *work)) if pace else work[0](*work[1:])
+        radiance = radiance if of == "points" else self.bake.image(radiance)
         return radiance if sent is None else radiance + sent
 
     def compressed(self):
         """The `Compressed` form that would be used, or None: then `why` says why not."""
         if self._form is None:
             found, self.why = load_compressed(self.bake)
-            quick = None if found is None else found.relighter(self.bake.transport)
+            quick = None
+            if found is not None:
+                bits = self.bake.transport if found.of == "points" else None
+                quick = found.relighter(bits)
             self._form = found, quick, self.bake.transport.albedo
         found, _, albedo = self._form
         if found is not None and albedo is not self.bake.transport.albedo:
@@ -177,7 +191,7 @@ class Relighter:
             return self.compressed()
         return found
 
-    def _quick(self, bounces):
+    def _quick(self, bounces, of):
         """What relights fast; None where the exact way is to be taken."""
         try:
             found = self.compressed()
@@ -189,6 +203,8 @@ class Relighter:
         applies = bounces in ("baked", self.bake.transport.bounces)
         if found is not None and not applies:
             found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        if found is not None and found.of != of:
+            found, self.why = None, f"it is of the {found.of}, not of the {of}"
         expect(
             found is not None or self.transport != "compressed",
             f"transport: the compressed form cannot be used: {self.why}",

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from prt_core.compress import method_named, method_names
+from prt_core.compress.subject import Subject
 from prt_core.errors import PRTError, expect, system_errors
 from prt_core.store import AGAIN, BakeStore, compressed_facts, damage_said, read_compressed
 
@@ -24,9 +25,14 @@ class Compressed:
     model: object
     facts: dict = field(default_factory=dict)
 
-    def relighter(self, transport):
-        """What is quickest of it: `product(light)` is what points receive, with all bounces."""
-        return method_named(self.method).relighter(self.model, transport)
+    @property
+    def of(self):
+        """What it holds: "points" or "image"."""
+        return self.facts.get("of", "points")
+
+    def relighter(self, subject):
+        """What gives its `product(light)` quickest, with all bounces; `subject`: what it is of."""
+        return method_named(self.method).relighter(self.model, subject.read_bits)
 
 
 def load_compressed(bake):
@@ -55,11 +61,13 @@ def _load(bake):
         return None, "there is no compressed form; make one with 'prt compress'"
     if facts.get("method") not in method_names():
         return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
-    if facts.get("fingerprint") != bake.transport.fingerprint():
+    subject = Subject(bake.transport, bake.scene.image if facts.get("of") == "image" else None)
+    if facts.get("fingerprint") != subject.fingerprint():
         return None, f"the compressed form is of another state of the bake; {AGAIN}"
     state = read_compressed(store, facts)
     expect(
-        (state.get("n_points"), state.get("n_directions")) == bake.transport.shape,
+        (state.get("n_points"), state.get("n_directions"))
+        == (subject.n_rows, bake.transport.n_directions),
         f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
     )
     with damage_said(bake.path, "its compressed form", AGAIN):
@@ -101,11 +109,13 @@ class FormInUse:
             self._form[0] is not None and self._form[2] is not transport.albedo
         ):
             found, self.why = load_compressed(self._bake)
-            quick = None if found is None else found.relighter(transport)
+            quick = None
+            if found is not None:
+                quick = found.relighter(Subject.of_bake(self._bake, found.of))
             self._form = found, quick, transport.albedo
         return self._form[0]
 
-    def relighter(self, transport, bounces):
+    def relighter(self, transport, bounces, of="points"):
         """What relights it; None where the exact way is to be taken.
 
         Parameters
@@ -114,6 +124,8 @@ class FormInUse:
             Whether the exact way may be taken.
         bounces
             As `Relighter` takes them.
+        of : {"points", "image"}
+            What is to be shown. A form of points shows the image as well.
         """
         try:
             found = self.read()
@@ -125,6 +137,8 @@ class FormInUse:
         applies = bounces in ("baked", self._bake.transport.bounces)
         if found is not None and not applies:
             found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        if found is not None and found.of not in (of, "points"):
+            found, self.why = None, f"it is of the {found.of}, not of the {of}"
         expect(
             found is not None or transport != "compressed",
             f"transport: the compressed form cannot be used: {self.why}",

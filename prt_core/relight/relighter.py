@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from prt_core.compress.subject import Subject
 from prt_core.errors import expect, expect_kind, expect_number, expect_offers, expect_one_of
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.environments import Environments
@@ -51,18 +52,20 @@ class Relighter:
         self._environments, self._form = Environments(bake), FormInUse(bake)
         self._lamps = LampLight(bake, caster)
 
-    def relight(self, light=None, **keywords):
-        """(n_points, 3) float32 radiance of all points.
+    def relight(self, light=None, *, of="points", **keywords):
+        """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
 
         Parameters
         ----------
         light : Lighting, or what its environment may be, optional
+        of : {"points", "image"}
+            See `steps`.
         **keywords
             The other fields of `Lighting`.
         """
-        return run(self.steps(lighting_of(light, **keywords)))
+        return run(self.steps(lighting_of(light, **keywords), of=of))
 
-    def steps(self, lighting, pace=None):
+    def steps(self, lighting, pace=None, of="points"):
         """Relight, as a generator of `Progress`.
 
         Parameters
@@ -70,22 +73,26 @@ class Relighter:
         lighting : Lighting
         pace : float, optional
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
+        of : {"points", "image"}
+            What is shown: all points, or the image that was baked. A compressed form of the
+            image shows nothing else.
 
         Returns
         -------
-        (n_points, 3) float32
-            Linear Rec.709 radiance of all points.
+        (n_points, 3) or (height, width, 3) float32
+            Linear Rec.709 radiance.
         """
         expect_kind("lighting", lighting, Lighting)
         if pace is not None:
             expect_number("pace", pace, above=0)
+        subject = Subject.of_bake(self.bake, expect_one_of("of", of, ("points", "image")))
         lamps, image = chosen_lamps(self.bake, lighting), lighting.environment
         apart = pace and isinstance(image, Path) and reads_in_threads(image)
         light = yield from maybe_beside(apart, "image", self._environments.read, lighting)
         self.notes = getattr(light, "notes", ())
         quick = None
         if light is not None and self.transport != "exact":
-            unread, work = pace and not self._form.is_read, (self.transport, lighting.bounces)
+            unread, work = pace and not self._form.is_read, (self.transport, lighting.bounces, of)
             quick = yield from maybe_beside(unread, "compressed form", self._form.relighter, *work)
         self.used = "exact" if quick is None else "compressed"
         work = (self._environments.distant, light, lighting, quick)
@@ -97,12 +104,16 @@ class Relighter:
             factors[-1] = lighting.strength
         if distant is not None and quick is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
-        received = distant
+        radiance = None
+        if quick is not None:
+            own = self._form.read().of == of
+            radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
         if parts or quick is None:
             work = (self._with_bounces, parts, factors, lighting.bounces)
             received = yield from maybe_beside(pace, "bounces", *work)
-            received = received if quick is None else received + distant
-        return _exposed(self.bake.transport.exit_radiance(received).toward(), lighting)
+            exact = subject.radiance_of_points(received)
+            radiance = exact if quick is None else exact + radiance
+        return subject.shaped(_exposed(radiance, lighting))
 
     def sky(self, lighting):
         """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.

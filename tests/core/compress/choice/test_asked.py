@@ -105,7 +105,7 @@ def test_what_auto_does_not_try_is_there_by_name():
         ("haar:selection=size", "'haar': selection: expected one of unweighted, area, transport"),
         ("haar:step=0", "'haar': step: expected a number above 0"),
         ("wavelet4d:rows=9/7", "'wavelet4d': rows: expected one of haar, d4, d6, d8"),
-        ("wavelet4d:columns=d4", "'wavelet4d': columns: expected one of multiwavelet, haar"),
+        ("wavelet4d:columns=d5", "'wavelet4d': columns: expected one of multiwavelet, haar, d4"),
         ("wavelet4d:mode=3d", "'wavelet4d': mode: expected one of adaptive, 4d, 2d"),
         ("wavelet4d:dither=maybe", "'wavelet4d': dither: expected True or False"),
         ("wavelet4d:bits=1", "'wavelet4d': bits: expected a whole number from 2 to 16"),
@@ -116,6 +116,13 @@ def test_what_there_is_not_is_said_with_what_there_is(text, message):
     with pytest.raises(PRTError, match=message) as caught:
         method_asked(text)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_for_images_is_refused_for_points(task):
+    with pytest.raises(PRTError, match="columns: expected one of multiwavelet, haar for points"):
+        method_asked("wavelet4d:columns=9/7").ladder(task)
+    with pytest.raises(PRTError, match="'block_pca' takes the pixels of an image"):
+        method_asked("block_pca:size=4").ladder(task)
 
 
 def test_settings_are_told_in_plain_values(task):

@@ -1,11 +1,15 @@
 """The methods of this library by name, each with its ladder from small to near."""
 
+import numpy as np
+from scipy.spatial import cKDTree
+
 from prt_core.basis import WAVELETS, ImageWavelet, PointHaar, PointMultiwavelet
 from prt_core.compress.choice.methods import Method, register_method
 from prt_core.compress.clusters.clustered_pca import ClusteredPCA
 from prt_core.compress.clusters.pca import PCA, BlockPCA
 from prt_core.compress.clusters.realtime import ClusterRelighter
 from prt_core.compress.clusters.seams import neighbour_pairs
+from prt_core.compress.clusters.sparse_clusters import SparseClusteredPCA
 from prt_core.compress.clusters.vq import VectorQuantisation
 from prt_core.compress.harmonics import Harmonics, Irradiance
 from prt_core.compress.wavelets.haar_lighting import HaarLighting
@@ -26,6 +30,8 @@ _BLOCKS = ((16, 4), (16, 8), (16, 16), (8, 16), (8, 24))
 # Transforms of columns on points, and that of an image where none is asked for.
 _ON_POINTS = {"multiwavelet": PointMultiwavelet, "haar": PointHaar}
 _ON_IMAGES = "9/7"
+# Dense points near a point that say which cluster it is in at first.
+_NEIGHBOURS = 12
 # Terms that a light is cut to when clusters are relit, at most.
 _TERMS = 512
 _WAVELETS = ((0.3, 7), (0.2, 7), (0.1, 7), (0.05, 7), (0.02, 8), (0.01, 9), (0.005, 9))
@@ -36,6 +42,33 @@ def _clustered(task):
         ClusteredPCA(max(1, round(task.n_points / points)), components, seed=task.seed)
         for components, points in _CLUSTERED
     ]
+
+
+def _from_dense(task):
+    expect(
+        task.dense is not None and len(task.dense),
+        "method: 'sparse_cpca' begins with densely sampled points; bake with --method huang",
+    )
+    near = _dense_neighbours(task)
+    return [
+        SparseClusteredPCA(
+            task.dense, near, max(1, round(task.n_points / points)), components, seed=task.seed
+        )
+        for components, points in _CLUSTERED
+    ]
+
+
+def _dense_neighbours(task):
+    """(n_points, k) int64: for each point the nearest dense points of its object, or of all."""
+    near = np.full((task.n_points, _NEIGHBOURS), -1)
+    for group in np.unique(task.groups):
+        mine = np.flatnonzero(task.groups == group)
+        known = task.dense[task.groups[task.dense] == group]
+        known = known if len(known) else task.dense
+        k = min(_NEIGHBOURS, len(known))
+        _, found = cKDTree(task.positions[known]).query(task.positions[mine], range(1, k + 1))
+        near[mine, :k] = known[found]
+    return near
 
 
 def _vectors(task):
@@ -167,5 +200,17 @@ register_method(
         work=_clusters_work,
         candidate=False,
         fixed=("shape",),
+    )
+)
+register_method(
+    Method(
+        "sparse_cpca",
+        SparseClusteredPCA,
+        _from_dense,
+        ClusterRelighter,
+        _blend,
+        work=_clusters_work,
+        candidate=False,
+        fixed=("dense", "neighbours", "seed"),
     )
 )

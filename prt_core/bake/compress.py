@@ -135,6 +135,9 @@ def _compress(bake, settings, lights):
     began = time.perf_counter()
     task = _task(bake, settings)
     names = candidate_names() if settings.method == "auto" else [settings.method]
+    if task.dense is not None and settings.method == "auto":
+        # Clusters of the points that are known best, and the others after them.
+        names = ["sparse_cpca" if name == "cpca" else name for name in names]
     turning = yield from beside("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
     few = {name: light.at(_CHOICE) for name, light in few}
@@ -178,7 +181,7 @@ def _task(bake, settings):
         "of: this bake holds no image; bake with --camera-pixels or --geometry-image",
     )
     if image is None or settings.of == "points":
-        return Task.of(bake.transport, bake.scene.points, settings.seed)
+        return Task.of(bake.transport, bake.scene.points, settings.seed, bake.dense)
     return Task.of_image(bake.transport, image, settings.seed)
 
 

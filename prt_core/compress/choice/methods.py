@@ -44,6 +44,8 @@ class Task:
     seed : int
     image : PointImage, optional
         Whose pixels the points are: then positions are places in the image.
+    dense : (n_dense,) int, optional
+        The points that were sampled densely, ascending.
     """
 
     transport: object
@@ -53,13 +55,15 @@ class Task:
     groups: np.ndarray
     seed: int = 0
     image: object = None
+    dense: np.ndarray | None = None
 
     @classmethod
-    def of(cls, transport, points, seed=0):
-        """All points of a bake: its `transport`, its `BakePoints`, and a `seed`."""
+    def of(cls, transport, points, seed=0, dense=None):
+        """All points of a bake: its `transport`, its `BakePoints`, a `seed`, its `dense` points."""
         expect_offers("points", points, ("positions", "object_index"), "a bake's points")
         rows = TransportRows(transport, seed=seed)
-        return cls(transport, rows, points.positions, points.normals, points.object_index, seed)
+        place = points.positions, points.normals, points.object_index
+        return cls(transport, rows, *place, seed, None, dense)
 
     @classmethod
     def of_image(cls, transport, image, seed=0):
@@ -130,7 +134,10 @@ class Task:
             materials=self.transport.materials[points],
             mean_materials=None,
         )
-        return Task(part, rows, *place, self.seed)
+        dense = None
+        if self.dense is not None:
+            dense = np.flatnonzero(np.isin(np.arange(self.n_points)[points], self.dense))
+        return Task(part, rows, *place, self.seed, None, dense)
 
     def sample(self, n_points, n_patches):
         """About `n_points` of the points: in `n_patches` of neighbours, or evenly (None)."""

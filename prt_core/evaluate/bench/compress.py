@@ -77,7 +77,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     """
     chosen = [method_asked(method) for method in methods]
     expect(lights, "light: give at least one")
-    task = Task.of(bake.transport, bake.scene.points, seed)
+    task = Task.of(bake.transport, bake.scene.points, seed, bake.dense)
     began = time.perf_counter()
     yield from task.rows.prepare_steps()
     prepared = time.perf_counter() - began

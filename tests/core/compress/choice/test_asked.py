@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
-from prt_core.api import compress_bake, relight_points
+from prt_core.api import compress, relight_points
 from prt_core.bake.compress import standing_lights
 from prt_core.bake.report_lines import compressed_lines, trial_lines
 from prt_core.compress import Task, candidate_names, method_asked, method_named, method_names
@@ -61,7 +61,7 @@ DOORS = {
 
 @pytest.mark.parametrize("door", DOORS)
 def test_what_is_built_is_compressed_stored_relit_and_named(baked, door):
-    facts = compress_bake(baked, method=door, tolerance=0.1, lights={"sky": SKY})
+    facts = compress(baked, method=door, tolerance=0.1, lights={"sky": SKY})
     assert facts["method"] == door.partition(":")[0] and facts["asked"]["method"] == door
     # One setting of one method is not tried before: there is no choice.
     assert facts["trials"] == [] and facts["why"] == "all that was asked for"
@@ -78,7 +78,7 @@ def test_doors_differ(baked):
     """Each selects what it names: other settings give other bytes."""
     sizes = {}
     for door in DOORS:
-        facts = compress_bake(baked, method=door, tolerance=0.1, lights={"sky": SKY})
+        facts = compress(baked, method=door, tolerance=0.1, lights={"sky": SKY})
         sizes[door] = facts["bytes"], round(facts["error"], 9)
     assert len(set(sizes.values())) == len(sizes)
 

@@ -74,6 +74,7 @@ def test_an_image_is_first_tried_in_4d_wavelets(path):
 
 
 DOORS = (
+    "block_pca",
     "block_pca:size=7,n_components=9",
     "wavelet4d:columns=5/3,error=0.05",
     "wavelet4d:columns=d4,rows=d4,error=0.05",

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake.compress import load_compressed
+from prt_core.compress import HaarLighting, IncrementalLighting
 from prt_core.errors import (
     PRTError,
     expect,
@@ -54,6 +55,10 @@ class Relighter:
     transport : {"auto", "exact", "compressed"}
         What light from far away is multiplied with. `auto`: the compressed form where the bake
         has one that is its own and the bounces are those of the bake, else the bake itself.
+    progressive : bool
+        Each light adds what changed most since the one before, in a compressed form by Haar
+        lighting (see `IncrementalLighting`): colours then depend on what was asked before, and
+        come nearer while the light moves little.
 
     Attributes
     ----------
@@ -65,12 +70,13 @@ class Relighter:
         What is to be said of the image last read (see `read_picture`).
     """
 
-    def __init__(self, bake, caster="auto", transport="auto"):
+    def __init__(self, bake, caster="auto", transport="auto", progressive=False):
         # A `Bake`; that module knows no relighter, and this one need not know it.
         parts = "scene", "transport", "make_caster"
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.transport = bake, expect_one_of("transport", transport, TRANSPORTS)
         expect_kind("caster", caster, str, "the name of one")
+        self.progressive = expect_flag("progressive", progressive)
         self.used, self.why, self.notes = "exact", "", ()
         self._caster_name, self._caster = caster, None
         self._images, self._turning = {}, {}
@@ -182,7 +188,7 @@ class Relighter:
             quick = None
             if found is not None:
                 bits = self.bake.transport if found.of == "points" else None
-                quick = found.relighter(bits)
+                quick = self._incremental(found) if self.progressive else found.relighter(bits)
             self._form = found, quick, self.bake.transport.albedo
         found, _, albedo = self._form
         if found is not None and albedo is not self.bake.transport.albedo:
@@ -190,6 +196,15 @@ class Relighter:
             self._form = None
             return self.compressed()
         return found
+
+    @staticmethod
+    def _incremental(form):
+        expect(
+            isinstance(form.model, HaarLighting),
+            f"progressive: adds to a compressed form by haar, this one is by {form.method}; "
+            "run 'prt compress --method haar' first",
+        )
+        return IncrementalLighting(form.model)
 
     def _quick(self, bounces, of):
         """What relights fast; None where the exact way is to be taken."""

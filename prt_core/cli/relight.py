@@ -27,6 +27,7 @@ from prt_core.runtime.files import expect_output
 
 _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
+    "progressive": (("turn",), "--turn"),
     "size": (("png",), "--png"),
     "scene": (("blend",), "--blend"),
     "attribute": (("blend",), "--blend"),
@@ -63,6 +64,10 @@ def add_relight(commands, in_blender):
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
+    relight.add_argument(
+        "--progressive", action="store_true",
+        help="each frame of --turn adds what changed most, in a compressed form by haar",
+    )  # fmt: skip
     relight.add_argument("--size", type=size, help="of the picture (960x540)")
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
@@ -143,6 +148,10 @@ def _expect_request(options):
         "--transport: lamps are always exact; it changes nothing without --light",
     )
     expect(
+        not options.progressive or options.transport != "exact",
+        "--progressive: adds to a compressed form; leave out --transport exact",
+    )
+    expect(
         options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
         "--caster: no ray is cast; it changes nothing without --png, --lamps or --sharp-sun",
     )
@@ -206,7 +215,10 @@ def _outputs(options):
 def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
     _bpy_where_needed()
-    relighter, of = Relighter(baked, options.caster, options.transport), _of(options)
+    # What is added to has to be there: the exact way has no state.
+    transport = "compressed" if options.progressive else options.transport
+    relighter = Relighter(baked, options.caster, transport, options.progressive)
+    of = _of(options)
     pictures = PictureWriter(baked, options.size, options.caster)
     start, spent = time.perf_counter(), []
     for frame in range(options.turn):

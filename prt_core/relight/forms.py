@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from prt_core.compress import method_named, method_names
+from prt_core.compress import HaarLighting, IncrementalLighting, method_named, method_names
 from prt_core.compress.subject import Subject
 from prt_core.errors import PRTError, expect, system_errors
 from prt_core.store import AGAIN, BakeStore, compressed_facts, damage_said, read_compressed
@@ -81,6 +81,8 @@ class FormInUse:
     Parameters
     ----------
     bake : Bake
+    progressive : bool
+        See `Relighter`.
 
     Attributes
     ----------
@@ -88,8 +90,8 @@ class FormInUse:
         Why it was not used the last time; empty where it was.
     """
 
-    def __init__(self, bake):
-        self._bake, self.why = bake, ""
+    def __init__(self, bake, progressive=False):
+        self._bake, self._progressive, self.why = bake, progressive, ""
         self.close()
 
     def close(self):
@@ -109,11 +111,19 @@ class FormInUse:
             self._form[0] is not None and self._form[2] is not transport.albedo
         ):
             found, self.why = load_compressed(self._bake)
-            quick = None
-            if found is not None:
-                quick = found.relighter(Subject.of_bake(self._bake, found.of))
+            quick = None if found is None else self._quickest(found)
             self._form = found, quick, transport.albedo
         return self._form[0]
+
+    def _quickest(self, form):
+        if not self._progressive:
+            return form.relighter(Subject.of_bake(self._bake, form.of))
+        expect(
+            isinstance(form.model, HaarLighting),
+            f"progressive: adds to a compressed form by haar, this one is by {form.method}; "
+            "run 'prt compress --method haar' first",
+        )
+        return IncrementalLighting(form.model)
 
     def relighter(self, transport, bounces, of="points"):
         """What relights it; None where the exact way is to be taken.

@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.compress.subject import Subject
-from prt_core.errors import expect, expect_kind, expect_number, expect_offers, expect_one_of
+from prt_core.errors import (
+    expect,
+    expect_flag,
+    expect_kind,
+    expect_number,
+    expect_offers,
+    expect_one_of,
+)
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
@@ -31,6 +38,10 @@ class Relighter:
     transport : {"auto", "exact", "compressed"}
         What light from far away is multiplied with. `auto`: the compressed form where the bake
         has one that is its own and the bounces are those of the bake, else the bake itself.
+    progressive : bool
+        Each light adds what changed most since the one before, in a compressed form by Haar
+        lighting (see `IncrementalLighting`): colours then depend on what was asked before, and
+        come nearer while the light moves little.
 
     Attributes
     ----------
@@ -42,14 +53,15 @@ class Relighter:
         What is to be said of the image last read (see `read_picture`).
     """
 
-    def __init__(self, bake, caster="auto", transport="auto"):
+    def __init__(self, bake, caster="auto", transport="auto", progressive=False):
         # A `Bake`; that module is on a floor above this one.
         parts = "scene", "transport", "make_caster"
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.transport = bake, expect_one_of("transport", transport, TRANSPORTS)
         expect_kind("caster", caster, str, "the name of one")
         self.used, self.notes = "exact", ()
-        self._environments, self._form = Environments(bake), FormInUse(bake)
+        self._form = FormInUse(bake, expect_flag("progressive", progressive))
+        self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
 
     def relight(self, light=None, *, of="points", **keywords):

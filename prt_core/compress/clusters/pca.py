@@ -65,13 +65,14 @@ class BlockPCA(ClusterCompressor):
     def fit_steps(self, rows):
         self.expect_params()
         (height, width), size = expect_pair("shape", self.shape), self.size
-        pixels = np.arange(height * width) if self.pixels is None else self.pixels
-        pixels = expect_array("pixels", pixels, (None,), np.int64, 0, height * width - 1)
-        expect(
-            len(pixels) == rows.n_points,
-            f"shape: {len(pixels)} pixels of {height} x {width} are not the {rows.n_points} points "
-            "of the rows",
-        )
+        n_points, pixels = rows.n_points, self.pixels
+        if pixels is None:
+            expect(
+                height * width == n_points,
+                f"shape: {height} x {width} pixels are not the {n_points} points of the rows",
+            )
+            pixels = np.arange(n_points)
+        pixels = expect_array("pixels", pixels, (n_points,), np.int64, 0, height * width - 1)
         row, column = np.divmod(pixels, width)
         labels = row // size * -(-width // size) + column // size
         # Blocks without any of the pixels are none.

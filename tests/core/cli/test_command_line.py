@@ -192,6 +192,8 @@ BAD = {
     "compress a.prt --of texels": "invalid choice",
     "compress a.prt --method none --of image": "--of: changes nothing with --method none",
     "compress a.prt --method block_pca": "'block_pca' takes the pixels of an image",
+    f"{RELIGHT} --progressive": "--progressive: changes nothing without --turn",
+    f"{RELIGHT} --turn 2 --progressive --transport exact": "adds to a compressed form",
     f"{RELIGHT} --turn 2 --blend o.blend": "--turn: turns an image's light",
     "relight a.prt --light world --turn 2 --output o.npz": "--turn: turns an image's light",
     "relight a.prt --light sky.exr --blend open.blend --scene open.blend": "its own copy",
@@ -291,6 +293,31 @@ def test_an_image_is_compressed_stored_and_relit_as_one(folder, capfd):
     for name in ("compressed.exr", "exact.exr", "turn_1.png", "turn_2.png", "o.npz", "o.png"):
         (folder / name).unlink()
     assert prt("compress image.prt --method none", capfd)[0] == 0
+
+
+def test_a_turning_light_is_relit_progressively(folder, capfd):
+    relight = "relight a.prt --light sky.exr --output p_#.npz --turn 3 --progressive"
+    assert prt("compress a.prt --method none", capfd)[0] == 0
+    assert "there is no compressed form" in prt(relight, capfd)[2][-1]
+    assert prt("compress a.prt --method pca --tolerance 0.5 --light sky.exr", capfd)[0] == 0
+    code, _, errors = prt(relight, capfd)
+    assert code == 2 and "progressive: adds to a compressed form by haar, this" in errors[0]
+    haar = "compress a.prt --method haar:n_terms=3,step=0.001 --tolerance 0.9 --light sky.exr"
+    assert prt(haar, capfd)[0] == 0
+    found = {}
+    for option in ("--progressive", "--transport compressed", "--transport exact"):
+        code, out, _ = prt(f"{relight.removesuffix('--progressive')} {option}", capfd)
+        assert code == 0 and "3 frames" in out
+        frames = [np.load(folder / f"p_{i}.npz")["ball"] for i in (1, 2, 3)]
+        found[option] = np.array(frames)
+    exact = found.pop("--transport exact")
+    # The first frame is three wavelets of the light either way; later ones have more of it.
+    progressive, cut = found.values()
+    np.testing.assert_allclose(progressive[0], cut[0], rtol=1e-4, atol=1e-5)
+    assert np.linalg.norm(progressive[2] - exact[2]) < 0.8 * np.linalg.norm(cut[2] - exact[2])
+    assert prt("compress a.prt --method none", capfd)[0] == 0
+    for i in (1, 2, 3):
+        (folder / f"p_{i}.npz").unlink()
 
 
 def test_a_missed_tolerance_is_said_loudly(folder, capfd):

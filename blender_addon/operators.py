@@ -153,7 +153,8 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         there = yield from preview.load_steps(path, scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, there, pace)
         subject = path if self.method == "none" else there.bake
-        self.facts = yield from compress_bake_steps(subject, self.method, tolerance)
+        # The preview shows points, of which a form of the image says nothing.
+        self.facts = yield from compress_bake_steps(subject, self.method, tolerance, of="points")
         there.relighter.close()
         asked = request(self.scene)
         radiance = yield from asked.steps(there, pace)

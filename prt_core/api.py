@@ -177,6 +177,7 @@ def compress(
     milliseconds=None,
     seed=0,
     lights=None,
+    of="auto",
     report=None,
 ):
     """Compress a bake, so that relighting takes milliseconds; kept beside it in its folder.
@@ -195,6 +196,9 @@ def compress(
     lights : dict of str -> EnvironmentMap, or sequence of paths, optional
         Under which it is chosen and measured; default: Blender's own where bpy is there, else
         three plain skies.
+    of : {"auto", "points", "image"}
+        What is compressed: all points, or the image that was baked; `auto`: the image where there
+        is one.
     report : callable(Progress), optional
 
     Returns
@@ -208,7 +212,7 @@ def compress(
         The bake cannot be read, or a setting is wrong.
     """
     asked = method, tolerance, megabytes, milliseconds, seed
-    return run(compress_bake_steps(bake, *asked, lights=lights), report)
+    return run(compress_bake_steps(bake, *asked, lights=lights, of=of), report)
 
 
 def compress_bake(bake, **keywords):
@@ -227,6 +231,7 @@ def compress_bake_steps(
     milliseconds=None,
     seed=0,
     lights=None,
+    of="auto",
 ):
     """`compress` as a generator of `Progress`; images are read at the first step."""
     if isinstance(method, str) and method == "none":
@@ -238,7 +243,7 @@ def compress_bake_steps(
         path = bake.path if isinstance(bake, Bake) else expect_path("bake", bake)
         remove_compressed(BakeStore(path, "r+"))
         return None
-    settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed)
+    settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed, of)
     if lights is not None and not isinstance(lights, dict):
         lights = named_images(lights)
     if not isinstance(bake, Bake):

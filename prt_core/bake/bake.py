@@ -30,6 +30,8 @@ class Bake:
         Where it was loaded from.
     origin : dict of str -> str
         The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
+    dense : (n_dense,) int32, or None
+        The points that were sampled densely, where the bake's method has such: ascending.
     """
 
     scene: Scene
@@ -42,6 +44,7 @@ class Bake:
     source: dict = field(default_factory=dict)
     path: Path | None = None
     origin: dict = field(default_factory=dict)
+    dense: np.ndarray | None = None
 
     @property
     def cube_map(self):

@@ -28,6 +28,7 @@ from prt_core.errors import (
     expect_kind,
     expect_named,
     expect_offers,
+    expect_one_of,
     expect_seed,
     shown,
     system_errors,
@@ -61,6 +62,9 @@ class CompressSettings:
     milliseconds : float, optional
         For all points under a new light.
     seed : int
+    of : {"auto", "points", "image"}
+        What is compressed: a bake's points, or the pixels of its image. `auto`: the image where
+        the bake holds one.
     """
 
     method: str = "auto"
@@ -68,8 +72,10 @@ class CompressSettings:
     megabytes: float | None = None
     milliseconds: float | None = None
     seed: int = 0
+    of: str = "auto"
 
     def __post_init__(self):
+        expect_one_of("of", self.of, ("auto", "points", "image"))
         good = isinstance(self.method, str)
         name, names = self.method.partition(":")[0] if good else None, method_names()
         expect(
@@ -103,9 +109,9 @@ def compress_steps(bake, settings=None, lights=None):
     Returns
     -------
     dict
-        The facts that are stored: method, settings, why, trials, bytes, bits_a_coefficient,
-        seconds, milliseconds, milliseconds_worst, error, worst, worst_light, lights, tolerance,
-        tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
+        The facts that are stored: method, of ("points" or "image"), settings, why, trials, bytes,
+        bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst, worst_light,
+        lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
     """
     settings = CompressSettings() if settings is None else settings
     expect_kind("settings", settings, CompressSettings)
@@ -127,8 +133,11 @@ def _expect_lights(lights):
 def _compress(bake, settings, lights):
     expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
     began = time.perf_counter()
-    task = Task.of(bake.transport, bake.scene.points, settings.seed)
+    task = _task(bake, settings)
     names = candidate_names() if settings.method == "auto" else [settings.method]
+    if task.dense is not None and settings.method == "auto":
+        # Clusters of the points that are known best, and the others after them.
+        names = ["sparse_cpca" if name == "cpca" else name for name in names]
     turning = yield from beside("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
     few = {name: light.at(_CHOICE) for name, light in few}
@@ -140,6 +149,7 @@ def _compress(bake, settings, lights):
     spent = time.perf_counter() - began
     made.facts = {
         "method": made.method,
+        "of": task.subject.name,
         "settings": settings_of(made.model),
         "asked": asdict(settings),
         "why": why,
@@ -150,7 +160,7 @@ def _compress(bake, settings, lights):
         "notes": [note for light in lights.values() for note in light.notes],
         "tolerance_met": met(limits, found),
         "peak_bytes": peak_bytes(),
-        "fingerprint": (yield from beside("store", bake.transport.fingerprint)),
+        "fingerprint": (yield from beside("store", task.subject.fingerprint)),
         "versions": {
             "prt_core": __version__,
             "numpy": np.__version__,
@@ -161,6 +171,18 @@ def _compress(bake, settings, lights):
     for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.facts):
         yield Progress("store", 0, 0)
     return made.facts
+
+
+def _task(bake, settings):
+    """What is to be compressed: the pixels of the bake's image, or its points."""
+    image = bake.scene.image
+    expect(
+        image is not None or settings.of != "image",
+        "of: this bake holds no image; bake with --camera-pixels or --geometry-image",
+    )
+    if image is None or settings.of == "points":
+        return Task.of(bake.transport, bake.scene.points, settings.seed, bake.dense)
+    return Task.of_image(bake.transport, image, settings.seed)
 
 
 def _fit_best(task, methods, ranked, trials, limits, lights):

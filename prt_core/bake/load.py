@@ -2,11 +2,14 @@
 
 from dataclasses import asdict
 
+import numpy as np
+
 from prt_core.bake.bake import Bake
 from prt_core.bake.bounces import MOST_ROUNDS
 from prt_core.bake.gather import read_gather, stored_hits
 from prt_core.bake.lights import read_lights
 from prt_core.bake.settings import BakeSettings
+from prt_core.bake.visibility import DENSE
 from prt_core.errors import expect, expect_path
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_said, read_scene
@@ -60,7 +63,17 @@ def load(path):
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
-    return Bake(scene, transport, *parts)
+    return Bake(scene, transport, *parts, _read_dense(store, n_points))
+
+
+def _read_dense(store, n_points):
+    """The densely sampled points; None where the bake's method has none."""
+    if DENSE not in store.facts["arrays"]:
+        return None
+    dense = store.read(DENSE, (None,), "int32")
+    good = len(dense) and dense[0] >= 0 and dense[-1] < n_points and (np.diff(dense) > 0).all()
+    expect(good, f"{store.path}: '{DENSE}' is out of range; the bake is damaged")
+    return dense
 
 
 def _read_gather(store, n_points, rounds):

@@ -56,8 +56,8 @@ def measure_steps(task, made, lights):
         bytes, bits_a_coefficient, milliseconds (median), milliseconds_worst, error (mean), worst,
         worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
     """
-    transport = task.transport
-    quick = yield from beside("measure", made.relighter, transport)
+    subject, n_directions = task.subject, task.transport.n_directions
+    quick = yield from beside("measure", made.relighter, subject)
     labels = getattr(made.model, "labels_", None)
     border = None
     if labels is not None:
@@ -68,7 +68,7 @@ def measure_steps(task, made, lights):
     def one(name, turning, turn, truth):
         light = turning.at(turn)
         start = time.perf_counter()
-        found = radiance_of(quick, transport, light)
+        found = radiance_of(quick, subject, light)
         spent.append(time.perf_counter() - start)
         errors[name] = relative_l2(found, truth)
         if border is not None:
@@ -87,7 +87,7 @@ def measure_steps(task, made, lights):
     model = made.model
     return {
         "bytes": int(model.nbytes),
-        "bits_a_coefficient": 8 * model.nbytes / (3 * transport.n_points * transport.n_directions),
+        "bits_a_coefficient": 8 * model.nbytes / (3 * task.n_points * n_directions),
         "milliseconds": 1e3 * float(np.median(spent)),
         "milliseconds_worst": 1e3 * max(spent),
         "error": float(np.mean(list(errors.values()))),

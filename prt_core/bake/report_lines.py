@@ -134,7 +134,9 @@ def trial_lines(facts):
 def compressed_lines(facts):
     """Lines on a compressed form: what it is, how near, how large, how fast."""
     settings = ", ".join(f"{k} {v}" for k, v in facts["settings"].items() if v is not None)
-    yield f"  method  {facts['method']} ({settings}), {facts['seconds']:.1f} s"
+    settings = f" ({settings})" if settings else ""
+    of = ", of the image" if facts.get("of") == "image" else ""
+    yield f"  method  {facts['method']}{settings}{of}, {facts['seconds']:.1f} s"
     yield (
         f"  error   {facts['error']:.2%} of relit colours in the mean over {facts['lights']} "
         f"lights it was not chosen under, {facts['worst']:.2%} under {facts['worst_light']}"

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from prt_core.errors import expect_one_of
+from prt_core.errors import PRTError, expect_one_of
 from prt_core.runtime.progress import Pace, Progress
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling import (
@@ -26,6 +26,8 @@ from prt_core.transport.visibility import horizon_bits
 BLOCK = 2048
 # What sampling makes: the bits, and which of them were traced.
 _SAMPLES = "visibility", "traced"
+# The points that a sampler traced densely, where it is one that does.
+DENSE = "dense"
 # Blocks written at once.
 _TOGETHER = 8
 # Below so many rays every entry is traced: it takes a second at most, and there is no error.
@@ -93,7 +95,7 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
         }
     facts = store.facts.get("sampled")
     shape = len(scene.points), -(-cube_map.n_directions // 8)
-    if facts is not None and not _holds_samples(store, shape):
+    if facts is not None and not (_holds_samples(store, shape) and _holds_dense(store, facts)):
         # A block of sampled bits hangs on others: it cannot be made again alone.
         facts = None
     while facts is None:
@@ -116,6 +118,14 @@ def _sample_arrays(store, shape):
 
 def _holds_samples(store, shape):
     return all(array.holds(slice(0, shape[0])) for array in _sample_arrays(store, shape))
+
+
+def _holds_dense(store, facts):
+    """Whether the dense points are there, where the sampler had any; they are used from then on."""
+    try:
+        return facts.get("dense") is None or len(store.read(DENSE)) == facts["dense"]
+    except PRTError:
+        return False
 
 
 def _exhaustive(store, scene, cube_map, caster, seconds, pace):
@@ -152,6 +162,7 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
         more["most_wrong"] = _HOPELESS * settings.tolerance
     wanted = kind(seed=settings.seed, **more)
     sampled = yield from sampler(scene, cube_map, caster, wanted, pace=rays)
+    dense = getattr(sampled, "dense", None)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
     lights = lights or probe_lights(cube_map)
     groups = certified_together(scene)
@@ -190,10 +201,13 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
             some = parts[first : first + _TOGETHER]
             on_all_cores(lambda block, to=made, of=array: to.__setitem__(block, of[block]), some)
             yield Progress("store", some[-1].stop, len(array))
+    if dense is not None:
+        store.write(DENSE, dense.points.astype(np.int32))
     spent["store"] = time.perf_counter() - start
     for stage, value in spent.items():
         add_seconds(seconds, stage, value)
-    return _facts(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
+    found = _facts(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
+    return found if dense is None else {**found, "dense": len(dense.points)}
 
 
 def _small_groups(group, cube_map):

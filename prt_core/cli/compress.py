@@ -26,6 +26,10 @@ def add_compress(commands):
         "--light", nargs="+", metavar="IMAGE",
         help="environments it is chosen and measured under; default: Blender's own",
     )  # fmt: skip
+    compress.add_argument(
+        "--of", choices=("points", "image"),
+        help="what is compressed; default: the image that was baked, where there is one",
+    )  # fmt: skip
     compress.add_argument("--seed", type=int, help="of random numbers (0)")
     quiet_arguments(compress)
     compress.set_defaults(run=_compress)
@@ -34,10 +38,11 @@ def add_compress(commands):
 def _compress(options):
     from prt_core import compress
 
-    expect(
-        options.method != "none" or options.seed is None,
-        "--seed: changes nothing with --method none",
-    )
+    for name in ("seed", "of"):
+        expect(
+            options.method != "none" or getattr(options, name) is None,
+            f"--{name}: changes nothing with --method none",
+        )
     with working(options.quiet or options.json) as bar:
         facts = compress(
             options.bake,
@@ -47,6 +52,7 @@ def _compress(options):
             milliseconds=options.milliseconds,
             seed=options.seed or 0,
             lights=options.light,
+            of=options.of or "auto",
             report=bar,
         )
     if options.json:

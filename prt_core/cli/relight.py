@@ -3,6 +3,9 @@
 import argparse
 import time
 from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 import prt_core
 from prt_core.blender_access import expect_blend, import_bpy, open_blend
@@ -17,12 +20,14 @@ from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
+from prt_core.light import write_image
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 
-_OUTPUTS = {"output": ".npz", "png": ".png", "image": ".png", "blend": ".blend"}
+_OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
+    "progressive": (("turn",), "--turn"),
     "size": (("png",), "--png"),
     "scene": (("blend",), "--blend"),
     "attribute": (("blend",), "--blend"),
@@ -53,10 +58,16 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
-    relight.add_argument("--image", metavar="PNG", help="the image that was baked")
+    relight.add_argument(
+        "--image", metavar="PNG", help="the image that was baked; as .exr in linear radiance"
+    )
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
+    relight.add_argument(
+        "--progressive", action="store_true",
+        help="each frame of --turn adds what changed most, in a compressed form by haar",
+    )  # fmt: skip
     relight.add_argument("--size", type=size, help="of the picture (960x540)")
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
@@ -88,26 +99,29 @@ def _relight(options):
         return _relight_turn(baked, lighting, options)
     _bpy_for(options)
     start = time.perf_counter()
-    relighter = Relighter(baked, options.caster, options.transport)
+    relighter, of = Relighter(baked, options.caster, options.transport), _of(options)
     try:
-        radiance = relighter.relight(lighting)
+        radiance = relighter.relight(lighting, of=of)
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
         sky = relighter.sky(lighting) if options.png else None
     finally:
         relighter.close()
+    if of == "image":
+        _write_image(options.image, radiance)
+        print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
+        _print_notes(baked, options, notes)
+        return 0
     colours = baked.colours(radiance)
     if options.output:
         write_npz(options.output, colours)
     if options.png:
         _write_png(baked, radiance, sky, options)
     if options.image:
-        from prt_core.evaluate import to_srgb, write_png
-
-        write_png(options.image, to_srgb(baked.image(radiance)))
+        _write_image(options.image, baked.image(radiance))
     if options.blend:
         _write_blend(baked, colours, options)
     written = ", ".join(p for p in _outputs(options).values() if p)
-    print(f"{written}: {len(baked.scene.points):,} points relit {how} in {spent:.2f} s")
+    print(f"{written}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
     _print_notes(baked, options, notes)
     return 0
 
@@ -134,14 +148,18 @@ def _expect_request(options):
         "--transport: lamps are always exact; it changes nothing without --light",
     )
     expect(
+        not options.progressive or options.transport != "exact",
+        "--progressive: adds to a compressed form; leave out --transport exact",
+    )
+    expect(
         options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
         "--caster: no ray is cast; it changes nothing without --png, --lamps or --sharp-sun",
     )
     if options.turn:
         expect(
-            lighting.is_image and not options.blend and not options.image,
-            "--turn: turns an image's light into numbered .npz and .png files; give --light IMAGE, "
-            "and --output or --png alone",
+            lighting.is_image and not options.blend,
+            "--turn: turns an image's light into numbered files; give --light IMAGE, and --output, "
+            "--png or --image",
         )
     if options.png:
         expect_view(*options.size)
@@ -197,21 +215,33 @@ def _outputs(options):
 def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
     _bpy_where_needed()
-    relighter = Relighter(baked, options.caster, options.transport)
+    # What is added to has to be there: the exact way has no state.
+    transport = "compressed" if options.progressive else options.transport
+    relighter = Relighter(baked, options.caster, transport, options.progressive)
+    of = _of(options)
     pictures = PictureWriter(baked, options.size, options.caster)
-    start = time.perf_counter()
+    start, spent = time.perf_counter(), []
     for frame in range(options.turn):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
-        radiance = relighter.relight(lighting)
+        begun = time.perf_counter()
+        radiance = relighter.relight(lighting, of=of)
+        spent.append(time.perf_counter() - begun)
+        if options.image:
+            shown = radiance if of == "image" else baked.image(radiance)
+            _write_image(frame_path(options.image, frame + 1), shown)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
             sky = relighter.sky(lighting)
             pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
-    spent = (time.perf_counter() - start) / options.turn
-    first = frame_path(options.png or options.output, 1)
-    print(f"{first} and on: {options.turn} frames relit {_how(relighter)}, {spent:.2f} s each")
+    whole = (time.perf_counter() - start) / options.turn
+    first = frame_path(options.png or options.output or options.image, 1)
+    print(
+        f"{first} and on: {options.turn} frames of {_shown(baked, of)} relit "
+        f"{_how(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of them "
+        "to relight"
+    )
     _print_notes(baked, options, relighter.notes)
     return 0
 
@@ -235,6 +265,29 @@ def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     if (options.lamps or options.sharp_sun) and options.caster == "auto":
         _bpy_where_needed()
+
+
+def _of(options):
+    """What is relit: the image alone, for which its own compressed form will do, or all points."""
+    alone = options.image and not (options.output or options.png or options.blend)
+    return "image" if alone else "points"
+
+
+def _shown(baked, of):
+    """What was relit, for the line that reports it."""
+    if of == "image":
+        return f"{baked.scene.image.width} x {baked.scene.image.height} pixels"
+    return f"{len(baked.scene.points):,} points"
+
+
+def _write_image(path, pixels):
+    """Linear pixels as a picture for the eye, or as they are in .exr."""
+    if Path(path).suffix.lower() == ".exr":
+        write_image(path, pixels)
+        return
+    from prt_core.evaluate import to_srgb, write_png
+
+    write_png(path, to_srgb(pixels))
 
 
 def _bpy_where_needed():

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from prt_core.compress import method_named, method_names
+from prt_core.compress import HaarLighting, IncrementalLighting, method_named, method_names
+from prt_core.compress.subject import Subject
 from prt_core.errors import PRTError, expect, system_errors
 from prt_core.store import AGAIN, BakeStore, compressed_facts, damage_said, read_compressed
 
@@ -24,9 +25,14 @@ class Compressed:
     model: object
     facts: dict = field(default_factory=dict)
 
-    def relighter(self, transport):
-        """What is quickest of it: `product(light)` is what points receive, with all bounces."""
-        return method_named(self.method).relighter(self.model, transport)
+    @property
+    def of(self):
+        """What it holds: "points" or "image"."""
+        return self.facts.get("of", "points")
+
+    def relighter(self, subject):
+        """What gives its `product(light)` quickest, with all bounces; `subject`: what it is of."""
+        return method_named(self.method).relighter(self.model, subject.read_bits)
 
 
 def load_compressed(bake):
@@ -55,11 +61,13 @@ def _load(bake):
         return None, "there is no compressed form; make one with 'prt compress'"
     if facts.get("method") not in method_names():
         return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
-    if facts.get("fingerprint") != bake.transport.fingerprint():
+    subject = Subject(bake.transport, bake.scene.image if facts.get("of") == "image" else None)
+    if facts.get("fingerprint") != subject.fingerprint():
         return None, f"the compressed form is of another state of the bake; {AGAIN}"
     state = read_compressed(store, facts)
     expect(
-        (state.get("n_points"), state.get("n_directions")) == bake.transport.shape,
+        (state.get("n_points"), state.get("n_directions"))
+        == (subject.n_rows, bake.transport.n_directions),
         f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
     )
     with damage_said(bake.path, "its compressed form", AGAIN):
@@ -73,6 +81,8 @@ class FormInUse:
     Parameters
     ----------
     bake : Bake
+    progressive : bool
+        See `Relighter`.
 
     Attributes
     ----------
@@ -80,8 +90,8 @@ class FormInUse:
         Why it was not used the last time; empty where it was.
     """
 
-    def __init__(self, bake):
-        self._bake, self.why = bake, ""
+    def __init__(self, bake, progressive=False):
+        self._bake, self._progressive, self.why = bake, progressive, ""
         self.close()
 
     def close(self):
@@ -101,11 +111,21 @@ class FormInUse:
             self._form[0] is not None and self._form[2] is not transport.albedo
         ):
             found, self.why = load_compressed(self._bake)
-            quick = None if found is None else found.relighter(transport)
+            quick = None if found is None else self._quickest(found)
             self._form = found, quick, transport.albedo
         return self._form[0]
 
-    def relighter(self, transport, bounces):
+    def _quickest(self, form):
+        if not self._progressive:
+            return form.relighter(Subject.of_bake(self._bake, form.of))
+        expect(
+            isinstance(form.model, HaarLighting),
+            f"progressive: adds to a compressed form by haar, this one is by {form.method}; "
+            "run 'prt compress --method haar' first",
+        )
+        return IncrementalLighting(form.model)
+
+    def relighter(self, transport, bounces, of="points"):
         """What relights it; None where the exact way is to be taken.
 
         Parameters
@@ -114,6 +134,8 @@ class FormInUse:
             Whether the exact way may be taken.
         bounces
             As `Relighter` takes them.
+        of : {"points", "image"}
+            What is to be shown. A form of points shows the image as well.
         """
         try:
             found = self.read()
@@ -125,6 +147,8 @@ class FormInUse:
         applies = bounces in ("baked", self._bake.transport.bounces)
         if found is not None and not applies:
             found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        if found is not None and found.of not in (of, "points"):
+            found, self.why = None, f"it is of the {found.of}, not of the {of}"
         expect(
             found is not None or transport != "compressed",
             f"transport: the compressed form cannot be used: {self.why}",

@@ -4,7 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import expect, expect_kind, expect_number, expect_offers, expect_one_of
+from prt_core.compress.subject import Subject
+from prt_core.errors import (
+    expect,
+    expect_flag,
+    expect_kind,
+    expect_number,
+    expect_offers,
+    expect_one_of,
+)
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
@@ -30,6 +38,10 @@ class Relighter:
     transport : {"auto", "exact", "compressed"}
         What light from far away is multiplied with. `auto`: the compressed form where the bake
         has one that is its own and the bounces are those of the bake, else the bake itself.
+    progressive : bool
+        Each light adds what changed most since the one before, in a compressed form by Haar
+        lighting (see `IncrementalLighting`): colours then depend on what was asked before, and
+        come nearer while the light moves little.
 
     Attributes
     ----------
@@ -41,28 +53,31 @@ class Relighter:
         What is to be said of the image last read (see `read_picture`).
     """
 
-    def __init__(self, bake, caster="auto", transport="auto"):
+    def __init__(self, bake, caster="auto", transport="auto", progressive=False):
         # A `Bake`; that module is on a floor above this one.
         parts = "scene", "transport", "make_caster"
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.transport = bake, expect_one_of("transport", transport, TRANSPORTS)
         expect_kind("caster", caster, str, "the name of one")
         self.used, self.notes = "exact", ()
-        self._environments, self._form = Environments(bake), FormInUse(bake)
+        self._form = FormInUse(bake, expect_flag("progressive", progressive))
+        self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
 
-    def relight(self, light=None, **keywords):
-        """(n_points, 3) float32 radiance of all points.
+    def relight(self, light=None, *, of="points", **keywords):
+        """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
 
         Parameters
         ----------
         light : Lighting, or what its environment may be, optional
+        of : {"points", "image"}
+            See `steps`.
         **keywords
             The other fields of `Lighting`.
         """
-        return run(self.steps(lighting_of(light, **keywords)))
+        return run(self.steps(lighting_of(light, **keywords), of=of))
 
-    def steps(self, lighting, pace=None):
+    def steps(self, lighting, pace=None, of="points"):
         """Relight, as a generator of `Progress`.
 
         Parameters
@@ -70,22 +85,26 @@ class Relighter:
         lighting : Lighting
         pace : float, optional
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
+        of : {"points", "image"}
+            What is shown: all points, or the image that was baked. A compressed form of the
+            image shows nothing else.
 
         Returns
         -------
-        (n_points, 3) float32
-            Linear Rec.709 radiance of all points.
+        (n_points, 3) or (height, width, 3) float32
+            Linear Rec.709 radiance.
         """
         expect_kind("lighting", lighting, Lighting)
         if pace is not None:
             expect_number("pace", pace, above=0)
+        subject = Subject.of_bake(self.bake, expect_one_of("of", of, ("points", "image")))
         lamps, image = chosen_lamps(self.bake, lighting), lighting.environment
         apart = pace and isinstance(image, Path) and reads_in_threads(image)
         light = yield from maybe_beside(apart, "image", self._environments.read, lighting)
         self.notes = getattr(light, "notes", ())
         quick = None
         if light is not None and self.transport != "exact":
-            unread, work = pace and not self._form.is_read, (self.transport, lighting.bounces)
+            unread, work = pace and not self._form.is_read, (self.transport, lighting.bounces, of)
             quick = yield from maybe_beside(unread, "compressed form", self._form.relighter, *work)
         self.used = "exact" if quick is None else "compressed"
         work = (self._environments.distant, light, lighting, quick)
@@ -97,12 +116,16 @@ class Relighter:
             factors[-1] = lighting.strength
         if distant is not None and quick is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
-        received = distant
+        radiance = None
+        if quick is not None:
+            own = self._form.read().of == of
+            radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
         if parts or quick is None:
             work = (self._with_bounces, parts, factors, lighting.bounces)
             received = yield from maybe_beside(pace, "bounces", *work)
-            received = received if quick is None else received + distant
-        return _exposed(self.bake.transport.exit_radiance(received).toward(), lighting)
+            exact = subject.radiance_of_points(received)
+            radiance = exact if quick is None else exact + radiance
+        return subject.shaped(_exposed(radiance, lighting))
 
     def sky(self, lighting):
         """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.

@@ -70,8 +70,8 @@ def expect_output(name, path, suffix, folder=False, made=False):
     name : str
         What the output is, for messages.
     path : str or Path
-    suffix : str or None
-        Such as ".npz"; None: any.
+    suffix : str, tuple of str or None
+        Such as ".npz", or those that there are; None: any.
     folder : bool
         Whether a folder is to be made there instead of a file.
     made : bool
@@ -88,9 +88,10 @@ def expect_output(name, path, suffix, folder=False, made=False):
         is too long, or no right to write.
     """
     path = expect_path(name, path)
+    endings = (suffix,) if isinstance(suffix, str) else suffix
     expect(
-        suffix is None or path.suffix.lower() == suffix,
-        f"{path}: expected a name that ends in {suffix}",
+        endings is None or path.suffix.lower() in endings,
+        f"{path}: expected a name that ends in {' or '.join(endings or ())}",
     )
     with system_errors(path):
         home = path.parent

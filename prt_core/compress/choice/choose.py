@@ -2,8 +2,8 @@
 
 Each method's ladder is bisected, on patches of neighbouring points or on an even sample, under a
 few lights, for the rung where it is near enough or too large or too slow for what was asked. A
-rung that fails is out of the race and says why; the others go on. Methods that take longer for a
-light than a frame lasts are tried only where none of the quick ones keeps what was asked for.
+rung that fails is out of the race and says why; the others go on. Methods that are seldom
+the best are tried only where none of the others keeps what was asked for.
 """
 
 import time
@@ -157,15 +157,15 @@ def choose_steps(task, names, limits, lights):
         for name, light in expect_named("lights", lights, object, "lights").items()
     }
     expect(lights, "lights: expected at least one")
+    # What cannot be is said before the work; nothing is chosen of one setting, which is measured.
+    ladder = methods[0].ladder(task) if len(methods) == 1 else ()
     yield from task.rows.prepare_steps()
-    only = [(m.name, describe(model)) for m in methods for model in m.ladder(task)]
-    if len(only) == 1:
-        # Nothing is to be chosen: what all points give is measured anyhow.
-        return [(Trial(*only[0], 0), "all that was asked for")], []
+    if len(ladder) == 1:
+        return [(Trial(methods[0].name, describe(ladder[0]), 0), "all that was asked for")], []
     truths = yield from beside("choice", task.colours, lights)
     trials, samples = [], {}
-    for quick in (True, False):
-        for method in (m for m in methods if m.quick == quick):
+    for first in (True, False):
+        for method in (m for m in methods if m.first(task) == first):
             if method.local not in samples:
                 patches = _PATCHES if method.local else None
                 points = yield from beside("choice", task.sample, _POINTS, patches)
@@ -226,8 +226,8 @@ def _try(trial, model, method, task, part, lights, truths, start):
     began = time.perf_counter()
     yield from model.fit_steps(part.rows)
     trial.seconds = time.perf_counter() - began
-    quick = method.relighter(model, part.transport)
-    errors, spent = yield from beside("choice", relit, quick, part.transport, lights, truths)
+    quick = method.relighter(model, part.subject.read_bits)
+    errors, spent = yield from beside("choice", relit, quick, part.subject, lights, truths)
     scale = task.n_points / part.n_points
     trial.error, trial.worst = float(np.mean(errors)), max(errors)
     trial.megabytes = method.size(model, task.n_points) / 1e6
@@ -245,12 +245,12 @@ def _start(part, method, lights):
         except FAILURES as error:
             failure = error
             continue
-        quick = method.relighter(model, few.transport)
-        return min((yield from beside("choice", _times, quick, few.transport, lights)))
+        quick = method.relighter(model, few.subject.read_bits)
+        return min((yield from beside("choice", _times, quick, few.subject, lights)))
     raise failure
 
 
-def relit(quick, transport, lights, truths):
+def relit(quick, subject, lights, truths):
     """Errors of colours under each light, and the least time of one.
 
     Raises
@@ -259,26 +259,26 @@ def relit(quick, transport, lights, truths):
         The colours are not finite.
     """
     errors = [
-        relative_l2(radiance_of(quick, transport, light), truths[name])
+        relative_l2(radiance_of(quick, subject, light), truths[name])
         for name, light in lights.items()
     ]
     bad = [name for name, error in zip(lights, errors, strict=True) if not np.isfinite(error)]
     expect(not bad, f"its colours are not finite under {', '.join(bad)}")
-    return errors, min(_times(quick, transport, lights))
+    return errors, min(_times(quick, subject, lights))
 
 
-def radiance_of(form, transport, light):
-    """(n_points, 3) float32: what a `form` of a `transport` shows under a `light`."""
-    return transport.exit_radiance(form.product(light)).toward()
+def radiance_of(form, subject, light):
+    """(n_rows, 3) float32: what a `form` of a `Subject` shows under a `light`."""
+    return subject.radiance(form.product(light))
 
 
-def _times(quick, transport, lights):
+def _times(quick, subject, lights):
     """Seconds of each light, some of them again."""
     spent = []
     for _ in range(_REPEATS):
         for light in lights.values():
             start = time.perf_counter()
-            radiance_of(quick, transport, light)
+            radiance_of(quick, subject, light)
             spent.append(time.perf_counter() - start)
     return spent
 
@@ -291,9 +291,9 @@ def relative_l2(found, truth):
 
 
 def _will_do(trial, limits):
-    """Whether a trial keeps the tolerance, within the limits, at 30 frames a second."""
+    """Whether a trial keeps the tolerance, within the limits."""
     asked = not trial.failure and limits.tolerance is not None
-    return asked and limits.near(trial) and limits.excess(trial) <= 1 and _is_live(trial)
+    return asked and limits.near(trial) and limits.excess(trial) <= 1
 
 
 def _is_live(trial):

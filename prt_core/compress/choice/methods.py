@@ -14,6 +14,8 @@ import numpy as np
 
 from prt_core.basis import PointHaar
 from prt_core.compress.rows import Rows, SomeRows, TransportRows
+from prt_core.compress.rows.image_rows import ImageRows
+from prt_core.compress.subject import Subject
 from prt_core.errors import (
     PRTError,
     expect,
@@ -40,6 +42,10 @@ class Task:
     groups : (n_points,) int32
         Objects.
     seed : int
+    image : PointImage, optional
+        Whose pixels the points are: then positions are places in the image.
+    dense : (n_dense,) int, optional
+        The points that were sampled densely, ascending.
     """
 
     transport: object
@@ -48,13 +54,43 @@ class Task:
     normals: np.ndarray
     groups: np.ndarray
     seed: int = 0
+    image: object = None
+    dense: np.ndarray | None = None
 
     @classmethod
-    def of(cls, transport, points, seed=0):
-        """All points of a bake: its `transport`, its `BakePoints`, and a `seed`."""
+    def of(cls, transport, points, seed=0, dense=None):
+        """All points of a bake: its `transport`, its `BakePoints`, a `seed`, its `dense` points."""
         expect_offers("points", points, ("positions", "object_index"), "a bake's points")
         rows = TransportRows(transport, seed=seed)
-        return cls(transport, rows, points.positions, points.normals, points.object_index, seed)
+        place = points.positions, points.normals, points.object_index
+        return cls(transport, rows, *place, seed, None, dense)
+
+    @classmethod
+    def of_image(cls, transport, image, seed=0):
+        """The pixels of an image whose points were baked.
+
+        Parameters
+        ----------
+        transport : Transport
+            Of all points.
+        image : PointImage
+        seed : int
+
+        Returns
+        -------
+        Task
+        """
+        rows = ImageRows(TransportRows(transport, seed=seed), image, transport.albedo)
+        row, column = np.divmod(np.arange(rows.n_points), image.width)
+        places = np.stack([column, row, np.zeros_like(row)], axis=1).astype(np.float32)
+        normals = np.tile(np.float32([0, 0, 1]), (len(places), 1))
+        groups = np.zeros(len(places), np.int32)
+        return cls(transport, rows, places, normals, groups, seed, image)
+
+    @property
+    def subject(self):
+        """What forms of this are of: a `Subject`."""
+        return Subject(self.transport, self.image)
 
     @property
     def n_points(self):
@@ -71,19 +107,25 @@ class Task:
         Returns
         -------
         dict of str -> (n_points, 3) float32
+            Radiance of points, or of pixels.
         """
         # Of light without colour one column is enough.
         some = [x[:, :1] if (x == x[:, :1]).all() else x for x in lights.values()]
         ends = np.cumsum([x.shape[1] for x in some])
         received = np.split(self.transport.received(np.hstack(some)), ends[:-1], axis=1)
         shape = self.transport.n_points, 3
-        return {
-            name: self.transport.relight(None, lamps=np.broadcast_to(part, shape).copy())
-            for name, part in zip(lights, received, strict=True)
-        }
+        found = {}
+        for name, part in zip(lights, received, strict=True):
+            arrived = self.transport.product(None, lamps=np.broadcast_to(part, shape).copy())
+            found[name] = self.subject.radiance_of_points(arrived)
+        return found
 
     def some(self, points):
         """The same for some of the points: their rows hold the light of all."""
+        rows = SomeRows(self.rows, points)
+        place = self.positions[points], self.normals[points], self.groups[points]
+        if self.image is not None:
+            return Task(self.transport, rows, *place, self.seed, self.image)
         part = replace(
             self.transport,
             bits=self.transport.bits[points],
@@ -92,9 +134,10 @@ class Task:
             materials=self.transport.materials[points],
             mean_materials=None,
         )
-        rows = SomeRows(self.rows, points)
-        place = self.positions[points], self.normals[points], self.groups[points]
-        return Task(part, rows, *place, self.seed)
+        dense = None
+        if self.dense is not None:
+            dense = np.flatnonzero(np.isin(np.arange(self.n_points)[points], self.dense))
+        return Task(part, rows, *place, self.seed, None, dense)
 
     def sample(self, n_points, n_patches):
         """About `n_points` of the points: in `n_patches` of neighbours, or evenly (None)."""
@@ -121,6 +164,10 @@ def _in_proportion(model, n_points):
     return model.nbytes * n_points / model.n_points_
 
 
+def _on_points(task):
+    return task.image is None
+
+
 def _every_number(model, n_points):
     return _in_proportion(model, n_points) / 4
 
@@ -136,7 +183,7 @@ class Method:
         A `Compressor` with `state` and `from_state`.
     ladder : callable(Task) -> list of Compressor
         Not fitted: the smallest and fastest first, the nearest to the truth last.
-    relighter : callable(model, Transport) -> object
+    relighter : callable(model, Transport or None) -> object
         What gives a fitted model's `product(light)` quickest; default: the model itself.
     finish : callable(model, Task), optional
         The last touch on a model that is kept.
@@ -149,8 +196,8 @@ class Method:
         Numbers that a light of so many points is multiplied with: what its time grows with.
     candidate : bool
         Whether `auto` tries it.
-    quick : bool
-        Whether a light takes it milliseconds: such are tried first.
+    first : callable(Task) -> bool
+        Whether it is tried first: others only where none such keeps what was asked for.
     fixed : tuple of str
         Parameters that come with the bake or with the call, and are no settings.
     choices : dict of str -> tuple of str
@@ -168,7 +215,7 @@ class Method:
     size: Callable = _in_proportion
     work: Callable = _every_number
     candidate: bool = True
-    quick: bool = True
+    first: Callable = _on_points
     fixed: tuple = ("seed",)
     choices: dict = field(default_factory=dict)
     made: Callable | None = None

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.compress.clusters.clusters import ClusterCompressor, expect_tolerance
-from prt_core.errors import expect, expect_pair, expect_whole
+from prt_core.errors import expect, expect_array, expect_pair, expect_whole
 
 
 class PCA(ClusterCompressor):
@@ -40,6 +40,8 @@ class BlockPCA(ClusterCompressor):
     ----------
     shape : (int, int)
         Rows and columns of the image whose pixels the points are, in reading order.
+    pixels : (n_points,) int, optional
+        Which of them the points are, where they are not all.
     size : int
         Pixels along a block's edge.
     n_components : int
@@ -47,8 +49,9 @@ class BlockPCA(ClusterCompressor):
         Relative L2 of the matrix.
     """
 
-    def __init__(self, shape, size=16, n_components=24, tolerance=None):
+    def __init__(self, shape, size=16, n_components=24, tolerance=None, pixels=None):
         self.shape = shape
+        self.pixels = pixels
         self.size = size
         self.n_components = n_components
         self.tolerance = tolerance
@@ -62,10 +65,16 @@ class BlockPCA(ClusterCompressor):
     def fit_steps(self, rows):
         self.expect_params()
         (height, width), size = expect_pair("shape", self.shape), self.size
-        expect(
-            height * width == rows.n_points,
-            f"shape: {height} x {width} pixels are not the {rows.n_points} points of the rows",
-        )
-        row, column = np.divmod(np.arange(height * width), width)
+        n_points, pixels = rows.n_points, self.pixels
+        if pixels is None:
+            expect(
+                height * width == n_points,
+                f"shape: {height} x {width} pixels are not the {n_points} points of the rows",
+            )
+            pixels = np.arange(n_points)
+        pixels = expect_array("pixels", pixels, (n_points,), np.int64, 0, height * width - 1)
+        row, column = np.divmod(pixels, width)
         labels = row // size * -(-width // size) + column // size
+        # Blocks without any of the pixels are none.
+        _, labels = np.unique(labels, return_inverse=True)
         return self._fit_clusters(rows, labels, self.n_components, self.tolerance)

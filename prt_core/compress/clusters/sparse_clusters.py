@@ -37,8 +37,8 @@ class SparseClusteredPCA(ClusterCompressor):
 
     def __init__(
         self,
-        dense,
-        neighbours,
+        dense=None,
+        neighbours=None,
         n_clusters=None,
         n_components=24,
         tolerance=None,
@@ -93,6 +93,13 @@ class SparseClusteredPCA(ClusterCompressor):
             every.coordinates, everywhere, rank, ranks=[rank], last_rounds=_LAST
         )
         return (yield from self._fit_clusters(rows, everywhere, rank, self.tolerance))
+
+    def state(self):
+        # What clusters were begun from is no part of what they came to be.
+        state = super().state()
+        begun = "dense", "neighbours"
+        state["params"] = {k: v for k, v in state["params"].items() if k not in begun}
+        return state
 
     @staticmethod
     def _follow(labels, dense, near, n_points):

@@ -77,7 +77,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     """
     chosen = [method_asked(method) for method in methods]
     expect(lights, "light: give at least one")
-    task = Task.of(bake.transport, bake.scene.points, seed)
+    task = Task.of(bake.transport, bake.scene.points, seed, bake.dense)
     began = time.perf_counter()
     yield from task.rows.prepare_steps()
     prepared = time.perf_counter() - began
@@ -118,7 +118,7 @@ def _measured(method, model, task, truth, pairs, label, made):
         method.finish(model, task)
     seconds = time.perf_counter() - began
     peak = peak_bytes()
-    quick = method.relighter(model, task.transport)
+    quick = method.relighter(model, task.subject.read_bits)
     figures = {
         **_size(model.nbytes, task),
         "seconds": seconds,
@@ -183,7 +183,7 @@ def _references(task, truth):
     errors, spent = [], []
     for name, light in truth.lights.items():
         start = time.perf_counter()
-        found = radiance_of(model, transport, light)
+        found = radiance_of(model, task.subject, light)
         spent.append(time.perf_counter() - start)
         errors.append(relative_l2(found, truth.colours[name]))
     yield {
@@ -207,7 +207,7 @@ def _matrix(model, truth, task):
     model = model.uncut()
     lost = kept = 0.0
     for light, wanted in zip(truth.white, truth.white_colours, strict=True):
-        found = radiance_of(model, task.transport, light).astype(np.float64)
+        found = radiance_of(model, task.subject, light).astype(np.float64)
         lost += float(((found - wanted) ** 2).sum())
         kept += float((wanted.astype(np.float64) ** 2).sum())
     entries = 3 * task.n_points * task.rows.n_directions
@@ -221,11 +221,11 @@ def _matrix(model, truth, task):
 def _relit(quick, model, truth, task, pairs, label):
     labels = getattr(model, "labels_", None)
     border = None if labels is None else border_pairs(labels, pairs)
-    radiance_of(quick, task.transport, next(iter(truth.lights.values())))
+    radiance_of(quick, task.subject, next(iter(truth.lights.values())))
     errors, spent, psnr, seams = {}, [], [], []
     for index, (name, light) in enumerate(truth.lights.items()):
         start = time.perf_counter()
-        found = radiance_of(quick, task.transport, light)
+        found = radiance_of(quick, task.subject, light)
         spent.append(time.perf_counter() - start)
         wanted = truth.colours[name]
         errors[name] = relative_l2(found, wanted)

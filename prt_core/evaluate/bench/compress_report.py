@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from prt_core.compress.choice.choose import radiance_of
+from prt_core.compress.subject import Subject
 from prt_core.evaluate.png import to_srgb
 from prt_core.evaluate.report import Report, curve_plot
 from prt_core.evaluate.view import CameraRays
@@ -97,7 +98,7 @@ def _pictures(bake, caster, rows, made, light_name, light):
     for method in dict.fromkeys(row["method"] for row in fitted):
         own = [row for row in fitted if row["method"] == method]
         best = min(own, key=lambda row: abs(np.log(max(row["relit_l2_mean"], 1e-9) / _SHOWN_ERROR)))
-        colours = radiance_of(made[best["label"]], bake.transport, light)
+        colours = radiance_of(made[best["label"]], Subject(bake.transport), light)
         caption = f"{best['label']}: {best['bytes'] / 1e6:.1f} MB, {best['ms_median']:.1f} ms"
         shown.append((caption, to_srgb(rays.picture(colours), stops)))
         away = rays.picture(_FACTOR * np.abs(colours - truth))

@@ -4,6 +4,7 @@ Such points receive light and bounce none: rays end at the points of the meshes,
 on as ever. A pixel is the mean of its points, which smooths its edges.
 """
 
+import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +36,14 @@ class PointImage:
     samples: int
     pixel: np.ndarray
     point: np.ndarray
+
+    def digest(self):
+        """Of what it shows: the same for the same image only."""
+        digest = hashlib.blake2b(digest_size=16)
+        digest.update(f"{self.height} {self.width} {self.samples};".encode())
+        for array in (self.pixel, self.point):
+            digest.update(np.ascontiguousarray(array, np.int32))
+        return digest.hexdigest()
 
     def pixels(self, radiance):
         """(height, width, n_channels) float32 from the radiance (n_points, n_channels)."""

@@ -41,7 +41,9 @@ def estimator(kind, may=(), /, **params):
 
 CALLS = {
     "PCA": estimator(compress.PCA, n_components=3, tolerance=0.1),
-    "BlockPCA": estimator(compress.BlockPCA, shape=(1, 11), size=4, n_components=2),
+    "BlockPCA": estimator(
+        compress.BlockPCA, shape=(3, 5), size=4, n_components=2, pixels=np.arange(11)
+    ),
     "ClusteredPCA": estimator(
         compress.ClusteredPCA,
         n_clusters=2,

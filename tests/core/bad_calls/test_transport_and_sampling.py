@@ -92,9 +92,6 @@ CALLS = {
     "Transport.columns": method(
         lambda t: t.bake.transport, "columns", directions=np.array([0, 2]), indirect=True
     ),
-    "Transport.block": method(
-        lambda t: t.bake.transport, "block", points=np.array([0, 2]), indirect=2
-    ),
     "View": plain(
         lambda points, **rest: transport.View(**rest).outgoing(points),
         position=np.array([2.0, 3.0, 7.0]),

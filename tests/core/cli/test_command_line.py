@@ -14,7 +14,7 @@ import pytest
 from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
 from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
-from prt_core.light import write_image
+from prt_core.light import read_image, write_image
 from prt_core.scene import Camera, with_camera_image
 from tests.meshes import caster_of, plane, sphere
 
@@ -147,7 +147,7 @@ BAD = {
     "relight a.prt --light sky.exr --png taken.png": "taken.png: is a directory",
     "relight a.prt --light sky.exr --png no/o.png": "there is no folder 'no'",
     "relight a.prt --light sky.exr --png /proc/o.png": "/proc/o.png: ",
-    "relight image.prt --light sky.exr --image o.exr": "expected a name that ends in .png",
+    "relight image.prt --light sky.exr --image o.jpg": "a name that ends in .png or .exr",
     "relight a.prt --light sky.exr --blend o.npz": "expected a name that ends in .blend",
     "relight a.prt --light sky.exr --blend no/o.blend": "there is no folder 'no'",
     "relight a.prt --light sky.exr --blend o.blend --scene no.blend": "no such .blend file",
@@ -187,7 +187,13 @@ BAD = {
     "relight bare.prt --lamps --output o.npz": "the baked scene had no lamps",
     "relight a.prt --light sky.exr --image o.png": "--image: this bake holds none",
     "relight image.prt --light sky.exr --image o.png --png o.png": "named for two outputs",
-    "relight image.prt --light sky.exr --image o.png --turn 2": "--turn: turns an image's light",
+    "relight a.prt --light sky.exr --image o.png --turn 2": "--image: this bake holds none",
+    "compress a.prt --of image": "of: this bake holds no image; bake with --camera-pixels",
+    "compress a.prt --of texels": "invalid choice",
+    "compress a.prt --method none --of image": "--of: changes nothing with --method none",
+    "compress a.prt --method block_pca": "'block_pca' takes the pixels of an image",
+    f"{RELIGHT} --progressive": "--progressive: changes nothing without --turn",
+    f"{RELIGHT} --turn 2 --progressive --transport exact": "adds to a compressed form",
     f"{RELIGHT} --turn 2 --blend o.blend": "--turn: turns an image's light",
     "relight a.prt --light world --turn 2 --output o.npz": "--turn: turns an image's light",
     "relight a.prt --light sky.exr --blend open.blend --scene open.blend": "its own copy",
@@ -256,6 +262,62 @@ def test_a_method_with_settings_of_its_own_is_made_and_named(folder, capfd):
         assert word in told
     assert "settings" in prt("info bare.prt --json", capfd)[1]
     assert prt("compress bare.prt --method none", capfd)[0] == 0
+
+
+def test_an_image_is_compressed_stored_and_relit_as_one(folder, capfd):
+    line = "compress image.prt --method wavelet4d:error=0.02,bits=12 --tolerance 0.1"
+    code, out, _ = prt(f"{line} --light sky.exr", capfd)
+    assert code == 0 and "of the image" in out
+    told = prt("info image.prt", capfd)[1]
+    assert "of the image" in told and "columns 9/7" in told
+    relight = "relight image.prt --light sky.exr --rotate 40 --image"
+    for transport in ("compressed", "exact"):
+        code, out, _ = prt(f"{relight} {transport}.exr --transport {transport}", capfd)
+        assert code == 0 and "3 x 2 pixels relit" in out and transport[:7] in out
+    quick, exact = (read_image(folder / f"{t}.exr") for t in ("compressed", "exact"))
+    assert quick.shape == exact.shape == (2, 3, 3) and exact.any()
+    away = np.linalg.norm(quick - exact)
+    assert 0 < away < 0.1 * np.linalg.norm(exact)
+    code, out, _ = prt(f"{relight} turn_#.png --turn 2 --transport compressed", capfd)
+    assert code == 0 and "2 frames of 3 x 2 pixels relit compressed" in out and "ms" in out
+    assert (folder / "turn_1.png").exists() and (folder / "turn_2.png").exists()
+    # Of the points there is none: the exact way, or what is wrong in one line.
+    code, out, _ = prt("relight image.prt --light sky.exr --output o.npz --image o.png", capfd)
+    assert code == 0 and "points relit exactly" in out
+    refused = "relight image.prt --light sky.exr --output o.npz --transport compressed"
+    code, _, errors = prt(refused, capfd)
+    assert code == 2 and len(errors) == 1 and "it is of the image, not of the points" in errors[0]
+    line = "compress image.prt --of points --method pca --tolerance 0.3 --light sky.exr"
+    code, out, _ = prt(line, capfd)
+    assert code == 0 and "of the image" not in out
+    for name in ("compressed.exr", "exact.exr", "turn_1.png", "turn_2.png", "o.npz", "o.png"):
+        (folder / name).unlink()
+    assert prt("compress image.prt --method none", capfd)[0] == 0
+
+
+def test_a_turning_light_is_relit_progressively(folder, capfd):
+    relight = "relight a.prt --light sky.exr --output p_#.npz --turn 3 --progressive"
+    assert prt("compress a.prt --method none", capfd)[0] == 0
+    assert "there is no compressed form" in prt(relight, capfd)[2][-1]
+    assert prt("compress a.prt --method pca --tolerance 0.5 --light sky.exr", capfd)[0] == 0
+    code, _, errors = prt(relight, capfd)
+    assert code == 2 and "progressive: adds to a compressed form by haar, this" in errors[0]
+    haar = "compress a.prt --method haar:n_terms=3,step=0.001 --tolerance 0.9 --light sky.exr"
+    assert prt(haar, capfd)[0] == 0
+    found = {}
+    for option in ("--progressive", "--transport compressed", "--transport exact"):
+        code, out, _ = prt(f"{relight.removesuffix('--progressive')} {option}", capfd)
+        assert code == 0 and "3 frames" in out
+        frames = [np.load(folder / f"p_{i}.npz")["ball"] for i in (1, 2, 3)]
+        found[option] = np.array(frames)
+    exact = found.pop("--transport exact")
+    # The first frame is three wavelets of the light either way; later ones have more of it.
+    progressive, cut = found.values()
+    np.testing.assert_allclose(progressive[0], cut[0], rtol=1e-4, atol=1e-5)
+    assert np.linalg.norm(progressive[2] - exact[2]) < 0.8 * np.linalg.norm(cut[2] - exact[2])
+    assert prt("compress a.prt --method none", capfd)[0] == 0
+    for i in (1, 2, 3):
+        (folder / f"p_{i}.npz").unlink()
 
 
 def test_a_missed_tolerance_is_said_loudly(folder, capfd):

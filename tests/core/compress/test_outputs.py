@@ -10,6 +10,7 @@ from prt_core.basis import PointHaar
 from prt_core.compress import (
     PCA,
     ArrayRows,
+    BlockPCA,
     ClusteredPCA,
     ClusterRelighter,
     HaarLighting,
@@ -17,6 +18,7 @@ from prt_core.compress import (
     IncrementalLighting,
     RowCode,
     SomeRows,
+    SparseClusteredPCA,
     TransportRows,
     VectorQuantisation,
     Wavelet4D,
@@ -29,6 +31,7 @@ RNG = np.random.default_rng(5)
 N_POINTS, N_DIRECTIONS, READS = 11, 24, [0, 1, 2, 0, 2]
 MATRIX = RNG.standard_normal((N_POINTS, N_DIRECTIONS, 5))
 LIGHT = RNG.random((N_DIRECTIONS, 3)).astype(np.float32)
+DENSE = np.arange(0, N_POINTS, 2)
 PLACES = PointHaar(RNG.random((N_POINTS, 3)))
 # So near that only rounding is left.
 FORMS = {
@@ -38,6 +41,8 @@ FORMS = {
     "haar": HaarLighting(None, step=1e-7),
     "wavelet4d": Wavelet4D(PLACES, error=0, bits=None, mode="4d"),
     "harmonics": Harmonics(1),
+    "block_pca": BlockPCA((1, N_POINTS), 4, 9),
+    "sparse_cpca": SparseClusteredPCA(DENSE, DENSE[np.arange(N_POINTS) // 2][:, None], 2, 9),
 }
 
 
@@ -51,7 +56,8 @@ def dense(light, reads=READS):
 
 
 def test_each_registered_method_is_here():
-    assert set(FORMS) == set(method_names())
+    # Irradiance is made of normals, not of rows.
+    assert set(FORMS) | {"irradiance"} == set(method_names())
 
 
 @pytest.mark.parametrize("name", FORMS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
-from prt_core.api import compress_bake, relight_points
+from prt_core.api import compress, relight_points
 from prt_core.bake.compress import standing_lights
 from prt_core.bake.report_lines import compressed_lines, trial_lines
 from prt_core.compress import Task, candidate_names, method_asked, method_named, method_names
@@ -61,7 +61,7 @@ DOORS = {
 
 @pytest.mark.parametrize("door", DOORS)
 def test_what_is_built_is_compressed_stored_relit_and_named(baked, door):
-    facts = compress_bake(baked, method=door, tolerance=0.1, lights={"sky": SKY})
+    facts = compress(baked, method=door, tolerance=0.1, lights={"sky": SKY})
     assert facts["method"] == door.partition(":")[0] and facts["asked"]["method"] == door
     # One setting of one method is not tried before: there is no choice.
     assert facts["trials"] == [] and facts["why"] == "all that was asked for"
@@ -78,7 +78,7 @@ def test_doors_differ(baked):
     """Each selects what it names: other settings give other bytes."""
     sizes = {}
     for door in DOORS:
-        facts = compress_bake(baked, method=door, tolerance=0.1, lights={"sky": SKY})
+        facts = compress(baked, method=door, tolerance=0.1, lights={"sky": SKY})
         sizes[door] = facts["bytes"], round(facts["error"], 9)
     assert len(set(sizes.values())) == len(sizes)
 
@@ -105,7 +105,7 @@ def test_what_auto_does_not_try_is_there_by_name():
         ("haar:selection=size", "'haar': selection: expected one of unweighted, area, transport"),
         ("haar:step=0", "'haar': step: expected a number above 0"),
         ("wavelet4d:rows=9/7", "'wavelet4d': rows: expected one of haar, d4, d6, d8"),
-        ("wavelet4d:columns=d4", "'wavelet4d': columns: expected one of multiwavelet, haar"),
+        ("wavelet4d:columns=d5", "'wavelet4d': columns: expected one of multiwavelet, haar, d4"),
         ("wavelet4d:mode=3d", "'wavelet4d': mode: expected one of adaptive, 4d, 2d"),
         ("wavelet4d:dither=maybe", "'wavelet4d': dither: expected True or False"),
         ("wavelet4d:bits=1", "'wavelet4d': bits: expected a whole number from 2 to 16"),
@@ -116,6 +116,13 @@ def test_what_there_is_not_is_said_with_what_there_is(text, message):
     with pytest.raises(PRTError, match=message) as caught:
         method_asked(text)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_for_images_is_refused_for_points(task):
+    with pytest.raises(PRTError, match="columns: expected one of multiwavelet, haar for points"):
+        method_asked("wavelet4d:columns=9/7").ladder(task)
+    with pytest.raises(PRTError, match="'block_pca' takes the pixels of an image"):
+        method_asked("block_pca:size=4").ladder(task)
 
 
 def test_settings_are_told_in_plain_values(task):

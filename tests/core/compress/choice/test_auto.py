@@ -1,6 +1,7 @@
 """`auto` goes on where a method fails; small plain scenes; budgets; errors that come in stairs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ from prt_core.light import EnvironmentMap
 from tests.meshes import plane, sphere
 
 # Others are tried where none of these keeps what was asked for.
-QUICK = {name for name in candidate_names() if method_named(name).quick}
+POINTS = SimpleNamespace(image=None)
+FIRST = {name for name in candidate_names() if method_named(name).first(POINTS)}
 SKY = {"noise": EnvironmentMap(np.random.default_rng(3).random((5, 10, 3)).astype(np.float32))}
 
 
@@ -70,7 +72,7 @@ def test_every_method_serves_small_scenes(name, tmp_path):
         facts = compress(path, method=method, tolerance=0.12, lights=SKY)
         trials = facts["trials"]
         assert not any(trial["failure"] for trial in trials), trials
-        wanted = QUICK if method == "auto" else {method}
+        wanted = FIRST if method == "auto" else {method}
         assert {trial["method"] for trial in trials} == wanted
         for kind in {trial["method"] for trial in trials}:
             assert min(t["error"] for t in trials if t["method"] == kind) < 0.12, (kind, trials)

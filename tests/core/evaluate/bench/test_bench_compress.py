@@ -6,6 +6,7 @@ import pytest
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
 from prt_core.bake.measure import standing_lights
 from prt_core.compress import PCA, HaarLighting, TransportRows, candidate_names
+from prt_core.compress.subject import Subject
 from prt_core.evaluate.bench import compress as bench_compress
 from prt_core.evaluate.bench.compress import _matrix, _truth, bench_compress_steps
 from prt_core.evaluate.bench.compress_report import compress_report
@@ -75,7 +76,7 @@ def test_white_lights_measure_the_matrix(bake, lights, monkeypatch):
     class Task:
         n_points = transport.n_points
 
-    Task.rows, Task.transport = rows, transport
+    Task.rows, Task.transport, Task.subject = rows, transport, Subject(transport)
     measured = _matrix(model, truth, Task)
     assert measured["matrix_l2"] == pytest.approx(error, rel=0.1)
     # A light that is cut to few terms is not the matrix' fault.

@@ -40,13 +40,13 @@ class BlockPCA(ClusterCompressor):
     ----------
     shape : (int, int)
         Rows and columns of the image whose pixels the points are, in reading order.
-    pixels : (n_points,) int, optional
-        Which of them the points are, where they are not all.
     size : int
         Pixels along a block's edge.
     n_components : int
     tolerance : float, optional
         Relative L2 of the matrix.
+    pixels : (n_points,) int, optional
+        Which of them the points are, where they are not all.
     """
 
     def __init__(self, shape, size=16, n_components=24, tolerance=None, pixels=None):

@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def boxes_around(groups, low, high=None, count=None):
+def boxes_around(groups, low, high=None):
     """The box around each group of places, or of boxes.
 
     Parameters
@@ -14,16 +14,13 @@ def boxes_around(groups, low, high=None, count=None):
         Positions, or low corners.
     high : (n, 3) float, optional
         High corners; default: `low`.
-    count : int, optional
-        Groups there are; default: as many as are named.
 
     Returns
     -------
-    low, high : (count, 3) float64
-        Infinite, and the wrong way round, where a group is empty.
+    low, high : (n_groups, 3) float64
+        Up to the last that is named; infinite, and the wrong way round, where a group is empty.
     """
-    count = int(groups.max(initial=-1)) + 1 if count is None else count
-    lowest = np.full((count, 3), np.inf)
+    lowest = np.full((int(groups.max(initial=-1)) + 1, 3), np.inf)
     highest = -lowest
     # Sorted and reduced: `ufunc.at` takes ten times as long.
     order = np.argsort(groups, kind="stable")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from prt_core.compress import IncrementalLighting
 from prt_core.errors import expect, system_errors
 from prt_core.light import EnvironmentMap, TurningLight, split_sun
 from prt_core.light.environment import expect_radiance, expect_strength
@@ -89,8 +90,10 @@ class Environments:
         key, kept = self._last
         made_from = (matrix.tobytes(), sharp, quick, None if quick is None else lighting.strength)
         same = key is not None and key[0] is light and key[1:] == made_from
-        # An array that was given may have other values by now.
+        # An array that was given may have other values by now, and a form that comes nearer with
+        # each frame has more to say of the same light.
         lasting = isinstance(light, EnvironmentMap) or light is self._bake.world
+        lasting = lasting and not isinstance(quick, IncrementalLighting)
         if not same or not lasting:
             if quick is not None:
                 radiance, sun = self._turned(light, matrix, sharp)

@@ -106,6 +106,14 @@ def _columns(task, _, word):
     return ImageWavelet((task.image.height, task.image.width), word)
 
 
+def _irradiance(task):
+    expect(
+        task.image is None,
+        "method: 'irradiance' takes points, whose normals it needs; ask for --of points",
+    )
+    return [Irradiance()]
+
+
 def _blocks(task):
     expect(
         task.image is not None,
@@ -195,9 +203,7 @@ register_method(
         local=False,
     )
 )
-register_method(
-    Method("irradiance", Irradiance, lambda task: [Irradiance()], local=False, candidate=False)
-)
+register_method(Method("irradiance", Irradiance, _irradiance, local=False, candidate=False))
 register_method(
     Method(
         "block_pca",

@@ -292,6 +292,8 @@ def test_an_image_is_compressed_stored_and_relit_as_one(folder, capfd):
     assert code == 0 and "of the image" not in out
     for name in ("compressed.exr", "exact.exr", "turn_1.png", "turn_2.png", "o.npz", "o.png"):
         (folder / name).unlink()
+    code, _, errors = prt("compress image.prt --method irradiance", capfd)
+    assert code == 2 and "'irradiance' takes points" in errors[-1] and "--of points" in errors[-1]
     assert prt("compress image.prt --method none", capfd)[0] == 0
 
 

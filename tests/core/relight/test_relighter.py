@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, load, run
-from prt_core.api import relight_points
+from prt_core.api import compress, relight_points
 from prt_core.light import EnvironmentMap
 from prt_core.relight.relighter import Relighter
 from tests.meshes import plane, wall
@@ -50,6 +50,17 @@ def test_colours_beyond_float32_are_no_colours(bake):
 
 def test_no_lamps_and_no_light_are_dark(bake):
     assert not relight_points(bake, lamps=[]).any()
+
+
+def test_a_progressive_form_comes_nearer_under_a_light_that_stands_still(bake):
+    sky = EnvironmentMap(np.random.default_rng(2).random((8, 16, 3)).astype(np.float32) ** 9, "sky")
+    exact = relight_points(bake, sky, transport="exact")
+    compress(bake.path, method="haar:n_terms=2,step=0.0001", tolerance=0.9, lights={"sky": sky})
+    relighter = Relighter(load(bake.path), "brute", "compressed", progressive=True)
+    errors = [np.linalg.norm(relighter.relight(sky) - exact) for _ in range(13)]
+    compress(bake.path, method="none")
+    assert errors[12] < 5e-3 * np.linalg.norm(exact)
+    assert errors[12] < 0.1 * errors[0] and errors[1] < errors[0]
 
 
 def test_the_notes_of_the_last_image_are_kept(bake):

@@ -89,7 +89,7 @@ class Lighting:
             object.__setattr__(self, name, value)
         if self.bounces is not None and not _is_text(self.bounces, "baked"):
             expect_whole("bounces", self.bounces, 0)
-        self.matrix  # noqa: B018  (checks the rotation)
+        rotation_matrix(self.rotation)
         # No lamps in a list is an answer; not to ask for any is none.
         expect(
             self.environment is not None or self.lamps is not False,

@@ -50,9 +50,15 @@ def wall(material=None, **where):
 
 
 def plate(name="plate", material=None, size=2, **where):
-    """Above the ground, red, looking up."""
+    """A closed slab above the ground, red."""
     where = {"location": (0, 0, 0.4)} | where
-    return grid(name, 4, size, material or plain(name, RED), **where)
+    corners = np.array(BOX_CORNERS) * (size, size, 0.1)
+    return place(mesh_object(name, corners, BOX_FACES, material or plain(name, RED)), **where)
+
+
+def sheet(name, material, size=2, cells=4, **where):
+    """A square without a thickness above the ground, looking up."""
+    return grid(name, cells, size, material, **({"location": (0, 0, 0.6)} | where))
 
 
 def box(name="box", material=None, size=1, **where):
@@ -61,12 +67,20 @@ def box(name="box", material=None, size=1, **where):
     return place(mesh_object(name, corners, BOX_FACES, material or plain(name, RED)), **where)
 
 
-def ball(name, material, radius=0.5, **where):
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=12, radius=radius)
-    item = bpy.context.object
-    item.name = item.data.name = name
-    item.data.materials.append(material)
-    return place(item, **where)
+def ball(name, material, radius=0.5, rings=12, segments=24, **where):
+    """A sphere in flat shading; Blender's operator has no fixed order of corners."""
+    angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
+    height = np.linspace(np.pi, 0, rings + 1)[1:-1, None]
+    ring = np.stack([np.sin(height) * np.cos(angle), np.sin(height) * np.sin(angle),
+                     np.cos(height) + 0 * angle], axis=-1)  # fmt: skip
+    vertices = np.concatenate([[(0, 0, -1)], ring.reshape(-1, 3), [(0, 0, 1)]]) * radius
+    first = 1 + np.arange(segments)
+    after, top, last = np.roll(first, -1), (rings - 2) * segments, len(vertices) - 1
+    faces = [(0, b, a) for a, b in zip(first, after, strict=True)]
+    for step in range(0, top, segments):
+        faces += (np.stack([first, after, after + segments, first + segments], 1) + step).tolist()
+    faces += [(a + top, b + top, last) for a, b in zip(first, after, strict=True)]
+    return place(mesh_object(name, vertices, faces, material), **where)
 
 
 def add(tree, kind, inputs=(), **settings):
@@ -182,5 +196,5 @@ __all__ = [
     "BLUE", "BOX_CORNERS", "BOX_FACES", "GREEN", "GREY", "RED", "add", "ball", "box", "emission",
     "geometry_nodes", "grid", "ground", "image", "lamp", "mesh_object", "move", "new_collection",
     "painted", "patches", "place", "plain", "plate", "principled", "put", "shaded", "shader",
-    "wall", "world",
+    "sheet", "wall", "world",
 ]  # fmt: skip

@@ -7,6 +7,8 @@ from mathutils import Matrix
 
 from tests.conformance.parts import (
     BLUE,
+    BOX_CORNERS,
+    BOX_FACES,
     GREEN,
     GREY,
     RED,
@@ -16,6 +18,7 @@ from tests.conformance.parts import (
     geometry_nodes,
     grid,
     ground,
+    lamp,
     mesh_object,
     move,
     new_collection,
@@ -24,6 +27,7 @@ from tests.conformance.parts import (
     plain,
     plate,
     put,
+    sheet,
     wall,
     world,
 )
@@ -87,7 +91,7 @@ def mirror_modifier(on):
 def solidify_modifier(on):
     ground(), world()
     modifier(
-        plate(size=1, location=(0, 0, 1.2)), "SOLIDIFY",
+        sheet("plate", plain("plate", RED), 1, location=(0, 0, 1.2)), "SOLIDIFY",
         thickness=1.1, offset=-1, show_viewport=False, show_render=on,
     )  # fmt: skip
 
@@ -271,7 +275,10 @@ def curve_resolution_of_renders(on):
     spline.bezier_points.add(1)
     for point, side in zip(spline.bezier_points, (-1, 1), strict=True):
         point.co = 1.4 * side, 0, 0
-        point.handle_left, point.handle_right = (1.4 * side, -1.8 * side, 0), (1.4 * side, 1.8 * side, 0)
+        point.handle_left, point.handle_right = (
+            (1.4 * side, -1.8 * side, 0),
+            (1.4 * side, 1.8 * side, 0),
+        )
     spline.use_cyclic_u = True
     data.materials.append(plain("disc", RED))
     put("disc", data, location=(0, 0, 0.4))
@@ -294,8 +301,8 @@ def metaballs(on):
 def nurbs_surface(on):
     ground(), world()
     if on:
-        bpy.ops.surface.primitive_nurbs_surface_surface_add(radius=1.5, location=(0, 0, 0.5))
-        bpy.context.object.data.materials.append(plain("sail", RED))
+        bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=1.2, location=(0, 0, 0.9))
+        bpy.context.object.data.materials.append(plain("drop", RED))
 
 
 def _emitter():
@@ -512,24 +519,23 @@ def sheared_by_its_parent(on):
     item.parent = parent
 
 
-@scene(targets=("plate", "ground"))
+@scene(targets=("sheet",))
 def custom_normals(on):
-    ground(), world()
-    item = plate(location=(0, 0, 0.8))
+    world()
+    item = sheet("sheet", plain("sheet", RED), 2, 8)
     if on:
         item.data.polygons.foreach_set("use_smooth", [True] * len(item.data.polygons))
-        item.data.normals_split_custom_set_from_vertices(
-            [(0.8, 0, 0.6)] * len(item.data.vertices)
-        )  # fmt: skip
+        normals = [(0.8, 0, 0.6)] * len(item.data.vertices)
+        item.data.normals_split_custom_set_from_vertices(normals)
 
 
-@scene(targets=("ridge",), quick=True)
+@scene(light="lamps", targets=("ridge",), quick=True)
 def smooth_but_for_sharp_edges(on):
-    world()
-    corners = [(x, y, z) for y in (-1, 1) for x, z in [(-1.5, 0), (-0.8, 1.2), (0.8, 1.2), (1.5, 0)]]
-    item = mesh_object(
-        "ridge", corners, [(i, i + 1, i + 5, i + 4) for i in range(3)], plain("ridge", GREY), True
-    )
+    lamp("sun", "SUN", (0, 0, 3), 3, rotation=(0, -0.9, 0))
+    profile = [(-1.5, 0), (-0.8, 0.7), (0.8, 0.7), (1.5, 0)]
+    corners = [(x, y, z) for y in (-1, 1) for x, z in profile]
+    faces = [(i, i + 1, i + 5, i + 4) for i in range(3)]
+    item = mesh_object("ridge", corners, faces, plain("ridge", GREY), smooth=True)
     if on:
         for edge in item.data.edges:
             edge.use_edge_sharp = set(edge.vertices) == {1, 5}
@@ -546,8 +552,8 @@ def loose_parts(on):
     ground(), world()
     if on:
         mesh = bpy.data.meshes.new("parts")
-        square = [(-0.8, -0.8, 0.5), (0.8, -0.8, 0.5), (0.8, 0.8, 0.5), (-0.8, 0.8, 0.5)]
-        mesh.from_pydata([*square, (9, 9, 9), (1, 1, 1), (1, 1, 2)], [(5, 6)], [(0, 1, 2, 3)])
+        corners = [(1.6 * x, 1.6 * y, 0.6 + z) for x, y, z in BOX_CORNERS]
+        mesh.from_pydata([*corners, (9, 9, 9), (1, 1, 1), (1, 1, 2)], [(9, 10)], BOX_FACES)
         mesh.materials.append(plain("parts", RED))
         put("parts", mesh)
         put("nothing", bpy.data.meshes.new("nothing"))
@@ -556,18 +562,21 @@ def loose_parts(on):
 @scene()
 def concave_polygon(on):
     ground(), world()
-    corners = [(-1.4, -1.4, 0.5), (1.4, -1.4, 0.5), (1.4, 1.4, 0.5), (-1.4, 1.4, 0.5)]
-    if on:
-        corners.insert(3, (0, -0.9, 0.5))
-    mesh_object("ngon", corners, [tuple(range(len(corners)))], plain("ngon", RED))
+    rim = [(-1.4, -1.4), (1.4, -1.4), (1.4, 1.4), (0, -0.9 if on else 1.4), (-1.4, 1.4)]
+    corners = [(x, y, z) for z in (0.4, 0.5) for x, y in rim]
+    sides = [(i, (i + 1) % 5, (i + 1) % 5 + 5, i + 5) for i in range(5)]
+    faces = [(4, 3, 2, 1, 0), (5, 6, 7, 8, 9), *sides]
+    mesh_object("polygon", corners, faces, plain("polygon", RED))
 
 
 @scene()
 def bent_quad(on):
     ground(), world()
     high, low = (1.6, 0.1) if on else (0.5, 0.5)
-    corners = [(-1.2, -1.2, high), (1.2, -1.2, low), (1.2, 1.2, high), (-1.2, 1.2, low)]
-    mesh_object("quad", corners, [(0, 1, 2, 3)], plain("quad", BLUE))
+    rim = [(-1.2, -1.2, high), (1.2, -1.2, low), (1.2, 1.2, high), (-1.2, 1.2, low)]
+    corners = [*rim, *((x, y, z + 0.05) for x, y, z in rim)]
+    sides = [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
+    mesh_object("quad", corners, [(3, 2, 1, 0), (4, 5, 6, 7), *sides], plain("quad", BLUE))
 
 
 @scene(says=("plate", "displacement"))
@@ -617,4 +626,3 @@ def fog(on):
     add(tree, "ShaderNodeOutputMaterial", {"Volume": volume.outputs[0]})
     if on:
         box("fog", material, 1.5, location=(0, 0, 0.9))
-

@@ -1,4 +1,4 @@
-"""Golden files: what Cycles bakes of a scene, and how far from that the scene without its feature is.
+"""Golden files: what Cycles bakes of a scene, and how far off it is without its feature.
 
 A file `NAME.npz` holds (n_corners, 3) float16 for each target, `blender` (the version that made
 it), `noise` (relative, of the mean of the two bakes that it is) and `without` (the relative

@@ -9,6 +9,8 @@ from blend_scenes.build import diffuse as plain
 from blend_scenes.build import lamp, mesh_object
 
 GREY, RED, GREEN, BLUE = (0.6, 0.6, 0.6), (0.9, 0.05, 0.05), (0.05, 0.7, 0.1), (0.1, 0.1, 0.8)
+# Keywords of `wall`: as tall as the ground is wide.
+BESIDE = {"scale": (1, 1, 1), "location": (-2, 0, 2)}
 BOX_CORNERS = [(x, y, z) for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
 BOX_FACES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
 
@@ -81,6 +83,16 @@ def ball(name, material, radius=0.5, rings=12, segments=24, **where):
         faces += (np.stack([first, after, after + segments, first + segments], 1) + step).tolist()
     faces += [(a + top, b + top, last) for a, b in zip(first, after, strict=True)]
     return place(mesh_object(name, vertices, faces, material), **where)
+
+
+ABOVE, LEANING = (0.2, -0.1, 1.2), (0.3, -0.4, 0.7)
+
+
+def lamp_above(kind, energy=60, location=ABOVE, rotation=LEANING, scale=(1, 1, 1), **settings):
+    """The lamp of most scenes, over the ground."""
+    item = lamp("lamp", kind, location, energy, rotation, **settings)
+    item.scale = scale
+    return item
 
 
 def add(tree, kind, inputs=(), **settings):
@@ -163,6 +175,13 @@ def patches(columns=4, rows=4, seed=0):
     return np.random.default_rng(seed).choice([0.1, 0.9], (rows, columns, 3))
 
 
+def modifier(item, kind, **settings):
+    result = item.modifiers.new(kind.lower(), kind)
+    for key, value in settings.items():
+        setattr(result, key, value)
+    return result
+
+
 def geometry_nodes(item, result):
     """Give an object the geometry that `result(tree, geometry)` makes of its own."""
     tree = bpy.data.node_groups.new(item.name, "GeometryNodeTree")
@@ -190,11 +209,3 @@ def move(item, collection):
         old.objects.unlink(item)
     collection.objects.link(item)
     return item
-
-
-__all__ = [
-    "BLUE", "BOX_CORNERS", "BOX_FACES", "GREEN", "GREY", "RED", "add", "ball", "box", "emission",
-    "geometry_nodes", "grid", "ground", "image", "lamp", "mesh_object", "move", "new_collection",
-    "painted", "patches", "place", "plain", "plate", "principled", "put", "shaded", "shader",
-    "sheet", "wall", "world",
-]  # fmt: skip

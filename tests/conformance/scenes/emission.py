@@ -44,7 +44,7 @@ def panel_in_the_dark(on):
     box(size=0.5, location=(0, 0, 0.3))
 
 
-@scene(samples=4096)
+@scene(samples=4096, quick=True)
 def tube(on):
     ground(), world(0.1)
     data = bpy.data.curves.new("tube", "CURVE")
@@ -95,7 +95,7 @@ def panel_that_shines_on_both_sides(on):
     sheet("panel", glow, 1.5, location=(0, 0, 1), rotation=(0, math.pi / 2, 0))
 
 
-@scene()
+@scene(quick=True)
 def panel_that_shines_on_its_front_only(on):
     def surface(tree):
         back = add(tree, "ShaderNodeNewGeometry").outputs["Backfacing"]
@@ -144,7 +144,7 @@ def small_and_bright(on):
     ball("bulb", emission("bulb", (1, 0.8, 0.5), 100.0 * on), 0.08, 6, 12, location=(0.3, 0.2, 1))
 
 
-@scene(samples=4096)
+@scene(samples=4096, quick=True)
 def shadow_of_a_bulb(on):
     ground(), world(0.1)
     ball("bulb", emission("bulb", (1, 0.8, 0.5), 60.0), 0.1, 6, 12, location=(0, 0, 1.6))
@@ -170,7 +170,7 @@ def panel_that_lights_a_wall_that_lights_the_ground(on):
     plate("shade", plain("shade", (0, 0, 0)), 1.4, location=(0, 0, 1.5))
 
 
-@scene()
+@scene(quick=True)
 def one_face_of_many_that_shines(on):
     ground(), world(0.1)
     item = sheet("ceiling", plain("ceiling", GREY), 3, 3, **DOWN)
@@ -200,7 +200,7 @@ def instanced_bulbs(on):
         item.instance_type, item.instance_collection = "COLLECTION", bulbs
 
 
-@scene()
+@scene(quick=True)
 def bulbs_by_geometry_nodes(on):
     ground(), world(0.1)
     glow = emission("bulbs", (0.4, 1, 0.6), 5.0 * on)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from tests.conformance.parts import (
+    BESIDE,
     BLUE,
     GREY,
     RED,
@@ -24,7 +25,6 @@ from tests.conformance.parts import (
 )
 from tests.conformance.scene import scene
 
-BESIDE = {"scale": (1, 1, 1), "location": (-2, 0, 2)}
 AWAY = {"rotation": (0, -math.pi / 2, 0)}
 
 
@@ -40,7 +40,7 @@ def underside_of_a_sheet(on):
     sheet("sheet", plain("sheet", RED if on else (0, 0, 0)))
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def back_under_a_lamp(on):
     ground()
     wall(plain("wall", RED if on else (0, 0, 0)), **BESIDE, **AWAY)
@@ -64,7 +64,7 @@ def inside_of_a_sphere_whose_faces_look_outwards(on):
     lamp("lamp", "POINT", (0, 0, 0.6), 100)
 
 
-@scene()
+@scene(quick=True)
 def two_colours_of_two_sides(on):
     def colour(tree):
         back = add(tree, "ShaderNodeNewGeometry").outputs["Backfacing"]
@@ -104,7 +104,7 @@ def faces_of_mixed_directions(on):
     item.data.update()
 
 
-@scene()
+@scene(quick=True)
 def two_sheets_of_one_place(on):
     ground(), world()
     sheet("up", plain("up", RED if on else (0, 0, 0)))

@@ -63,7 +63,7 @@ def leaf_card(on):
     sheet("pane", _leaf(_cards() if on else 1, interpolation="Closest"))
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def leaf_card_under_a_sun(on):
     ground()
     sheet("pane", _leaf(_cards() if on else 1, interpolation="Closest"))
@@ -119,7 +119,7 @@ def transparent_pane(on):
     sheet("pane", shader("pane", CLEAR) if on else plain("pane", GREY), 3)
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def transparent_pane_under_a_lamp(on):
     ground()
     sheet("pane", shader("pane", CLEAR) if on else plain("pane", GREY), 1.5, location=(0, 0, 1))
@@ -149,7 +149,7 @@ def stacked_panes(on):
         sheet(f"pane {number}", tint, 3, location=(0, 0, 0.3 + 0.1 * number))
 
 
-@scene()
+@scene(quick=True)
 def mix_with_transparent(on):
     ground(), world()
     sheet("pane", _cut(lambda tree: 0.3 if on else 1.0))
@@ -187,7 +187,7 @@ def transparent_front_and_solid_back(on):
     sheet("pane", _cut(back), rotation=(math.pi, 0, 0))
 
 
-@scene(says=("pane", "layer weight"))
+@scene(says=("pane", "layer weight"), quick=True)
 def transparent_where_it_is_seen_head_on(on):
     def facing(tree):
         return add(tree, "ShaderNodeLayerWeight").outputs["Facing"] if on else 1.0
@@ -236,7 +236,7 @@ def half_translucent_leaf(on):
     sheet("pane", shaded("pane", surface), 3)
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def translucent_leaf_under_a_sun(on):
     ground()
     leaf = shader("pane", "ShaderNodeBsdfTranslucent", {"Color": (*GREEN, 1)})
@@ -265,7 +265,7 @@ def refraction_shader(on):
     sheet("pane", glass if on else plain("pane", (0, 0, 0)), 3)
 
 
-@scene(says=("pane", "glass"))
+@scene(says=("pane", "glass"), quick=True)
 def glass_of_principled(on):
     ground(), world()
     glass = {"Base Color": (0.6, 0.8, 0.9, 1), "Transmission Weight": 1.0, "Roughness": 0.0}

@@ -3,6 +3,7 @@
 import bpy
 
 from tests.conformance.parts import (
+    BESIDE,
     GREY,
     RED,
     box,
@@ -16,8 +17,6 @@ from tests.conformance.parts import (
     world,
 )
 from tests.conformance.scene import scene
-
-BESIDE = {"scale": (1, 1, 1), "location": (-2, 0, 2)}
 
 
 def _layer(name):
@@ -41,7 +40,7 @@ def object_that_diffuse_rays_do_not_see(on):
     wall(**BESIDE).visible_diffuse = not on
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def object_that_diffuse_rays_do_not_see_under_a_lamp(on):
     ground(), _lamp()
     wall(**BESIDE).visible_diffuse = not on
@@ -68,7 +67,7 @@ def object_without_a_shadow_under_a_lamp(on):
     plate(size=1).visible_shadow = not on
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def object_without_a_shadow_under_a_sun(on):
     ground(), box(location=(0, 0, 0.6))
     lamp("sun", "SUN", (0, 0, 3), 3, rotation=(0.5, 0.3, 0))
@@ -99,7 +98,7 @@ def hidden_object_that_is_looked_at(on):
     wall(plain("wall", GREY), **BESIDE).visible_diffuse = False
 
 
-@scene()
+@scene(quick=True)
 def holdout_object(on):
     # Only for the camera a hole; rays of light meet it.
     ground(), world()
@@ -129,7 +128,7 @@ def collection_of_indirect_light_only(on):
     _layer("reflectors").indirect_only, item.hide_render = True, not on
 
 
-@scene()
+@scene(quick=True)
 def shadow_catcher(on):
     ground(), world()
     item = wall(**BESIDE)

@@ -37,7 +37,7 @@ def world_of_a_strength(on):
     _lit(strength=2.5 if on else 1.0)
 
 
-@scene(light="lamps")
+@scene(light="lamps", quick=True)
 def no_world(on):
     ground(), box(location=(0, 0, 0.5))
     lamp("lamp", "POINT", (1, 1, 1.5), 60 if on else 30)
@@ -137,7 +137,7 @@ def environment_image(on):
     _lit(_environment(on) if on else None)
 
 
-@scene()
+@scene(quick=True)
 def environment_image_turned(on):
     _lit(_environment(on, rotation=(0, 0, 2.0)))
 
@@ -157,7 +157,7 @@ def environment_image_in_sRGB(on):
     _lit(_environment(on, linear=not on))
 
 
-@scene(says=("gone.exr",))
+@scene(says=("gone.exr",), quick=True)
 def environment_image_that_is_missing(on):
     def colour(tree):
         picture = bpy.data.images.new("gone.exr", 4, 4)
@@ -227,7 +227,7 @@ def world_that_only_glossy_rays_see(on):
     _lit(_two(BLUISH, WARM, glossy))
 
 
-@scene()
+@scene(quick=True)
 def two_backgrounds_mixed(on):
     _lit(_two(BLUISH, WARM, lambda tree: 0.7 if on else 0.0))
 
@@ -261,7 +261,7 @@ def strength_by_nodes(on):
     _lit(_background(None, strength if on else 1.0))
 
 
-@scene()
+@scene(quick=True)
 def background_in_a_group(on):
     group = bpy.data.node_groups.new("sky", "ShaderNodeTree")
     group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")

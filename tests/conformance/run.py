@@ -50,17 +50,18 @@ def run_scene(scene, folder):
         return Outcome(_said(scene, [*messages, str(refused)]), f"refused: {refused}")
     except Exception as crash:  # a table of all scenes shall come of it
         return Outcome("WRONG", f"crashed: {type(crash).__name__}: {crash}")
-    return _compared(scene, colours, truth, golden, messages)
+    return compared(scene, colours, truth, golden, messages)
 
 
 def run_cycles(scene, folder):
     """Hold this Blender's Cycles against a golden file, at a quarter of its samples."""
     truth, golden = read_golden(scene.name)
     colours = cycles_colours(scene, folder, scene.samples // 4, seed=2)
-    return _compared(scene, colours, truth, golden, [])
+    return compared(scene, colours, truth, golden, [])
 
 
-def _compared(scene, colours, truth, golden, messages):
+def compared(scene, colours, truth, golden, messages):
+    """The outcome of colours beside the truth, where these messages were given."""
     errors, parts = [], []
     for name in scene.targets:
         if name not in colours:

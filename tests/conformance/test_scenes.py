@@ -3,12 +3,15 @@
 `make conformance` runs all scenes.
 """
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 pytest.importorskip("bpy")
 
-from tests.conformance.golden import FOLDER, read_golden  # noqa: E402
-from tests.conformance.run import run_scene  # noqa: E402
+from tests.conformance import run  # noqa: E402
+from tests.conformance.golden import FOLDER, error, read_golden  # noqa: E402
 from tests.conformance.scene import all_scenes  # noqa: E402
 
 SCENES = all_scenes()
@@ -19,7 +22,7 @@ QUICK = [scene for scene in SCENES if scene.quick]
 def test_a_bake_is_as_cycles_bakes_or_says_why_not(scene, tmp_path):
     if not scene.exists_here:
         pytest.skip("this Blender does not have the feature")
-    outcome = run_scene(scene, tmp_path)
+    outcome = run.run_scene(scene, tmp_path)
     assert outcome.verdict in ("right", "said"), outcome.text
 
 
@@ -41,3 +44,35 @@ def test_golden_files_are_small_and_belong_to_scenes():
     files = list(FOLDER.iterdir())
     assert {file.name for file in files} == {f"{scene.name}.npz" for scene in SCENES}
     assert sum(file.stat().st_size for file in files) < 1_500_000
+
+
+def test_the_error_leaves_out_the_worst_corners_and_is_a_value_in_the_dark():
+    truth = np.full((100, 3), 0.5)
+    colours = truth.copy()
+    colours[:5] = 9
+    assert error(colours, truth) == 0
+    colours[5] = 9
+    assert error(colours, truth) == pytest.approx(8.5 / 5)
+    assert error(np.full((100, 3), 0.2), np.zeros((100, 3))) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    "radiance, messages, verdict",
+    [
+        (0.5, [], "right"),
+        (0.7, ["wall: its gloss is left out"], "said"),
+        (0.7, ["gloss is left out", "wall: two-sided"], "WRONG"),
+        (0.7, [], "WRONG"),
+    ],
+)
+def test_one_message_must_hold_all_the_words(radiance, messages, verdict):
+    scene = SimpleNamespace(targets=("wall",), bound=0.03, says=("Wall", "gloss"))
+    truth = {"wall": np.full((7, 3), 0.5)}
+    colours = {"wall": np.full((7, 3), radiance)}
+    assert run.compared(scene, colours, truth, {"without": 1.0}, messages).verdict == verdict
+
+
+def test_a_scene_that_may_say_nothing_is_wrong_whatever_is_said():
+    scene = SimpleNamespace(targets=("wall",), bound=0.03, says=())
+    truth, colours = {"wall": np.full((7, 3), 0.5)}, {"wall": np.full((7, 3), 0.7)}
+    assert run.compared(scene, colours, truth, {"without": 1.0}, ["wall"]).verdict == "WRONG"

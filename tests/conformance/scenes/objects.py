@@ -100,7 +100,7 @@ def particle_objects(on):
     settings = modifier(_emitter(), "PARTICLE_SYSTEM").particle_system.settings
     settings.type, settings.use_advanced_hair = "HAIR", True
     settings.count, settings.render_type, settings.instance_object = 12 if on else 0, "OBJECT", leaf
-    settings.particle_size = 1.0
+    settings.particle_size = 0.4
 
 
 @scene(says=("fringe", "hair"))

@@ -29,7 +29,7 @@ def noise_in_object_coordinates(on):
     world()
 
 
-@scene(quick=True)
+@scene(since=(5, 0))
 def voronoi_by_the_uv_map(on):
     ground(_pattern("ShaderNodeTexVoronoi", "UV" if on else "Object", inputs={"Scale": 2.3}))
     world()
@@ -42,7 +42,7 @@ def wave_along_the_normal(on):
     world()
 
 
-@scene()
+@scene(quick=True)
 def bricks(on):
     ground(_pattern("ShaderNodeTexBrick", "UV", inputs={"Scale": 2.3}) if on else None), world()
 

@@ -109,12 +109,12 @@ def displaced_by_its_material(on):
     material = plain("plate", RED)
     tree = material.node_tree
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
-    height = {"Height": 0.8 if on else 0, "Midlevel": 0, "Scale": 1}
+    height = {"Height": 0.3 if on else 0, "Midlevel": 0, "Scale": 1}
     tree.links.new(
         add(tree, "ShaderNodeDisplacement", height).outputs[0], output.inputs["Displacement"]
     )
     material.displacement_method = "DISPLACEMENT"
-    plate(material=material, location=(0, 0, 0.2))
+    plate(material=material, size=1.2, location=(0, 0, 0.6))
 
 
 @scene(bound=0.05)

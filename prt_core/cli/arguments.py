@@ -1,6 +1,7 @@
 """What several commands take, and what is refused before any work."""
 
 import argparse
+import sys
 
 from prt_core.compress import candidate_names, method_names
 from prt_core.errors import expect
@@ -47,10 +48,25 @@ def methods_help():
     return f"{', '.join(tried)}; by name alone {', '.join(others)}; settings as NAME:key=value,…"
 
 
-def transport_argument(parser):
-    """Add `--transport`."""
+class _Renamed(argparse.Action):
+    """Stores what an option is given; by its old name it warns."""
+
+    def __init__(self, option_strings, dest, old, **keywords):
+        super().__init__(option_strings, dest, **keywords)
+        self._old = old
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        """See `argparse.Action`."""
+        if option_string == self._old:
+            print(f"{option_string} is {self.option_strings[0]} now", file=sys.stderr)
+        setattr(namespace, self.dest, values)
+
+
+def form_argument(parser):
+    """Add `--form`."""
     parser.add_argument(
-        "--transport", default="auto", choices=("auto", "exact", "compressed"),
+        "--form", "--transport", action=_Renamed, old="--transport", default="auto",
+        choices=("auto", "exact", "compressed"),
         help="what distant light is relit from; auto: the compressed form where it is fresh",
     )  # fmt: skip
 

@@ -84,7 +84,7 @@ def bake(
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
-    output = expect_output("output", output, ".prt", folder=True, made=True)
+    output = expect_output("output", output, ".prt", folder=True, create=True)
     image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)

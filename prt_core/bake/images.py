@@ -102,10 +102,10 @@ def image_steps(scene, meshes, camera, caster, settings):
             tracer.close()
     else:
         name, size = settings.geometry_image
-        found = [mesh for mesh in meshes if mesh.name == name]
+        named = [mesh for mesh in meshes if mesh.name == name]
         names = ", ".join(mesh.name for mesh in meshes)
-        expect(found, f"geometry image: there is no object '{name}'; there are {names}")
-        layout = yield from in_thread("image", geometry_layout, found[0], settings.parametrisation)
+        expect(named, f"geometry image: there is no object '{name}'; there are {names}")
+        layout = yield from in_thread("image", geometry_layout, named[0], settings.parametrisation)
         if layout.message:
             scene.messages.append(layout.message)
         tracer = make_caster(caster, layout.vertices, layout.triangles)

@@ -27,10 +27,10 @@ def expect_used(options, needed):
     needed : dict of str -> (tuple of str, str)
         For an option those of which one must be given as well, and how they are called.
     """
-    for name, (others, told) in needed.items():
+    for name, (others, reason) in needed.items():
         given = getattr(options, name) not in (None, False)
         used = any(getattr(options, other) not in (None, False) for other in others)
-        expect(not given or used, f"--{name.replace('_', '-')}: changes nothing without {told}")
+        expect(not given or used, f"--{name.replace('_', '-')}: changes nothing without {reason}")
 
 
 def caster_argument(parser):

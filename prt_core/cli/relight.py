@@ -338,5 +338,5 @@ def _differs(baked):
     for mesh in meshes:
         item = baked_as.get(mesh.name, mesh)
         mesh.receives, mesh.two_sided = item.receives, item.two_sided
-    found = changes(baked.source, mesh_digests(meshes))
-    return "" if found.fresh else str(found)
+    differences = changes(baked.source, mesh_digests(meshes))
+    return "" if differences.fresh else str(differences)

@@ -113,9 +113,9 @@ class FormInUse:
         if self._form is None or (
             self._form[0] is not None and self._form[2] is not transport.albedo
         ):
-            found, self.why = load_compressed(self._bake)
-            evaluator = None if found is None else self._evaluator_of(found)
-            self._form = found, evaluator, transport.albedo
+            form, self.why = load_compressed(self._bake)
+            evaluator = None if form is None else self._evaluator_of(form)
+            self._form = form, evaluator, transport.albedo
         return self._form[0]
 
     def _evaluator_of(self, form):
@@ -141,22 +141,22 @@ class FormInUse:
             What is to be shown. A form of points shows the image as well.
         """
         try:
-            found = self.read()
+            loaded = self.read()
         except PRTError as error:
             if form == "compressed":
                 raise
-            found, self.why = None, str(error)
+            loaded, self.why = None, str(error)
             self._form = None, None, self._bake.transport.albedo
         applies = bounces in ("baked", self._bake.transport.bounces)
-        if found is not None and not applies:
-            found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
-        if found is not None and found.of not in (of, "points"):
-            found, self.why = None, f"it is of the {found.of}, not of the {of}"
+        if loaded is not None and not applies:
+            loaded, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        if loaded is not None and loaded.of not in (of, "points"):
+            loaded, self.why = None, f"it is of the {loaded.of}, not of the {of}"
         expect(
-            found is not None or form != "compressed",
+            loaded is not None or form != "compressed",
             f"form: the compressed form cannot be used: {self.why}",
         )
-        if found is None:
+        if loaded is None:
             return None
         self.why = ""
         return self._form[1]

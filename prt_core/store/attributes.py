@@ -188,10 +188,10 @@ def _plain(value):
 
 
 def _once(pairs):
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    values = dict(pairs)
+    if len(values) < len(pairs):
         raise ValueError("a name comes twice")
-    return found
+    return values
 
 
 def _refused(word):

@@ -110,11 +110,11 @@ def remove_compressed(store):
     bool
         Whether there was one.
     """
-    there = store.attributes.get(COMPRESSED) is not None
-    if there:
+    named = store.attributes.get(COMPRESSED) is not None
+    if named:
         store.update(**{COMPRESSED: None})
     _remove_others(store, None)
-    return there
+    return named
 
 
 def _remove_others(store, kept):

@@ -190,8 +190,8 @@ def choose_steps(task, names, limits, lights):
 def none_left(trials):
     """What is said where all trials failed."""
     reasons = {trial.method: trial.failure for trial in trials if trial.failure}
-    told = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
-    return f"method: none of {len(reasons)} can compress this bake. {told}"
+    reasons_line = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
+    return f"method: none of {len(reasons)} can compress this bake. {reasons_line}"
 
 
 def reason_of(error):
@@ -284,10 +284,10 @@ def _times(evaluator, subject, lights):
     return spent
 
 
-def relative_l2(found, truth):
+def relative_l2(values, truth):
     """Relative L2 distance, in float64."""
     size = np.linalg.norm(np.asarray(truth, np.float64))
-    distance = np.linalg.norm(np.asarray(found, np.float64) - truth)
+    distance = np.linalg.norm(np.asarray(values, np.float64) - truth)
     return float(distance / size) if size else float(distance > 0)
 
 

@@ -66,8 +66,8 @@ def _dense_neighbours(task):
         known = task.dense[task.groups[task.dense] == group]
         known = known if len(known) else task.dense
         k = min(_NEIGHBOURS, len(known))
-        _, found = cKDTree(task.positions[known]).query(task.positions[mine], range(1, k + 1))
-        near[mine, :k] = known[found]
+        _, nearest = cKDTree(task.positions[known]).query(task.positions[mine], range(1, k + 1))
+        near[mine, :k] = known[nearest]
     return near
 
 
@@ -192,7 +192,7 @@ register_method(
         _wavelets,
         first=_is_image,
         choices={"columns": tuple(dict.fromkeys((*_ON_POINTS, *WAVELETS)))},
-        made=_columns,
+        make=_columns,
     )
 )
 register_method(

@@ -41,7 +41,7 @@ def run_scene(scene, folder):
         messages += report["messages"]
         relighter = prt_core.Relighter(prt_core.load(bake))
         try:
-            radiance = relighter.relight(**_light(scene.light))
+            radiance = relighter.radiance(**_light(scene.light))
             colours = relighter.bake.colours(radiance)
             messages += relighter.notes
         finally:

@@ -24,7 +24,7 @@ def slots_by_face(on):
     item.data.polygons.foreach_set("material_index", [int(on)] * len(item.data.polygons))
 
 
-@scene(targets=("ground", "wall"), quick=True)
+@scene(targets=("ground", "wall"), since=(5, 0), quick=True)
 def slots_that_are_empty_or_missing(on):
     ground(), world()
     item = wall(plain("wall", RED), **BESIDE)

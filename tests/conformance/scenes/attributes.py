@@ -85,7 +85,8 @@ def colour_of_the_object(on):
 
 @scene()
 def attribute_of_the_instancer(on):
-    ground(), world()
+    ground()
+    world()
     seeds = grid("seeds", 1, 2.4, location=(0, 0, 0.4))
     tinted = painted("cubes", lambda tree: add(
         tree, "ShaderNodeAttribute", attribute_name="tint", attribute_type="INSTANCER"
@@ -116,7 +117,8 @@ def random_of_the_object(on):
         ramp.color_ramp.elements[1].color = (0.1, 0.1, 0.9, 1)
         return ramp.outputs[0]
 
-    ground(), world()
+    ground()
+    world()
     material = painted("cubes", colour)
     for number, x in enumerate((-1.2, 0, 1.2)):
         box(f"box {number}", material, 0.8, location=(x, 0, 0.5))

@@ -14,7 +14,8 @@ def _changed(on, change, colour=RED):
         first.outputs[0].default_value = (*colour, 1)
         return change(tree, first.outputs[0]) if on else first.outputs[0]
 
-    ground(painted("ground", result)), world()
+    ground(painted("ground", result))
+    world()
 
 
 @scene()
@@ -28,7 +29,8 @@ def colour_ramp(on):
         ramp.color_ramp.interpolation = "EASE"
         return ramp.outputs[0] if on else factor
 
-    ground(painted("ground", colour)), world()
+    ground(painted("ground", colour))
+    world()
 
 
 @scene()
@@ -142,7 +144,8 @@ def muted_node(on):
         inverted = add(tree, "ShaderNodeInvert", {"Color": first.outputs[0]}, mute=on)
         return inverted.outputs[0]
 
-    ground(painted("ground", colour)), world()
+    ground(painted("ground", colour))
+    world()
 
 
 @scene()
@@ -156,7 +159,8 @@ def reroutes(on):
         red.outputs[0].default_value = (*RED, 1)
         return routed(tree, red.outputs[0])
 
-    ground(painted("ground", result) if on else None), world()
+    ground(painted("ground", result) if on else None)
+    world()
 
 
 @scene()
@@ -167,7 +171,8 @@ def muted_link(on):
     for link in material.node_tree.links:
         if link.to_socket.name == "Color":
             link.is_muted = on
-    ground(material), world()
+    ground(material)
+    world()
 
 
 @scene()
@@ -177,5 +182,6 @@ def value_driven_by_the_frame(on):
     if on:
         node.inputs[1].driver_add("default_value").driver.expression = "0.1 * frame"
     node.inputs[0].default_value = 0.3
-    ground(material), world()
+    ground(material)
+    world()
     bpy.context.scene.frame_set(8)

@@ -33,20 +33,23 @@ DOWN = {"rotation": (math.pi, 0, 0), "location": (0, 0, 1.5)}
 
 @scene(quick=True)
 def panel(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     sheet("panel", emission("panel", (1, 1, 1), 4.0 * on), 1, **DOWN)
 
 
 @scene(quick=True, samples=4096)
 def panel_in_the_dark(on):
-    ground(), world(0.0)
+    ground()
+    world(0.0)
     sheet("panel", emission("panel", (1, 0.5, 0.2), 4.0 if on else 2.0), 1, **DOWN)
     box(size=0.5, location=(0, 0, 0.3))
 
 
 @scene(samples=4096, quick=True)
 def tube(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     data = bpy.data.curves.new("tube", "CURVE")
     data.dimensions, data.bevel_depth = "3D", 0.03
     spline = data.splines.new("POLY")
@@ -58,7 +61,8 @@ def tube(on):
 
 @scene()
 def dome(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     ball("dome", emission("dome", (0.3, 0.5, 1.0) if on else (0, 0, 0), 1.0), 20)
 
 
@@ -69,7 +73,8 @@ def dome_with_a_gradient(on):
         height = add(tree, "ShaderNodeSeparateXYZ", {0: position}).outputs["X"]
         return add(tree, "ShaderNodeEmission", {"Strength": height if on else 0.0}).outputs[0]
 
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     box(location=(0, 0, 0.55))
     ball("dome", shaded("dome", surface), 20)
 
@@ -84,13 +89,15 @@ def screen_that_shows_an_image(on):
         lit = {"Color": colour if on else (0.4, 0.0, 0.4, 1), "Strength": 5.0}
         return add(tree, "ShaderNodeEmission", lit).outputs[0]
 
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     sheet("screen", shaded("screen", surface), 2, 8, **DOWN)
 
 
 @scene()
 def panel_that_shines_on_both_sides(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     glow = emission("panel", (1, 1, 1), 3.0 * on)
     sheet("panel", glow, 1.5, location=(0, 0, 1), rotation=(0, math.pi / 2, 0))
 
@@ -104,14 +111,16 @@ def panel_that_shines_on_its_front_only(on):
         factor = back if on else 0.0
         return add(tree, "ShaderNodeMixShader", {0: factor, 1: glow, 2: dark}).outputs[0]
 
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     where = {"location": (0, 0, 0.8), "rotation": (0, math.pi / 2, 0)}
     sheet("panel", shaded("panel", surface), 1.5, **where)
 
 
 @scene()
 def letters_that_shine(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     data = bpy.data.curves.new("letters", "FONT")
     data.body, data.size, data.align_x = "HI", 1.5, "CENTER"
     data.materials.append(emission("letters", (1, 0.2, 0.6), 6.0 * on))
@@ -122,7 +131,8 @@ def letters_that_shine(on):
 def emission_of_principled(on):
     glow = {"Base Color": (*GREY, 1), "Emission Color": (1, 0.6, 0.2, 1)}
     glow["Emission Strength"] = 3.0 * on
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     sheet("panel", principled("panel", glow), 1, **DOWN)
 
 
@@ -134,19 +144,22 @@ def sum_of_emission_and_diffuse(on):
         paint = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (*GREY, 1)}).outputs[0]
         return add(tree, "ShaderNodeAddShader", {0: glow, 1: paint}).outputs[0]
 
-    ground(), world(0.5)
+    ground()
+    world(0.5)
     plate(material=shaded("plate", surface), location=(0, 0, 0.8))
 
 
 @scene(samples=8192)
 def small_and_bright(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     ball("bulb", emission("bulb", (1, 0.8, 0.5), 100.0 * on), 0.08, 6, 12, location=(0.3, 0.2, 1))
 
 
 @scene(samples=4096, quick=True)
 def shadow_of_a_bulb(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     ball("bulb", emission("bulb", (1, 0.8, 0.5), 60.0), 0.1, 6, 12, location=(0, 0, 1.6))
     if on:
         plate(size=0.7, location=(0, 0, 0.6))
@@ -154,7 +167,8 @@ def shadow_of_a_bulb(on):
 
 @scene(samples=4096)
 def two_panels_of_two_colours(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     for x, colour in ((-1.2, (1, 0.1, 0.1)), (1.2, (0.1, 0.1, 1))):
         name = f"panel {x}"
         glow = emission(name, colour if on else (0.5, 0.1, 0.5), 5.0)
@@ -163,7 +177,8 @@ def two_panels_of_two_colours(on):
 
 @scene()
 def panel_that_lights_a_wall_that_lights_the_ground(on):
-    ground(), world(0.05)
+    ground()
+    world(0.05)
     wall(plain("wall", (0.9, 0.1, 0.1)), scale=(1, 1, 1), location=(-2, 0, 2))
     turn = {"rotation": (0, -math.pi / 2, 0), "location": (-0.5, 0, 2.2)}
     sheet("panel", emission("panel", (1, 1, 1), 8.0 * on), 1, **turn)
@@ -172,7 +187,8 @@ def panel_that_lights_a_wall_that_lights_the_ground(on):
 
 @scene(quick=True)
 def one_face_of_many_that_shines(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     item = sheet("ceiling", plain("ceiling", GREY), 3, 3, **DOWN)
     item.data.materials.append(emission("lamp panel", (1, 1, 1), 5.0))
     item.data.polygons[4].material_index = int(on)
@@ -185,13 +201,15 @@ def emission_of_a_blackbody(on):
         lit = {"Color": colour if on else (1, 1, 1, 1), "Strength": 4.0}
         return add(tree, "ShaderNodeEmission", lit).outputs[0]
 
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     sheet("panel", shaded("panel", surface), 1, **DOWN)
 
 
 @scene()
 def instanced_bulbs(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     bulbs = bpy.data.collections.new("bulbs")
     glow = emission("bulb", (1, 1, 1), 6.0)
     move(ball("bulb", glow, 0.3, 6, 12, location=(0, 0, 0)), bulbs)
@@ -202,7 +220,8 @@ def instanced_bulbs(on):
 
 @scene(quick=True)
 def bulbs_by_geometry_nodes(on):
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     glow = emission("bulbs", (0.4, 1, 0.6), 5.0 * on)
 
     def bulbs(tree, geometry):
@@ -217,7 +236,8 @@ def bulbs_by_geometry_nodes(on):
 
 @scene()
 def panel_that_diffuse_rays_do_not_see(on):
-    ground(), world(0.3)
+    ground()
+    world(0.3)
     item = sheet("panel", emission("panel", (1, 1, 1), 4.0), 1, **DOWN)
     item.visible_diffuse = not on
 
@@ -225,7 +245,8 @@ def panel_that_diffuse_rays_do_not_see(on):
 @scene(samples=4096)
 def emission_that_is_not_sampled(on):
     # How Cycles finds it must not matter.
-    ground(), world(0.1)
+    ground()
+    world(0.1)
     glow = emission("panel", (1, 1, 1), 4.0 * on)
     if hasattr(glow.cycles, "emission_sampling"):
         glow.cycles.emission_sampling = "NONE"
@@ -238,7 +259,8 @@ def emission_that_only_the_camera_sees(on):
         seen = add(tree, "ShaderNodeLightPath").outputs["Is Camera Ray"]
         return add(tree, "ShaderNodeEmission", {"Strength": seen if on else 3.0}).outputs[0]
 
-    ground(), world(0.3)
+    ground()
+    world(0.3)
     sheet("panel", shaded("panel", surface), 1, **DOWN)
 
 
@@ -253,5 +275,6 @@ def lava_of_noise(on):
             tree, "ShaderNodeEmission", {"Color": ramp.outputs[0], "Strength": 8.0 * on}
         ).outputs[0]
 
-    ground(painted("ground", lambda tree: add(tree, "ShaderNodeRGB").outputs[0])), world(0.3)
+    ground(painted("ground", lambda tree: add(tree, "ShaderNodeRGB").outputs[0]))
+    world(0.3)
     sheet("lava", shaded("lava", surface), 2.5, 12, **DOWN)

@@ -33,31 +33,36 @@ ASIDE = {"Location": (0.013, 0.017, 0.0)}
 
 @scene(quick=True)
 def image_by_the_uv_map(on):
-    ground(_textured(image("tiles", patches() if on else np.full((4, 4, 3), 0.5)))), world()
+    ground(_textured(image("tiles", patches() if on else np.full((4, 4, 3), 0.5))))
+    world()
 
 
 @scene(quick=True)
 def image_through_mapping(on):
     turned = {"Rotation": (0, 0, 0.5), "Scale": (1.7, 0.8, 1)} if on else {}
-    ground(_textured(image("tiles", patches()), _mapped(**ASIDE, **turned))), world()
+    ground(_textured(image("tiles", patches()), _mapped(**ASIDE, **turned)))
+    world()
 
 
 @scene()
 def image_of_closest_texels(on):
     kind = "Closest" if on else "Cubic"
-    ground(_textured(image("tiles", patches(7, 5)), _mapped(**ASIDE), interpolation=kind)), world()
+    ground(_textured(image("tiles", patches(7, 5)), _mapped(**ASIDE), interpolation=kind))
+    world()
 
 
 @scene()
 def image_of_cubic_interpolation(on):
     kind = "Cubic" if on else "Closest"
-    ground(_textured(image("tiles", patches(7, 5)), _mapped(**ASIDE), interpolation=kind)), world()
+    ground(_textured(image("tiles", patches(7, 5)), _mapped(**ASIDE), interpolation=kind))
+    world()
 
 
 def _extension(on, kind):
     far = _mapped(Scale=(1.9, 1.9, 1), Location=(-0.52, -0.33, 0))
     kind = kind if on else ("REPEAT" if kind != "REPEAT" else "CLIP")
-    ground(_textured(image("tiles", patches()), far, extension=kind)), world()
+    ground(_textured(image("tiles", patches()), far, extension=kind))
+    world()
 
 
 @scene()
@@ -82,7 +87,8 @@ def image_that_mirrors(on):
 
 @scene()
 def image_of_data(on):
-    ground(_textured(image("tiles", patches(seed=2) * 0.4, linear=on))), world()
+    ground(_textured(image("tiles", patches(seed=2) * 0.4, linear=on)))
+    world()
 
 
 @scene(targets=("ball", "ground"), quick=True)
@@ -122,7 +128,8 @@ def image_with_transparent_texels(on):
 def image_generated_by_blender(on):
     picture = bpy.data.images.new("grid", 64, 64)
     picture.generated_type = "COLOR_GRID" if on else "BLANK"
-    ground(_textured(picture, _mapped(**ASIDE))), world()
+    ground(_textured(picture, _mapped(**ASIDE)))
+    world()
 
 
 @scene(says=("gone.png",))
@@ -131,7 +138,8 @@ def image_that_is_missing(on):
     if on:
         picture = bpy.data.images.new("gone", 4, 4)
         picture.source, picture.filepath = "FILE", f"{bpy.app.tempdir}gone.png"
-    ground(_textured(picture)), world()
+    ground(_textured(picture))
+    world()
 
 
 @scene()
@@ -147,7 +155,8 @@ def image_in_tiles(on):
     picture.source = "TILED"
     picture.reload()
     wide = _mapped(Scale=(1.9 if on else 0.9, 1, 1), Location=(0.013, 0, 0))
-    ground(_textured(picture, wide)), world()
+    ground(_textured(picture, wide))
+    world()
 
 
 @scene(quick=True)
@@ -156,7 +165,8 @@ def image_file_beside_the_scene(on):
     picture.filepath_raw, picture.file_format = f"{bpy.app.tempdir}beside.png", "PNG"
     picture.save()
     picture = bpy.data.images.load(picture.filepath_raw)
-    ground(_textured(picture)), world()
+    ground(_textured(picture))
+    world()
 
 
 @scene(quick=True)
@@ -166,7 +176,8 @@ def image_of_floats(on):
     rgba[..., :3] = patches() if on else 0.5
     picture.pixels.foreach_set(rgba.ravel())
     picture.pack()
-    ground(_textured(picture)), world()
+    ground(_textured(picture))
+    world()
 
 
 @scene()

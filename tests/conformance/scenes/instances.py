@@ -35,14 +35,16 @@ def _seeds():
 
 @scene(quick=True)
 def nodes_that_instance(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         geometry_nodes(_seeds(), _cubes)
 
 
 @scene()
 def nodes_that_realise(on):
-    ground(), world()
+    ground()
+    world()
     if on:
 
         def realised(tree, geometry):
@@ -54,7 +56,8 @@ def nodes_that_realise(on):
 
 @scene()
 def nodes_that_join_a_box_of_its_own_material(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", BLUE))
 
     def joined(tree, geometry):
@@ -74,7 +77,8 @@ def nodes_that_join_a_box_of_its_own_material(on):
 
 @scene(quick=True)
 def nodes_that_set_a_material(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", BLUE), scale=(1, 1, 1))
     if on:
         geometry_nodes(item, lambda tree, geometry: add(
@@ -104,7 +108,8 @@ def nodes_that_write_an_attribute(on):
 
 @scene()
 def instances_on_vertices(on):
-    ground(), world()
+    ground()
+    world()
     parent = grid("seeds", 2, 2.5, location=(0, 0, 0.3))
     child = box("cube", plain("cube", RED), 0.6, location=(0, 0, 0))
     child.parent = parent
@@ -114,7 +119,8 @@ def instances_on_vertices(on):
 
 @scene()
 def instances_on_faces(on):
-    ground(), world()
+    ground()
+    world()
     parent = grid("seeds", 3, 3, location=(0, 0, 0.3))
     child = box("cube", plain("cube", RED), 0.6, location=(0, 0, 0))
     child.parent = parent
@@ -124,7 +130,8 @@ def instances_on_faces(on):
 
 @scene(quick=True)
 def collection_instances(on):
-    ground(), world()
+    ground()
+    world()
     library = bpy.data.collections.new("chairs")
     move(box(size=0.8, location=(0, 0, 0)), library)
     for x in (-1, 1) if on else ():
@@ -147,7 +154,8 @@ def _library():
 
 @scene(quick=True)
 def linked_object(on):
-    ground(), world()
+    ground()
+    world()
     item = _library()
     if on:
         bpy.context.scene.collection.objects.link(item)
@@ -155,7 +163,8 @@ def linked_object(on):
 
 @scene()
 def library_override(on):
-    ground(), world()
+    ground()
+    world()
     item = _library()
     bpy.context.scene.collection.objects.link(item)
     if on:

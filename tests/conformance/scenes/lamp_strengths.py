@@ -21,22 +21,26 @@ def _nodes(item, strength):
 
 @scene(light="lamps")
 def lamp_of_a_colour(on):
-    ground(), lamp_above("POINT", color=(1, 0.3, 0.1) if on else (1, 1, 1))
+    ground()
+    lamp_above("POINT", color=(1, 0.3, 0.1) if on else (1, 1, 1))
 
 
 @scene(light="lamps", since=(4, 5))
 def lamp_of_a_temperature(on):
-    ground(), lamp_above("POINT", use_temperature=on, temperature=2500.0)
+    ground()
+    lamp_above("POINT", use_temperature=on, temperature=2500.0)
 
 
 @scene(light="lamps", since=(4, 5))
 def lamp_of_an_exposure(on):
-    ground(), lamp_above("POINT", exposure=1.5 if on else 0.0)
+    ground()
+    lamp_above("POINT", exposure=1.5 if on else 0.0)
 
 
 @scene(light="lamps")
 def lamp_of_negative_power(on):
-    ground(), lamp_above("POINT", -20 if on else 20)
+    ground()
+    lamp_above("POINT", -20 if on else 20)
     lamp("other", "SUN", (0, 0, 3), 3)
 
 
@@ -47,7 +51,8 @@ def lamp_by_nodes(on):
         value.default_value = 2.5 if on else 1.0
         return value
 
-    ground(), _nodes(lamp_above("POINT"), strength)
+    ground()
+    _nodes(lamp_above("POINT"), strength)
 
 
 @scene(light="lamps", quick=True)
@@ -56,7 +61,8 @@ def lamp_of_a_blackbody_node(on):
         kelvin = 2500.0 if on else 6500.0
         return add(tree, "ShaderNodeBlackbody", {0: kelvin}).outputs[0]
 
-    ground(), _nodes(lamp_above("SPOT", 200, spot_size=2.0), colour)
+    ground()
+    _nodes(lamp_above("SPOT", 200, spot_size=2.0), colour)
 
 
 @scene(light="lamps", says=("lamp", "nodes"))
@@ -65,7 +71,8 @@ def lamp_with_a_falloff_node(on):
         falloff = add(tree, "ShaderNodeLightFalloff", {"Strength": 1.0, "Smooth": 0.0}).outputs
         return falloff["Constant" if on else "Quadratic"]
 
-    ground(), _nodes(lamp_above("POINT", 20), strength)
+    ground()
+    _nodes(lamp_above("POINT", 20), strength)
 
 
 @scene(light="lamps", says=("lamp", "nodes"))
@@ -85,7 +92,8 @@ TILT=NONE
         node = add(tree, "ShaderNodeTexIES", mode="INTERNAL", ies=text)
         return node.outputs[0] if on else add(tree, "ShaderNodeValue").outputs[0]
 
-    ground(), _nodes(lamp_above("POINT", 5, (0, 0, 1.2), (0, 0, 0)), strength)
+    ground()
+    _nodes(lamp_above("POINT", 5, (0, 0, 1.2), (0, 0, 0)), strength)
 
 
 @scene(light="lamps", says=("lamp", "nodes"))
@@ -97,4 +105,5 @@ def lamp_with_a_pattern(on):
         plain_colour = add(tree, "ShaderNodeRGB").outputs[0]
         return add(tree, "ShaderNodeTexChecker", checker).outputs[0] if on else plain_colour
 
-    ground(), _nodes(lamp_above("SPOT", 200, spot_size=2.0, shadow_soft_size=0.0), colour)
+    ground()
+    _nodes(lamp_above("SPOT", 200, spot_size=2.0, shadow_soft_size=0.0), colour)

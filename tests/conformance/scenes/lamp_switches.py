@@ -8,14 +8,16 @@ from tests.conformance.scene import scene
 
 @scene(light="lamps", quick=True)
 def lamp_off_in_renders(on):
-    ground(), lamp_above("POINT")
+    ground()
+    lamp_above("POINT")
     other = lamp("other", "POINT", (-1, -1, 0.8), 60)
     other.hide_render = on
 
 
 @scene(light="lamps")
 def lamp_hidden_by_the_eye(on):
-    ground(), lamp_above("POINT", 20)
+    ground()
+    lamp_above("POINT", 20)
     other = lamp("other", "POINT", (-1, -1, 0.8), 60)
     other.hide_set(True)
     other.hide_render = not on
@@ -23,14 +25,16 @@ def lamp_hidden_by_the_eye(on):
 
 @scene(light="lamps", quick=True)
 def lamp_in_a_collection_off_in_renders(on):
-    ground(), lamp_above("POINT")
+    ground()
+    lamp_above("POINT")
     other = lamp("other", "POINT", (-1, -1, 0.8), 60)
     move(other, new_collection("old lamps")).users_collection[0].hide_render = on
 
 
 @scene(light="lamps", quick=True)
 def lamp_in_a_collection_off_in_viewports(on):
-    ground(), lamp_above("POINT", 20)
+    ground()
+    lamp_above("POINT", 20)
     other = lamp("other", "POINT", (-1, -1, 0.8), 60)
     move(other, new_collection("heavy")).users_collection[0].hide_viewport = True
     other.hide_render = not on
@@ -38,7 +42,8 @@ def lamp_in_a_collection_off_in_viewports(on):
 
 @scene(light="lamps")
 def lamp_in_an_excluded_collection(on):
-    ground(), lamp_above("POINT")
+    ground()
+    lamp_above("POINT")
     move(lamp("other", "POINT", (-1, -1, 0.8), 60), new_collection("drafts"))
     bpy.context.view_layer.layer_collection.children["drafts"].exclude = on
 
@@ -61,7 +66,8 @@ def lamp_out_of_a_library(on):
     bpy.data.lights.remove(item.data)
     with bpy.data.libraries.load(path, link=True) as (_, wanted):
         wanted.objects = ["lamp"]
-    ground(), lamp("weak", "POINT", (-1, -1, 1), 10)
+    ground()
+    lamp("weak", "POINT", (-1, -1, 1), 10)
     if on:
         bpy.context.scene.collection.objects.link(wanted.objects[0])
 
@@ -85,5 +91,7 @@ def lamp_that_moves_with_the_frame(on):
 
 @scene(light="all", quick=True)
 def lamps_and_a_world(on):
-    ground(), world(0.5, (0.3, 0.5, 1)), box(location=(0, 0, 0.5))
+    ground()
+    world(0.5, (0.3, 0.5, 1))
+    box(location=(0, 0, 0.5))
     lamp_above("SUN", 2.0 * on, rotation=(0.5, 0.6, 0), angle=0.1)

@@ -8,13 +8,15 @@ from tests.conformance.scene import scene
 
 @scene(light="lamps", quick=True)
 def point_lamp(on):
-    ground(), lamp_above("POINT", 60 if on else 40, shadow_soft_size=0.2)
+    ground()
+    lamp_above("POINT", 60 if on else 40, shadow_soft_size=0.2)
     box(size=0.5, location=(0.7, 0.6, 0.3))
 
 
 @scene(light="lamps", quick=True)
 def point_lamp_of_no_radius(on):
-    ground(), lamp_above("POINT", shadow_soft_size=0.0 if on else 0.8)
+    ground()
+    lamp_above("POINT", shadow_soft_size=0.0 if on else 0.8)
     box(size=0.5, location=(0, 0, 0.3))
 
 
@@ -33,7 +35,8 @@ def point_lamp_that_is_a_ball(on):
 @scene(light="lamps")
 def point_lamp_scaled(on):
     # Scale changes neither its power nor its radius.
-    ground(), box(location=(0, 0, 0.55))
+    ground()
+    box(location=(0, 0, 0.55))
     radius = 0.2 if on else 0.8
     lamp_above("POINT", location=(0, 0, 2.2), scale=(4, 4, 4), shadow_soft_size=radius)
 
@@ -72,24 +75,28 @@ def spot_lamp_that_is_a_ball(on):
 
 @scene(light="lamps", quick=True)
 def sun_lamp(on):
-    ground(), box(location=(0, 0, 0.5))
+    ground()
+    box(location=(0, 0, 0.5))
     lamp_above("SUN", 3, rotation=(0.5, 0.6, 0) if on else (0, 0, 0), angle=0.05)
 
 
 @scene(light="lamps")
 def sun_lamp_of_no_angle(on):
-    ground(), box(location=(0, 0, 0.5))
+    ground()
+    box(location=(0, 0, 0.5))
     lamp_above("SUN", 3, rotation=(0.5, 0.6, 0), angle=0.0 if on else 0.6)
 
 
 @scene(light="lamps")
 def sun_lamp_of_a_wide_angle(on):
-    ground(), box(location=(0, 0, 0.5))
+    ground()
+    box(location=(0, 0, 0.5))
     lamp_above("SUN", 3, rotation=(0.5, 0.6, 0), angle=1.2 if on else 0.0)
 
 
 def _area(shape, **settings):
-    ground(), box(size=0.4, location=(0.4, 0.4, 0.25))
+    ground()
+    box(size=0.4, location=(0.4, 0.4, 0.25))
     return lamp_above("AREA", **{"shape": shape, "size": 1.0} | settings)
 
 

@@ -9,11 +9,13 @@ from tests.conformance.parts import (
     GREY,
     RED,
     box,
+    emission,
     ground,
     lamp,
     lamp_above,
     place,
     plain,
+    sheet,
     wall,
     world,
 )
@@ -65,16 +67,17 @@ def shadow_linking_excludes_the_box(on):
 
 @scene(light="lamps")
 def shadow_linking_includes_one_box(on):
-    ground(), box("other box", size=0.5, location=(0.9, 0.6, 0.6))
+    ground()
+    box("other box", size=0.5, location=(0.9, 0.6, 0.6))
     _linked(on, "blocker", "INCLUDE", box(size=0.5, location=(-0.5, -0.5, 0.6)))
 
 
 @scene(light="all", says=("panel", "linking"), samples=4096)
 def light_linking_of_a_panel_that_shines(on):
-    from tests.conformance.parts import emission, sheet
-
     floor = ground()
-    wall(), world(0.2), lamp_above("POINT", 5)
+    wall()
+    world(0.2)
+    lamp_above("POINT", 5)
     panel = sheet("panel", emission("panel", (1, 1, 1), 5), 1, location=(0, 0, 1.5))
     place(panel, (0, 0, 1.5), (math.pi, 0, 0))
     if on:
@@ -86,13 +89,15 @@ def light_linking_of_a_panel_that_shines(on):
 
 @scene(light="lamps", quick=True)
 def lamp_without_shadows(on):
-    ground(), box(size=0.6, location=(0, 0, 0.6))
+    ground()
+    box(size=0.6, location=(0, 0, 0.6))
     lamp_above("POINT", shadow_soft_size=0.1, use_shadow=not on)
 
 
 @scene(light="lamps")
 def lamp_without_shadows_in_cycles(on):
-    ground(), box(size=0.6, location=(0, 0, 0.6))
+    ground()
+    box(size=0.6, location=(0, 0, 0.6))
     data = lamp_above("SPOT", 200, spot_size=2.0, shadow_soft_size=0.1).data
     if hasattr(data.cycles, "cast_shadow"):
         data.cycles.cast_shadow = not on
@@ -102,13 +107,15 @@ def lamp_without_shadows_in_cycles(on):
 
 @scene(light="lamps", says=("lamp", "bounces"))
 def lamp_of_one_bounce(on):
-    ground(plain("ground", GREY)), wall(plain("wall", RED), scale=(1, 1, 1), location=(-2, 0, 2))
+    ground(plain("ground", GREY))
+    wall(plain("wall", RED), scale=(1, 1, 1), location=(-2, 0, 2))
     lamp_above("POINT", location=(-1, 0, 1)).data.cycles.max_bounces = 0 if on else 1024
 
 
 @scene(light="lamps")
 def lamp_that_diffuse_rays_do_not_see(on):
-    ground(plain("ground", BLUE)), lamp("weak", "POINT", (-1, -1, 1), 10)
+    ground(plain("ground", BLUE))
+    lamp("weak", "POINT", (-1, -1, 1), 10)
     lamp_above("POINT").visible_diffuse = not on
 
 
@@ -124,6 +131,8 @@ def lamp_that_the_camera_does_not_see(on):
 @scene(light="all")
 def portal(on):
     # A portal guides Cycles' rays; it does not shine.
-    ground(), world(0.3), lamp_above("POINT", 20)
+    ground()
+    world(0.3)
+    lamp_above("POINT", 20)
     item = lamp("portal", "AREA", (0.5, 0.5, 1), 50, size=1)
     item.data.cycles.is_portal = on

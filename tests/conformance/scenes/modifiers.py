@@ -22,13 +22,15 @@ UP = {"location": (0, 0, 1), "size": 1.6}
 
 @scene(quick=True)
 def subdivision_in_renders(on):
-    ground(), world()
+    ground()
+    world()
     modifier(box(**UP), "SUBSURF", levels=0, render_levels=3 if on else 0)
 
 
 @scene(quick=True)
 def multires_in_renders(on):
-    ground(), world()
+    ground()
+    world()
     item = box(**UP)
     bpy.context.view_layer.objects.active = item
     detail = modifier(item, "MULTIRES")
@@ -39,7 +41,8 @@ def multires_in_renders(on):
 
 @scene(quick=True)
 def array_in_renders(on):
-    ground(), world()
+    ground()
+    world()
     array = modifier(box(size=0.5, location=(-1.5, 0, 0.3)), "ARRAY", count=5)
     array.relative_offset_displace = 1.3, 0, 0
     array.show_viewport, array.show_render = False, on
@@ -47,7 +50,8 @@ def array_in_renders(on):
 
 @scene()
 def array_in_the_viewport_only(on):
-    ground(), world()
+    ground()
+    world()
     array = modifier(box(size=0.5, location=(-1.5, 0, 0.3)), "ARRAY", count=5)
     array.relative_offset_displace = 1.3, 0, 0
     array.show_render = not on
@@ -55,7 +59,8 @@ def array_in_the_viewport_only(on):
 
 @scene()
 def mirror_modifier(on):
-    ground(), world()
+    ground()
+    world()
     item = box(size=0.8, location=(0, 0, 0.5))
     item.data.transform(Matrix.Translation((-1.2, 0, 0)))
     modifier(item, "MIRROR", show_viewport=False, show_render=on)
@@ -63,7 +68,8 @@ def mirror_modifier(on):
 
 @scene()
 def solidify_modifier(on):
-    ground(), world()
+    ground()
+    world()
     modifier(
         sheet("plate", plain("plate", RED), 1, location=(0, 0, 1.2)), "SOLIDIFY",
         thickness=1.1, offset=-1, show_viewport=False, show_render=on,
@@ -72,7 +78,8 @@ def solidify_modifier(on):
 
 @scene(quick=True)
 def bevel_modifier(on):
-    ground(), world()
+    ground()
+    world()
     modifier(
         box(**UP), "BEVEL", width=0.7, segments=3, show_viewport=False, show_render=on
     )  # fmt: skip
@@ -80,14 +87,16 @@ def bevel_modifier(on):
 
 @scene()
 def decimate_in_renders(on):
-    ground(), world()
+    ground()
+    world()
     item = ball("ball", plain("ball", RED), 0.9, location=(0, 0, 0.95))
     modifier(item, "DECIMATE", ratio=0.01, show_viewport=False, show_render=on)
 
 
 @scene()
 def boolean_with_a_hidden_cutter(on):
-    ground(), world()
+    ground()
+    world()
     item, cutter = box(size=1.8, location=(0, 0, 1)), box("cutter", location=(0, 0, 0.3))
     cutter.scale = 3, 3, 1.8
     cutter.hide_render = True
@@ -97,13 +106,15 @@ def boolean_with_a_hidden_cutter(on):
 
 @scene()
 def wireframe_modifier(on):
-    ground(), world()
+    ground()
+    world()
     modifier(box(**UP), "WIREFRAME", thickness=0.2, show_viewport=False, show_render=on)
 
 
 @scene(quick=True)
 def render_simplify(on):
-    ground(), world()
+    ground()
+    world()
     modifier(box(**UP), "SUBSURF", levels=3, render_levels=3)
     render = bpy.context.scene.render
     render.use_simplify, render.simplify_subdivision_render = on, 0
@@ -111,7 +122,8 @@ def render_simplify(on):
 
 @scene()
 def armature_pose(on):
-    ground(), world()
+    ground()
+    world()
     item = plate(location=(0, 0, 0.2))
     bones = put("bones", bpy.data.armatures.new("bones"))
     bpy.context.view_layer.objects.active = bones
@@ -127,7 +139,8 @@ def armature_pose(on):
 
 @scene()
 def lattice_modifier(on):
-    ground(), world()
+    ground()
+    world()
     item = box(size=0.8, location=(0, 0, 0.6))
     cage = put("cage", bpy.data.lattices.new("cage"), location=(0, 0, 0.6), scale=(1, 1, 1))
     modifier(item, "LATTICE", object=cage)
@@ -138,7 +151,8 @@ def lattice_modifier(on):
 
 @scene(quick=True)
 def shape_key(on):
-    ground(), world()
+    ground()
+    world()
     item = plate(location=(0, 0, 0.1))
     item.shape_key_add(name="Basis")
     key = item.shape_key_add(name="up")
@@ -149,7 +163,8 @@ def shape_key(on):
 
 @scene()
 def driven_by_the_frame(on):
-    ground(), world()
+    ground()
+    world()
     item = plate()
     driver = item.driver_add("location", 2).driver
     driver.expression = "0.1 * frame" if on else "0.1"

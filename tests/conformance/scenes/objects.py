@@ -20,7 +20,8 @@ from tests.conformance.scene import scene
 
 @scene(quick=True)
 def text(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         data = bpy.data.curves.new("text", "FONT")
         data.body, data.size, data.extrude, data.align_x = "HIM", 2.2, 0.3, "CENTER"
@@ -30,7 +31,8 @@ def text(on):
 
 @scene()
 def curve_with_a_bevel(on):
-    ground(), world()
+    ground()
+    world()
     data = bpy.data.curves.new("pipe", "CURVE")
     data.dimensions, data.bevel_depth = "3D", 0.35 if on else 0.02
     spline = data.splines.new("POLY")
@@ -43,7 +45,8 @@ def curve_with_a_bevel(on):
 
 @scene()
 def curve_resolution_of_renders(on):
-    ground(), world()
+    ground()
+    world()
     data = bpy.data.curves.new("disc", "CURVE")
     data.dimensions, data.fill_mode, data.resolution_u = "2D", "BOTH", 1
     data.render_resolution_u = 8 if on else 1
@@ -62,7 +65,8 @@ def curve_resolution_of_renders(on):
 
 @scene()
 def metaballs(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         data = bpy.data.metaballs.new("drops")
         data.resolution = data.render_resolution = 0.15
@@ -75,7 +79,8 @@ def metaballs(on):
 
 @scene(quick=True)
 def nurbs_surface(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=1.2, location=(0, 0, 0.9))
         bpy.context.object.data.materials.append(plain("drop", RED))
@@ -87,7 +92,8 @@ def _emitter():
 
 @scene(says=("emitter", "particle"))
 def particle_hair(on):
-    ground(), world()
+    ground()
+    world()
     settings = modifier(_emitter(), "PARTICLE_SYSTEM").particle_system.settings
     settings.type, settings.count, settings.hair_length = "HAIR", 300 if on else 0, 0.9
     settings.root_radius = settings.tip_radius = 8.0
@@ -95,7 +101,8 @@ def particle_hair(on):
 
 @scene()
 def particle_objects(on):
-    ground(), world()
+    ground()
+    world()
     leaf = box("leaf", plain("leaf", GREEN), 0.5, location=(50, 0, 0))
     settings = modifier(_emitter(), "PARTICLE_SYSTEM").particle_system.settings
     settings.type, settings.use_advanced_hair = "HAIR", True
@@ -105,7 +112,8 @@ def particle_objects(on):
 
 @scene(says=("fringe", "hair"))
 def hair_curves(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         data = bpy.data.hair_curves.new("fringe")
         data.add_curves([2] * 7)
@@ -118,7 +126,8 @@ def hair_curves(on):
 
 @scene(says=("dust", "point"))
 def point_cloud(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         source = put("dust", bpy.data.meshes.new("dust"), location=(0, 0, 0.6))
         source.data.from_pydata([(x, y, 0) for x in (-1, 0, 1) for y in (-1, 0, 1)], [], [])

@@ -17,7 +17,8 @@ def _pattern(kind, source="Generated", output="Color", inputs=(), **settings):
 
 @scene(quick=True)
 def noise_in_generated_coordinates(on):
-    ground(_pattern("ShaderNodeTexNoise", inputs={"Scale": 3.0}) if on else None), world()
+    ground(_pattern("ShaderNodeTexNoise", inputs={"Scale": 3.0}) if on else None)
+    world()
 
 
 @scene()
@@ -44,12 +45,14 @@ def wave_along_the_normal(on):
 
 @scene(quick=True)
 def bricks(on):
-    ground(_pattern("ShaderNodeTexBrick", "UV", inputs={"Scale": 2.3}) if on else None), world()
+    ground(_pattern("ShaderNodeTexBrick", "UV", inputs={"Scale": 2.3}) if on else None)
+    world()
 
 
 @scene()
 def checker(on):
-    ground(_pattern("ShaderNodeTexChecker", "UV", inputs={"Scale": 4.7}) if on else None), world()
+    ground(_pattern("ShaderNodeTexChecker", "UV", inputs={"Scale": 4.7}) if on else None)
+    world()
 
 
 @scene(quick=True)
@@ -66,7 +69,8 @@ def gradient_in_the_space_of_another_object(on):
         vector = add(tree, "ShaderNodeTexCoord", object=other if on else None).outputs["Object"]
         return add(tree, "ShaderNodeTexGradient", {"Vector": vector}).outputs[0]
 
-    ground(painted("ground", colour)), world()
+    ground(painted("ground", colour))
+    world()
 
 
 @scene()
@@ -77,7 +81,8 @@ def white_noise_of_the_position(on):
         noise = add(tree, "ShaderNodeTexWhiteNoise", {"Vector": cell.outputs[0]})
         return noise.outputs["Color" if on else "Value"]
 
-    ground(painted("ground", colour), location=(0.013, 0.017, 0.1)), world()
+    ground(painted("ground", colour), location=(0.013, 0.017, 0.1))
+    world()
 
 
 @scene(quick=True)

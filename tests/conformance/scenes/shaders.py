@@ -32,7 +32,9 @@ def rough_diffuse(on):
 @scene(says=("wall", "specular"))
 def glossy_shader(on):
     gloss = {"Color": (*(RED if on else (0, 0, 0)), 1), "Roughness": 0.6}
-    ground(), wall(shader("wall", "ShaderNodeBsdfAnisotropic", gloss), **BESIDE), world()
+    ground()
+    wall(shader("wall", "ShaderNodeBsdfAnisotropic", gloss), **BESIDE)
+    world()
 
 
 @scene(light="lamps", says=("ground", "toon"))
@@ -46,13 +48,16 @@ def toon_shader(on):
 @scene(says=("wall", "sheen"), quick=True)
 def sheen_shader(on):
     kind = "ShaderNodeBsdfSheen" if on else "ShaderNodeBsdfDiffuse"
-    ground(), wall(shader("wall", kind, {"Color": (*RED, 1)}), **BESIDE), world()
+    ground()
+    wall(shader("wall", kind, {"Color": (*RED, 1)}), **BESIDE)
+    world()
 
 
 @scene(says=("ground", "subsurface"), samples=8192)
 def subsurface_shader(on):
     kind = "ShaderNodeSubsurfaceScattering" if on else "ShaderNodeBsdfDiffuse"
-    ground(shader("ground", kind, {"Color": (*GREY, 1)})), world()
+    ground(shader("ground", kind, {"Color": (*GREY, 1)}))
+    world()
 
 
 @scene(quick=True)
@@ -62,7 +67,8 @@ def mix_of_two_diffuse(on):
         blue = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (*BLUE, 1)}).outputs[0]
         return add(tree, "ShaderNodeMixShader", {0: 0.75 * on, 1: red, 2: blue}).outputs[0]
 
-    ground(shaded("ground", surface)), world()
+    ground(shaded("ground", surface))
+    world()
 
 
 @scene()
@@ -72,7 +78,8 @@ def sum_of_two_diffuse(on):
         blue = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (0.1, 0.1, 0.4, 1)}).outputs[0]
         return add(tree, "ShaderNodeAddShader", {0: red, 1: blue} if on else {0: red}).outputs[0]
 
-    ground(shaded("ground", surface)), world()
+    ground(shaded("ground", surface))
+    world()
 
 
 @scene()
@@ -84,7 +91,8 @@ def mix_by_a_texture(on):
         factor = add(tree, "ShaderNodeTexGradient", {0: uv}).outputs[0] if on else 0.5
         return add(tree, "ShaderNodeMixShader", {0: factor, 1: red, 2: blue}).outputs[0]
 
-    ground(shaded("ground", surface)), world()
+    ground(shaded("ground", surface))
+    world()
 
 
 @scene(quick=True)
@@ -95,7 +103,8 @@ def output_for_cycles(on):
         other = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (*GREEN, 1)}).outputs[0]
         add(tree, "ShaderNodeOutputMaterial", {"Surface": other}, target="CYCLES")
         tree.nodes[1].target = "EEVEE"
-    ground(material), world()
+    ground(material)
+    world()
 
 
 @scene()
@@ -105,7 +114,8 @@ def two_outputs_of_which_one_is_active(on):
     other = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (*GREEN, 1)}).outputs[0]
     output = add(tree, "ShaderNodeOutputMaterial", {"Surface": other})
     output.is_active_output = on
-    ground(material), world()
+    ground(material)
+    world()
 
 
 @scene()
@@ -113,7 +123,9 @@ def output_without_a_surface(on):
     material = plain("wall", RED)
     if on:
         material.node_tree.links.clear()
-    ground(), wall(material, **BESIDE), world()
+    ground()
+    wall(material, **BESIDE)
+    world()
 
 
 @scene(light="lamps", quick=True)
@@ -135,7 +147,8 @@ def colour_by_the_normal(on):
         normal = add(tree, "ShaderNodeNewGeometry").outputs["Normal" if on else "Position"]
         return add(tree, "ShaderNodeVectorMath", {0: normal}, operation="ABSOLUTE").outputs[0]
 
-    ball("ball", painted("ball", colour), location=(0.3, 0.2, 0.1)), world()
+    ball("ball", painted("ball", colour), location=(0.3, 0.2, 0.1))
+    world()
 
 
 @scene()
@@ -148,7 +161,8 @@ def colour_by_the_side_that_is_seen(on):
         node.inputs[7].default_value = (*(RED if on else BLUE), 1)
         return node.outputs[2]
 
-    ground(), world()
+    ground()
+    world()
     wall(painted("wall", colour), **BESIDE, rotation=(0, -np.pi / 2, 0))
 
 
@@ -162,4 +176,6 @@ def colour_that_only_the_camera_sees(on):
         node.inputs[7].default_value = (*BLUE, 1)
         return node.outputs[2]
 
-    ground(), wall(painted("wall", colour), **BESIDE), world()
+    ground()
+    wall(painted("wall", colour), **BESIDE)
+    world()

@@ -29,7 +29,8 @@ from tests.conformance.scene import scene
 
 @scene(targets=("ground", "plate"), quick=True)
 def negative_scale(on):
-    ground(), world()
+    ground()
+    world()
     item = plate(size=1.5)
     item.data.transform(Matrix.Translation((1, 0, 0)))
     item.scale = (-1 if on else 1), 1, 1
@@ -37,7 +38,8 @@ def negative_scale(on):
 
 @scene()
 def sheared_by_its_parent(on):
-    ground(), world()
+    ground()
+    world()
     parent = put("parent", None, rotation=(0, 0, 0.6), scale=(-1, 1.8, 0.7) if on else (1, 1, 1))
     item = wall(rotation=(0, math.pi / 2, 0.4), location=(-1, 0, 1.1))
     item.parent = parent
@@ -67,13 +69,15 @@ def smooth_but_for_sharp_edges(on):
 
 @scene()
 def flat_to_zero(on):
-    ground(), world()
+    ground()
+    world()
     box(size=1.5, scale=(1, 1, 0) if on else (1, 1, 1), location=(0, 0, 0.8))
 
 
 @scene(quick=True)
 def loose_parts(on):
-    ground(), world()
+    ground()
+    world()
     if on:
         mesh = bpy.data.meshes.new("parts")
         corners = [(1.6 * x, 1.6 * y, 0.6 + z) for x, y, z in BOX_CORNERS]
@@ -85,7 +89,8 @@ def loose_parts(on):
 
 @scene()
 def concave_polygon(on):
-    ground(), world()
+    ground()
+    world()
     rim = [(-1.4, -1.4), (1.4, -1.4), (1.4, 1.4), (0, -0.9 if on else 1.4), (-1.4, 1.4)]
     corners = [(x, y, z) for z in (0.4, 0.5) for x, y in rim]
     sides = [(i, (i + 1) % 5, (i + 1) % 5 + 5, i + 5) for i in range(5)]
@@ -95,7 +100,8 @@ def concave_polygon(on):
 
 @scene()
 def bent_quad(on):
-    ground(), world()
+    ground()
+    world()
     high, low = (1.6, 0.1) if on else (0.5, 0.5)
     rim = [(-1.2, -1.2, high), (1.2, -1.2, low), (1.2, 1.2, high), (-1.2, 1.2, low)]
     corners = [*rim, *((x, y, z + 0.05) for x, y, z in rim)]
@@ -105,7 +111,8 @@ def bent_quad(on):
 
 @scene(says=("plate", "displacement"))
 def displaced_by_its_material(on):
-    ground(), world()
+    ground()
+    world()
     material = plain("plate", RED)
     tree = material.node_tree
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
@@ -120,28 +127,32 @@ def displaced_by_its_material(on):
 @scene(bound=0.05)
 def far_from_the_origin(on):
     # A site of 400 m in the coordinates of a map.
-    place(ground(), (6e5, 5e6, 100), scale=(100, 100, 100)), world()
+    place(ground(), (6e5, 5e6, 100), scale=(100, 100, 100))
+    world()
     if on:
         box(location=(6e5, 5e6, 155), scale=(100, 100, 100))
 
 
 @scene()
 def two_millimetres_in_size(on):
-    place(ground(), scale=(5e-4, 5e-4, 5e-4)), world()
+    place(ground(), scale=(5e-4, 5e-4, 5e-4))
+    world()
     if on:
         box(location=(0, 0, 2.6e-4), scale=(5e-4, 5e-4, 5e-4))
 
 
 @scene()
 def two_kilometres_in_size(on):
-    place(ground(), scale=(500, 500, 500)), world()
+    place(ground(), scale=(500, 500, 500))
+    world()
     if on:
         box(location=(0, 0, 260), scale=(500, 500, 500))
 
 
 @scene(says=("fog", "volume"), samples=4096)
 def fog(on):
-    ground(), world()
+    ground()
+    world()
     material = bpy.data.materials.new("fog")
     if material.node_tree is None:
         material.use_nodes = True

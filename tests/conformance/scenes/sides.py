@@ -30,13 +30,15 @@ AWAY = {"rotation": (0, -math.pi / 2, 0)}
 
 @scene(quick=True)
 def back_of_a_wall(on):
-    ground(), world()
+    ground()
+    world()
     wall(plain("wall", RED if on else (0, 0, 0)), **BESIDE, **AWAY)
 
 
 @scene(quick=True)
 def underside_of_a_sheet(on):
-    ground(), world()
+    ground()
+    world()
     sheet("sheet", plain("sheet", RED if on else (0, 0, 0)))
 
 
@@ -49,7 +51,8 @@ def back_under_a_lamp(on):
 
 @scene(samples=4096)
 def room_whose_faces_look_outwards(on):
-    ground(), world()
+    ground()
+    world()
     sides = [(-2, 0, 0, -1), (2, 0, 0, 1), (0, -2, 1, 0), (0, 2, -1, 0)]
     for number, (x, y, turn_x, turn_y) in enumerate(sides):
         turn = (turn_x * math.pi / 2, turn_y * math.pi / 2, 0)
@@ -74,7 +77,8 @@ def two_colours_of_two_sides(on):
         node.inputs[7].default_value = (*(RED if on else BLUE), 1)
         return node.outputs[2]
 
-    ground(), world()
+    ground()
+    world()
     sheet("sheet", painted("sheet", colour))
 
 
@@ -83,7 +87,8 @@ def backface_culling_of_the_viewport(on):
     # A setting of EEVEE: Cycles keeps the back.
     material = plain("sheet", RED if on else (0, 0, 0))
     material.use_backface_culling = True
-    ground(), world()
+    ground()
+    world()
     sheet("sheet", material)
 
 
@@ -97,7 +102,8 @@ def floor_that_looks_down(on):
 
 @scene()
 def faces_of_mixed_directions(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", RED if on else (0, 0, 0)), **BESIDE)
     for polygon in list(item.data.polygons)[::2]:
         polygon.flip()
@@ -106,14 +112,16 @@ def faces_of_mixed_directions(on):
 
 @scene(quick=True)
 def two_sheets_of_one_place(on):
-    ground(), world()
+    ground()
+    world()
     sheet("up", plain("up", RED if on else (0, 0, 0)))
     sheet("down", plain("down", RED if on else (0, 0, 0)), rotation=(math.pi, 0, 0))
 
 
 @scene()
 def box_without_a_bottom(on):
-    ground(), world()
+    ground()
+    world()
     item = box(size=1.6, location=(0, 0, 1), material=plain("box", RED if on else (0, 0, 0)))
     corners = np.array([v.co for v in item.data.vertices])
     faces = [tuple(p.vertices) for p in item.data.polygons][1:]
@@ -123,7 +131,8 @@ def box_without_a_bottom(on):
 
 @scene()
 def leaves_that_stand(on):
-    ground(), world()
+    ground()
+    world()
     green = plain("leaves", (0.05, 0.8, 0.1) if on else (0, 0, 0))
     for number in range(7):
         turn = (math.pi / 2, 0, number)
@@ -133,5 +142,6 @@ def leaves_that_stand(on):
 
 @scene()
 def back_that_shines(on):
-    ground(), world(0.2)
+    ground()
+    world(0.2)
     sheet("sheet", emission("sheet", (1, 0.6, 0.3), 2.0 if on else 0.0), location=(0, 0, 1.5))

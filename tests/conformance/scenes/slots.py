@@ -18,7 +18,8 @@ from tests.conformance.scene import scene
 
 @scene(quick=True)
 def slots_by_face(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", RED), **BESIDE)
     item.data.materials.append(plain("other", BLUE))
     item.data.polygons.foreach_set("material_index", [int(on)] * len(item.data.polygons))
@@ -26,7 +27,8 @@ def slots_by_face(on):
 
 @scene(targets=("ground", "wall"), since=(5, 0), quick=True)
 def slots_that_are_empty_or_missing(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", RED), **BESIDE)
     item.data.materials.append(None)
     slots = [0, 1, 2, 7] if on else [0] * 4
@@ -35,7 +37,8 @@ def slots_that_are_empty_or_missing(on):
 
 @scene()
 def slot_of_the_object(on):
-    ground(), world()
+    ground()
+    world()
     slot = wall(plain("wall", RED), **BESIDE).material_slots[0]
     if on:
         slot.link, slot.material = "OBJECT", plain("other", BLUE)
@@ -43,7 +46,8 @@ def slot_of_the_object(on):
 
 @scene()
 def slot_by_geometry_nodes(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", RED), **BESIDE)
     item.data.materials.append(plain("other", BLUE))
     if on:
@@ -54,7 +58,8 @@ def slot_by_geometry_nodes(on):
 
 @scene()
 def no_material(on):
-    ground(), world()
+    ground()
+    world()
     item = wall(plain("wall", RED), **BESIDE)
     if on:
         item.data.materials.clear()
@@ -62,7 +67,8 @@ def no_material(on):
 
 @scene(targets=("ground", "first", "second"), quick=True)
 def one_mesh_of_two_objects(on):
-    ground(), world()
+    ground()
+    world()
     first = grid("first", 4, 1.5, plain("red", RED), location=(-1.5, 0, 0.8))
     second = put("second", first.data, location=(1.5, 0, 0.8))
     if on:

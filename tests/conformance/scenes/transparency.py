@@ -59,7 +59,8 @@ def _cards():
 
 @scene(quick=True)
 def leaf_card(on):
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _leaf(_cards() if on else 1, interpolation="Closest"))
 
 
@@ -72,19 +73,22 @@ def leaf_card_under_a_sun(on):
 
 @scene(quick=True)
 def leaf_card_that_is_all_cut_away(on):
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _leaf(0 if on else 1))
 
 
 @scene()
 def leaf_card_of_half_alpha(on):
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _leaf(0.5 if on else 1))
 
 
 @scene()
 def hedge_of_leaf_cards(on):
-    ground(), world()
+    ground()
+    world()
     material, random = (
         _leaf(_cards() if on else 1, interpolation="Closest"),
         np.random.default_rng(7),
@@ -97,7 +101,8 @@ def hedge_of_leaf_cards(on):
 
 @scene(quick=True)
 def alpha_of_principled(on):
-    ground(), world()
+    ground()
+    world()
     glaze = {"Base Color": (*BLUE, 1), "Alpha": 0.4 if on else 1}
     sheet("pane", principled("pane", glaze))
 
@@ -105,7 +110,8 @@ def alpha_of_principled(on):
 @scene()
 def alpha_with_the_method_clip(on):
     # A setting of EEVEE: Cycles blends.
-    ground(), world()
+    ground()
+    world()
     material = principled("pane", {"Base Color": (*BLUE, 1), "Alpha": 0.4 if on else 1})
     if hasattr(material, "blend_method"):
         material.blend_method = "CLIP"
@@ -115,7 +121,8 @@ def alpha_with_the_method_clip(on):
 
 @scene()
 def transparent_pane(on):
-    ground(), world()
+    ground()
+    world()
     sheet("pane", shader("pane", CLEAR) if on else plain("pane", GREY), 3)
 
 
@@ -128,7 +135,8 @@ def transparent_pane_under_a_lamp(on):
 
 @scene()
 def coloured_transparent_pane(on):
-    ground(), world()
+    ground()
+    world()
     colour = (0.9, 0.4, 0.1, 1) if on else (1, 1, 1, 1)
     sheet("pane", shader("pane", CLEAR, {"Color": colour}), 3)
 
@@ -143,7 +151,8 @@ def coloured_pane_under_a_sun(on):
 
 @scene()
 def stacked_panes(on):
-    ground(), world()
+    ground()
+    world()
     tint = shader("pane", CLEAR, {"Color": (0.8, 0.6, 0.9, 1)})
     for number in range(5 if on else 1):
         sheet(f"pane {number}", tint, 3, location=(0, 0, 0.3 + 0.1 * number))
@@ -151,7 +160,8 @@ def stacked_panes(on):
 
 @scene(quick=True)
 def mix_with_transparent(on):
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _cut(lambda tree: 0.3 if on else 1.0))
 
 
@@ -162,7 +172,8 @@ def transparent_by_a_checker(on):
         checker = {"Vector": uv, "Scale": 4.0, "Color1": (1, 1, 1, 1), "Color2": (0, 0, 0, 1)}
         return add(tree, "ShaderNodeTexChecker", checker).outputs[0] if on else 1.0
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _cut(factor))
 
 
@@ -183,7 +194,8 @@ def transparent_front_and_solid_back(on):
     def back(tree):
         return add(tree, "ShaderNodeNewGeometry").outputs["Backfacing"] if on else 1.0
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _cut(back), rotation=(math.pi, 0, 0))
 
 
@@ -192,7 +204,8 @@ def transparent_where_it_is_seen_head_on(on):
     def facing(tree):
         return add(tree, "ShaderNodeLayerWeight").outputs["Facing"] if on else 1.0
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _cut(facing))
 
 
@@ -214,13 +227,15 @@ def transparent_to_diffuse_rays(on):
         bounce = add(tree, "ShaderNodeLightPath").outputs["Is Diffuse Ray"]
         return add(tree, "ShaderNodeMath", {0: 1.0, 1: bounce}, operation="SUBTRACT").outputs[0]
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", _cut(solid if on else lambda tree: 1.0))
 
 
 @scene(quick=True)
 def translucent_leaf(on):
-    ground(), world()
+    ground()
+    world()
     leaf = shader("pane", "ShaderNodeBsdfTranslucent", {"Color": (*GREEN, 1)})
     sheet("pane", leaf if on else plain("pane", GREEN))
 
@@ -232,7 +247,8 @@ def half_translucent_leaf(on):
         front = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (*GREEN, 1)}).outputs[0]
         return add(tree, "ShaderNodeMixShader", {0: 0.5 * on, 1: front, 2: back}).outputs[0]
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", shaded("pane", surface), 3)
 
 
@@ -246,28 +262,32 @@ def translucent_leaf_under_a_sun(on):
 
 @scene(says=("pane", "glass"))
 def glass_pane(on):
-    ground(), world()
+    ground()
+    world()
     glass = shader("pane", "ShaderNodeBsdfGlass", {"Color": (1, 1, 1, 1)})
     sheet("pane", glass if on else plain("pane", (0, 0, 0)), 3)
 
 
 @scene(says=("box", "glass"), samples=4096)
 def glass_block(on):
-    ground(), world()
+    ground()
+    world()
     glass = shader("box", "ShaderNodeBsdfGlass", {"Color": (0.9, 0.95, 1, 1)})
     box(material=glass if on else plain("box", (0, 0, 0)))
 
 
 @scene(says=("pane", "glass"))
 def refraction_shader(on):
-    ground(), world()
+    ground()
+    world()
     glass = shader("pane", "ShaderNodeBsdfRefraction", {"Color": (0.5, 0.9, 0.6, 1)})
     sheet("pane", glass if on else plain("pane", (0, 0, 0)), 3)
 
 
 @scene(says=("pane", "glass"), quick=True)
 def glass_of_principled(on):
-    ground(), world()
+    ground()
+    world()
     glass = {"Base Color": (0.6, 0.8, 0.9, 1), "Transmission Weight": 1.0, "Roughness": 0.0}
     glass["Specular IOR Level"] = 0.5
     sheet("pane", principled("pane", glass) if on else plain("pane", (0, 0, 0)), 3)
@@ -283,7 +303,8 @@ def architects_glass(on):
         glass, clear = add(tree, "ShaderNodeBsdfGlass").outputs[0], add(tree, CLEAR).outputs[0]
         return add(tree, "ShaderNodeMixShader", {0: either, 1: glass, 2: clear}).outputs[0]
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", shaded("pane", surface) if on else plain("pane", (0, 0, 0)), 3)
 
 
@@ -294,7 +315,8 @@ def thin_glass_of_transparent_and_gloss(on):
         gloss = add(tree, "ShaderNodeBsdfAnisotropic", {"Roughness": 0.0}).outputs[0]
         return add(tree, "ShaderNodeMixShader", {0: 0.1, 1: clear, 2: gloss}).outputs[0]
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", shaded("pane", surface) if on else plain("pane", RED), 3)
 
 
@@ -305,13 +327,15 @@ def transparent_by_addition(on):
         solid = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (0.4, 0.1, 0.1, 1)}).outputs[0]
         return add(tree, "ShaderNodeAddShader", {0: clear, 1: solid}).outputs[0]
 
-    ground(), world()
+    ground()
+    world()
     sheet("pane", shaded("pane", surface) if on else plain("pane", (0.4, 0.1, 0.1)))
 
 
 @scene()
 def sheet_without_a_surface_shader(on):
-    ground(), world()
+    ground()
+    world()
     material = plain("pane", RED)
     if on:
         material.node_tree.links.clear()

@@ -11,7 +11,9 @@ from tests.conformance.scene import scene
 
 def _lit(surface=None, **settings):
     """A box on the ground under a world."""
-    ground(), box(location=(0, 0, 0.5)), wall()
+    ground()
+    box(location=(0, 0, 0.5))
+    wall()
     world(surface=surface, **settings)
 
 
@@ -39,7 +41,8 @@ def world_of_a_strength(on):
 
 @scene(light="lamps", quick=True)
 def no_world(on):
-    ground(), box(location=(0, 0, 0.5))
+    ground()
+    box(location=(0, 0, 0.5))
     lamp("lamp", "POINT", (1, 1, 1.5), 60 if on else 30)
     bpy.context.scene.world = None
 

@@ -31,7 +31,7 @@ class ConformanceScene:
         One message that holds all these words does as well as right colours. Empty: it must be
         right.
     since, until : (int, int)
-        The first Blender that has the feature, and the last.
+        The first Blender that has the feature as the golden file shows it, and the last.
     quick : bool
         Whether it runs in `make test`.
     samples : int

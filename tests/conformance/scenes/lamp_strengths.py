@@ -75,7 +75,7 @@ def lamp_with_a_falloff_node(on):
     _nodes(lamp_above("POINT", 20), strength)
 
 
-@scene(light="lamps", says=("lamp", "nodes"))
+@scene(light="lamps", says=("lamp", "nodes"), since=(5, 0))
 def lamp_with_an_ies_profile(on):
     profile = """IESNA:LM-63-1995
 TILT=NONE

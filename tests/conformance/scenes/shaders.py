@@ -23,7 +23,7 @@ from tests.conformance.parts import (
 from tests.conformance.scene import scene
 
 
-@scene(light="lamps", says=("ground", "roughness"))
+@scene(light="lamps", says=("ground", "roughness"), since=(4, 3))
 def rough_diffuse(on):
     ground(shader("ground", "ShaderNodeBsdfDiffuse", {"Color": (*GREY, 1), "Roughness": float(on)}))
     lamp("sun", "SUN", (0, 0, 3), 3, rotation=(0, 1.3, 0))

@@ -14,7 +14,6 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
-from prt_core.basis import harmonics  # noqa: E402
 from prt_core.blender.measuring import data_folder  # noqa: E402
 from prt_core.blender.studio import ALL, studio_paths  # noqa: E402
 from prt_core.compress import Irradiance, TransportRows  # noqa: E402

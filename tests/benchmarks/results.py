@@ -2,7 +2,8 @@
 
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
-Each part (rays, bake, large, sampling, compression, irradiance, wavelets, truth) replaces its own sections.
+Each part (rays, bake, large, sampling, compression, irradiance, wavelets, truth) replaces its own
+sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
 from prt_core.basis import ORTHONORMAL, WAVELETS, ImageWavelet  # noqa: E402
+from prt_core.blender.measuring import data_folder  # noqa: E402
 from prt_core.compress import Wavelet4D  # noqa: E402
 from prt_core.runtime.progress import run  # noqa: E402
 from tests.benchmarks.sections import write_sections  # noqa: E402
@@ -71,7 +72,7 @@ def filters_table():
     ]
 
 
-SECTIONS = {TITLE: filters_table}
+SECTIONS = {TITLE: lambda: measure("bunny", "ground", 256) if data_folder() else []}
 
 if __name__ == "__main__":
     write_sections(PAGE, {TITLE: lambda: measure(*sys.argv[1:])})

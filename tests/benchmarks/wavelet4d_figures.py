@@ -298,6 +298,11 @@ def frames():
             }
             print(key, rows[key], flush=True)
             kept.write_text(json.dumps(rows))
+    return frames_table(rows)
+
+
+def frames_table(rows):
+    """Lines of what `frames` keeps."""
     lines = [
         "Adaptive 4D against 2D at equal error, the light cut as by default (`wavelet4d_figures.py "
         f"frames`): bytes, terms that a frame reads, milliseconds of one core. "

@@ -1,6 +1,7 @@
 """Wavelets of the rows with wavelets of the columns: section 5.2 of Cheslack-Postava et al. (2007).
 
 python tests/benchmarks/wavelet4d_filters.py SCENE KIND N [ERROR]   into docs/benchmarks
+python tests/benchmarks/wavelet4d_filters.py      what is kept, into docs/benchmarks
 
 They found Daubechies 4 for the rows and LeGall 5/3 for the columns best. SCENE, KIND and N as
 `wavelet4d_tables.py image` takes them; what was measured before stays in the table.
@@ -56,6 +57,8 @@ def filters_table():
         for error in dict.fromkeys(key.split()[0] for key in sizes):
             for row_filter in ORTHONORMAL:
                 mine = [sizes.get(f"{error} {row_filter} {column}") for column in WAVELETS]
+                if not any(mine):
+                    continue
                 cells = ["" if size is None else f"{size / 1e6:.2f}" for size in mine]
                 named = path.name.removesuffix(".filters.json")
                 lines.append(
@@ -75,4 +78,6 @@ def filters_table():
 SECTIONS = {TITLE: lambda: measure("bunny", "ground", 256) if data_folder() else []}
 
 if __name__ == "__main__":
-    write_sections(PAGE, {TITLE: lambda: measure(*sys.argv[1:])})
+    write_sections(
+        PAGE, {TITLE: lambda: measure(*sys.argv[1:]) if sys.argv[1:] else filters_table()}
+    )

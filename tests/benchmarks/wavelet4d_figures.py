@@ -58,25 +58,21 @@ ERRORS = (0.1, 0.05, 0.02, 0.01)
 SUBJECT = "dragon", "model"
 N_WAVELETS = (16, 32, 64, 128, 256, 512, 1024, 2048)
 GEOMETRY_TERMS = 256
-# (scene, what of it, edges of the model halved so often, errors).
-PAIRS = (
-    ("bunny", "model", 0, (0.05, 0.02, 0.01)),
-    ("dragon", "model", 0, (0.05, 0.02, 0.01)),
-    ("bunny", "camera256", 0, (0.02,)),
-    ("dragon", "model", 1, (0.02,)),
-)
+# Of the frames that are compared: scene and what of it; errors of the matrix.
+PAIRS = (("bunny", "model"), ("dragon", "model"))
+PAIR_ERRORS = (0.05, 0.02, 0.01)
 REPEATS = 3
 N_PAIRS = REPEATS * FRAMES
 
 
-def subject(name, kind, halvings, wavelet):
+def subject(name, kind, wavelet):
     """Bake, rows and transform of columns of a model or of an image (`camera256`, `model256`)."""
     if kind != "model":
         size = "".join(filter(str.isdigit, kind))
         bake = image_bake(name, kind.removesuffix(size), size)
         image = bake.scene.image
         return bake, image_rows(bake), ImageWavelet((image.height, image.width), wavelet)
-    bake = baked(name, halvings)
+    bake = baked(name)
     points = bake.scene.points
     names = [item.name for item in bake.scene.objects]
     mine = np.flatnonzero(points.object_index == names.index("model"))
@@ -87,9 +83,9 @@ def subject(name, kind, halvings, wavelet):
 class Forms:
     """Fitted forms of one subject, each kept by its settings."""
 
-    def __init__(self, name, kind, halvings=0, wavelet="haar"):
-        self.name = f"{name}-{kind}" + (f"-halved{halvings}" if halvings else "")
-        self.bake, self.rows, self.columns = subject(name, kind, halvings, wavelet)
+    def __init__(self, name, kind, wavelet="haar"):
+        self.name = f"{name}-{kind}"
+        self.bake, self.rows, self.columns = subject(name, kind, wavelet)
         self._file = None
 
     def fitted(self, **settings):
@@ -276,10 +272,10 @@ def frames():
     """Paired frames of adaptive 4D and of 2D wavelets at equal error, each light by turns."""
     kept = CACHE / "frames.json"
     rows = json.loads(kept.read_text()) if kept.exists() else {}
-    for name, kind, halvings, asked in PAIRS:
-        forms = Forms(name, kind, halvings)
+    for name, kind in PAIRS:
+        forms = Forms(name, kind)
         lights = turning_courtyard(forms.bake.cube_map)
-        for error in asked:
+        for error in PAIR_ERRORS:
             key = f"{forms.name} {error}"
             if key in rows:
                 continue

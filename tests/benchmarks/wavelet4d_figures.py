@@ -90,8 +90,8 @@ class Forms:
 
     def fitted(self, **settings):
         """A `Wavelet4D`; None where the error is out of reach of its bits."""
-        told = "_".join(f"{key}={value}" for key, value in sorted(settings.items()))
-        kept = CACHE / f"{self.name}.{told}.figure.pkl"
+        label = "_".join(f"{key}={value}" for key, value in sorted(settings.items()))
+        kept = CACHE / f"{self.name}.{label}.figure.pkl"
         if not kept.exists():
             if self._file is None:
                 self._file = run(Wavelet4D(self.columns).columns_steps(self.rows))
@@ -101,7 +101,7 @@ class Forms:
             except PRTError as error:
                 state = str(error)
             kept.write_bytes(pickle.dumps(state))
-            print(self.name, told, state if isinstance(state, str) else model.nbytes, flush=True)
+            print(self.name, label, state if isinstance(state, str) else model.nbytes, flush=True)
         state = pickle.loads(kept.read_bytes())
         return None if isinstance(state, str) else Wavelet4D.from_state(state)
 
@@ -119,7 +119,7 @@ def errors():
                 {
                     "subject": forms.name,
                     "line": line,
-                    "asked": error,
+                    "wanted": error,
                     "terms": 100 * model.n_coefficients_ / entries,
                     "error": 100 * model.matrix_error_,
                 }
@@ -139,7 +139,7 @@ def errors():
         "|---" * (1 + len(ERRORS)) + "|",
     ]
     for line, _ in LINES:
-        mine = {row["asked"]: row["terms"] for row in rows if row["line"] == line}
+        mine = {row["wanted"]: row["terms"] for row in rows if row["line"] == line}
         cells = [f"{mine[error]:.2f}" if error in mine else "out of reach" for error in ERRORS]
         lines.append(f"| {line} | {' | '.join(cells)} |")
     return lines
@@ -228,7 +228,7 @@ def mesh():
         n_terms=GEOMETRY_TERMS, light_error=0.0
     )
     light = next(studio_lights(bake))
-    exact = bake.transport.relight(light)
+    exact = bake.transport.radiance(light)
     whole = bake.image(exact)
     # The albedo is part of a pixel's row.
     relit = model.product(light).reshape(image.height, image.width, 3)

@@ -231,7 +231,7 @@ def remeshed(bake, mesh):
     point, u, v = vertex_texels(bake, mesh)
     found = []
     for light in studio_lights(bake):
-        radiance = bake.transport.relight(light)
+        radiance = bake.transport.radiance(light)
         read, truth = read_texels(bake.image(radiance), u, v), radiance[point]
         found.append(float(np.linalg.norm(read - truth) / np.linalg.norm(truth)))
     return found
@@ -368,7 +368,7 @@ def times(scene, item):
     if item != "all":
         names = [o.name for o in bake.scene.objects]
         mine = np.flatnonzero(points.object_index == names.index(item))
-    truth, albedo = bake.transport.relight(lights[0])[mine], bake.transport.albedo[mine]
+    truth, albedo = bake.transport.radiance(lights[0])[mine], bake.transport.albedo[mine]
     models = {}
     for mode in MODES:
         for error in ERRORS:

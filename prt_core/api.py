@@ -134,13 +134,19 @@ def bake_blend_steps(
     messages = []
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
-    lamps, camera = read_lamps(scene, messages), read_camera(scene)
+    camera, lamps = read_camera(scene), []
     try:
         world = yield from read_world_steps(CubeMap(settings.resolution), scene)
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
-    meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace)
+
+    def lamps_too(depsgraph):
+        lamps.extend(read_lamps(depsgraph.scene, messages, depsgraph))
+
+    meshes = yield from read_meshes_steps(
+        uid, objects, two_sided, messages, strict, pace, lamps_too
+    )
     say_copies(meshes, messages)
     cube_map = CubeMap(settings.resolution)
 

@@ -13,8 +13,9 @@ from prt_core.blender.raw_mesh import RawMesh
 
 # Vertices of all strands, or all points, of one object at most; keys that Blender is asked for.
 MOST_VERTICES, _MOST_ASKED = 30_000, 200_000
-# Keys that are kept of a strand, and how far it may leave the line between them, in radii.
-_MOST_KEYS, _STRAIGHT = 9, 0.5
+# Keys that are kept of a strand; how far it may leave the line between them, and how much thinner
+# or thicker it may be than in between, in radii.
+_MOST_KEYS, _STRAIGHT, _EVEN = 9, 0.5, 0.1
 # Of what has no radius of its own.
 RADIUS = 0.01
 # Circumradii: a triangle whose perimeter is pi times the diameter of a circle, as seen from all
@@ -153,8 +154,8 @@ def _bends(strands):
         distance = np.linalg.norm(offset - share * chord, axis=1)
         # Or where it grows thinner otherwise than evenly.
         between = strands.radii[start] * (1 - share[:, 0]) + strands.radii[end] * share[:, 0]
-        distance = np.maximum(distance, np.abs(strands.radii - between))
-        far = (distance > _STRAIGHT * strands.radii.max(initial=0)) & ~kept
+        distance = np.maximum(distance / _STRAIGHT, np.abs(strands.radii - between) / _EVEN)
+        far = (distance > strands.radii.max(initial=0)) & ~kept
         if not far.any():
             break
         candidates = np.flatnonzero(far)

@@ -353,7 +353,7 @@ def _render_begins(scene, *_):
         return
     stop()
     _NOW.rendering = True
-    if scene.prt.loaded and scene.prt.live and not bpy.app.background:
+    if scene.prt.loaded and scene.prt.live:
         _frame_changed(scene)
 
 

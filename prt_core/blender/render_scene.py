@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 import bpy
 from bpy.app.handlers import persistent
 
-from prt_core.blender.casters import mark_temporary
+from prt_core.blender.casters import is_temporary, mark_temporary
 from prt_core.blender.stand_ins import originals_render
 from prt_core.errors import PRTError
 
@@ -109,7 +109,8 @@ def as_rendered(scene, read):
 
 
 def is_rendering():
-    """Whether something renders, so that no scene can be read."""
+    """Whether something renders, so that no scene can be read, and Cycles not be asked."""
+    _RENDERED.intersection_update(scene.session_uid for scene in bpy.data.scenes)
     return bool(_RENDERED or _READING) or bpy.app.is_job_running("RENDER")
 
 
@@ -123,7 +124,7 @@ def register():
 
 @persistent
 def _render_begins(scene, *_):
-    if not is_reading(scene):
+    if not (is_reading(scene) or is_temporary(scene)):
         _RENDERED.add(scene.session_uid)
 
 

@@ -20,12 +20,14 @@ from prt_core.blender.stand_ins import is_copy, is_kept, renders
 from prt_core.rays.caster import known_casters
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import mesh_digests
+from prt_core.scene.remarks import grouped
 
 from .naming import bake_name
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-# Seconds that a plan or a reading may have taken to be made again without being asked for.
-MOST_SECONDS = 2.0
+# What a plan or a reading may have taken to be made again without being asked for: seconds, and
+# seconds for which it held the window; corners that a scene may show to be read for the first time.
+_MOST_SECONDS, _MOST_HELD, _MOST_CORNERS = 2.0, 0.25, 2_000_000
 # Of scenes by `session_uid`: their plans and readings; which of them may no longer hold; whose
 # panel asked for a plan.
 _PLANS, _READINGS = {}, {}
@@ -47,16 +49,19 @@ class Reading:
     uids : dict of str -> int
         `session_uid` of these objects, where they are in the file.
     shape : dict of int -> tuple
-        What can be compared quickly (see `shape_of`).
-    seconds : float
-        How long it took.
+    groups : tuple
+        What can be compared quickly (see `shape_of` and `groups_of`).
+    seconds, held : float
+        How long it took, and its longest step: Blender evaluates the scene for renders.
     """
 
     digests: dict
     places: dict
     uids: dict
     shape: dict
+    groups: tuple = ()
     seconds: float = 0.0
+    held: float = 0.0
 
 
 @dataclass
@@ -69,14 +74,15 @@ class Plan:
     back_end : str
     messages : list of str
         What would be ignored or replaced.
-    seconds : float
-        How long it took to make.
+    seconds, held : float
+        How long it took to make, and its longest step.
     """
 
     cost: object = None
     back_end: str = ""
     messages: list = field(default_factory=list)
     seconds: float = 0.0
+    held: float = 0.0
 
 
 def bake_settings(scene):
@@ -164,10 +170,12 @@ def read_steps(scene, messages=None, pace=None):
     _OLD_READINGS.discard(uid)
     try:
         wanted = receivers(scene), two_sided(scene)
-        meshes = yield from read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
+        steps = read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
+        meshes, held = yield from _timed(steps)
         digests = yield from in_thread("scene", mesh_digests, meshes)
     except PRTError:
-        _READINGS[uid] = Reading({}, {}, {}, shape_of(by_uid(bpy.data.scenes, uid)))
+        scene = by_uid(bpy.data.scenes, uid)
+        _READINGS[uid] = Reading({}, {}, {}, shape_of(scene), groups_of(scene))
         raise
     except GeneratorExit:
         _OLD_READINGS.add(uid)
@@ -176,8 +184,23 @@ def read_steps(scene, messages=None, pace=None):
     scene = by_uid(bpy.data.scenes, uid)
     uid_at = {} if scene is None else {place_of(o): o.session_uid for o in scene.objects}
     uids = {name: uid_at[place] for name, place in places.items() if place in uid_at}
-    _READINGS[uid] = Reading(digests, places, uids, shape_of(scene), time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    quick = shape_of(scene), groups_of(scene)
+    _READINGS[uid] = Reading(digests, places, uids, *quick, seconds, held)
     return meshes
+
+
+def _timed(steps):
+    """The steps of a generator; returns its result and the seconds of its longest step."""
+    longest = 0.0
+    while True:
+        start = time.perf_counter()
+        try:
+            progress = next(steps)
+        except StopIteration as end:
+            return end.value, max(longest, time.perf_counter() - start)
+        longest = max(longest, time.perf_counter() - start)
+        yield progress
 
 
 def shape_of(scene, depsgraph=None):
@@ -204,6 +227,32 @@ def shape_of(scene, depsgraph=None):
         corners = len(item.data.loops) if item.type == "MESH" else 0
         shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners
     return shapes
+
+
+def groups_of(scene):
+    """A scene's collections, what renders of them, and what is in them: quick to compare."""
+    found = []
+
+    def visit(layer):
+        group = layer.collection
+        switches = layer.exclude, layer.holdout, layer.indirect_only, group.hide_render
+        found.append((group.name, switches, tuple(o.session_uid for o in group.objects)))
+        for child in layer.children:
+            visit(child)
+
+    for layer in scene.view_layers if scene is not None else ():
+        found.append((layer.name, layer.use))
+        visit(layer.layer_collection)
+    return tuple(found)
+
+
+def regrouped(scene):
+    """Whether what is in a scene, or renders of it, is not as it was when last read.
+
+    Blender says that all collections have changed whenever a scene comes or goes, also one of ours.
+    """
+    read = _READINGS.get(scene.session_uid)
+    return read is None or read.groups != groups_of(scene) or bool(moved(scene))
 
 
 def moved(scene, depsgraph=None):
@@ -236,7 +285,7 @@ def steps(scene, pace=None, rays_per_second=None):
         settings = bake_settings(scene)
         meshes = yield from read_steps(scene, planned.messages, pace)
         built = yield from in_thread("scene", Scene.from_meshes, meshes)
-        planned.messages += built.messages
+        planned.messages[:] = grouped([*planned.messages, *built.messages], meshes)
         planned.cost = preflight(built, settings, planned.back_end, rays_per_second)
     except PRTError as error:
         planned.messages.append(str(error))
@@ -251,6 +300,8 @@ def steps(scene, pace=None, rays_per_second=None):
 
 def _keep(uid, planned, start):
     planned.seconds = time.perf_counter() - start
+    read = _READINGS.get(uid)
+    planned.held = 0.0 if read is None else read.held
     _PLANS[uid] = planned
 
 
@@ -269,11 +320,26 @@ def reading_of(uid):
     return _READINGS.get(uid)
 
 
+def is_quick(kept):
+    """Whether a `Reading` or `Plan` may be made again without being asked for."""
+    return kept.seconds < _MOST_SECONDS and kept.held < _MOST_HELD
+
+
 def want(scene):
     """Ask for a plan at the next idle moment: none there, or an old one that was made quickly."""
     planned, holds = of(scene)
-    if planned is None or (not holds and planned.seconds < MOST_SECONDS):
+    if planned is None and _corners_shown() < _MOST_CORNERS:
         _WANTED.add(scene.session_uid)
+    elif planned is not None and not holds and is_quick(planned):
+        _WANTED.add(scene.session_uid)
+
+
+def _corners_shown():
+    """Corners of all meshes that the window has evaluated: about what a reading would cost."""
+    depsgraph = bpy.context.view_layer.depsgraph
+    if depsgraph is None:
+        return 0
+    return sum(len(o.data.loops) for o in depsgraph.objects if o.type == "MESH")
 
 
 def wanted():

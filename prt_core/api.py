@@ -26,6 +26,7 @@ from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thr
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
 from prt_core.scene import Scene, mesh_digests
+from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
 
 
@@ -134,13 +135,19 @@ def bake_blend_steps(
     messages = []
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
-    lamps, camera = read_lamps(scene, messages), read_camera(scene)
+    camera, lamps = read_camera(scene), []
     try:
         world = yield from read_world_steps(CubeMap(settings.resolution), scene)
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
-    meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace)
+
+    def lamps_too(depsgraph):
+        lamps.extend(read_lamps(depsgraph.scene, messages, depsgraph))
+
+    meshes = yield from read_meshes_steps(
+        uid, objects, two_sided, messages, strict, pace, lamps_too
+    )
     say_copies(meshes, messages)
     cube_map = CubeMap(settings.resolution)
 
@@ -152,7 +159,7 @@ def bake_blend_steps(
     if certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
     built, source, *probes = yield from each_in_thread("scene", *calls)
-    built.messages[:0] = messages
+    built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image)
     if not probes and certified(len(built.points)):
         probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))

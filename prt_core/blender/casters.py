@@ -49,7 +49,7 @@ class BlenderCaster:
             raise
 
     def _keep(self, block):
-        block[_TEMPORARY] = True
+        mark_temporary(block)
         self._made.append(block)
         return block
 
@@ -184,8 +184,13 @@ class BVHTreeCaster:
         self._tree = None
 
 
+def mark_temporary(block):
+    """Note that a data-block is not the user's and does not last."""
+    block[_TEMPORARY] = True
+
+
 def is_temporary(block):
-    """Whether a data-block is a caster's, not the user's."""
+    """Whether a data-block is a caster's or of a small render, not the user's."""
     return bool(block.get(_TEMPORARY))
 
 

@@ -186,6 +186,7 @@ class _Reading:
         mesh.receives = self.receivers is None or bool(called & self.receivers)
         mesh.two_sided = bool(called & self.two_sided)
         mesh.owner, mesh.library = place_of(owner)
+        mesh.source = source.original.name if owner != source.original else ""
         mesh.own_mesh = parent is None and _own_mesh(source, mesh)
         if parent is not None and mesh.receives:
             self.instancers.add((mesh.owner, mesh.library))

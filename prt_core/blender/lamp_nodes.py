@@ -11,8 +11,10 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
+from prt_core.blender.identity import by_uid
 from prt_core.blender.node_trees import all_nodes, as_diffuse_rays_see, tree_signature
 from prt_core.blender.small_render import small_render
+from prt_core.errors import expect
 
 # Pixels of a pattern: two degrees of direction; places along each side of an area lamp.
 _BY_DIRECTION, _BY_PLACE = (180, 90), (64, 64)
@@ -49,38 +51,46 @@ class Emission:
     falloff: np.ndarray | None = None
 
 
-def emission_of(scene, source, matrix, ignored):
-    """The `Emission` of a lamp that has nodes.
+class LampNodes:
+    """The nodes of a lamp, as they are evaluated now.
 
     Parameters
     ----------
     scene : bpy.types.Scene
-        For its frame.
-    source : bpy.types.Object
-        The lamp, evaluated.
+    data : bpy.types.Light
+        Evaluated; nothing of it is kept.
     matrix : (4, 4) float64
-        Where it is.
-    ignored : list of str
-        Told what cannot be followed.
-
-    Raises
-    ------
-    PRTError
-        Cycles cannot render.
+        Where the lamp is.
     """
-    data = source.data
-    plain = _numbers(data.node_tree)
-    if plain is not None:
-        return Emission(plain)
-    key = _key(scene, data, matrix)
-    if key not in _KEPT:
-        while len(_KEPT) >= _MOST_KEPT:
-            _KEPT.pop(next(iter(_KEPT)))
-        with small_render(scene) as render:
-            _KEPT[key] = _rendered(render, source, matrix)
-    emission, notes = _KEPT[key]
-    ignored += notes
-    return emission
+
+    def __init__(self, scene, data, matrix):
+        self._plain, self._matrix = _numbers(data.node_tree), matrix
+        self._light = data.original.session_uid
+        self._key = None if self._plain is not None else _key(scene, data, matrix)
+
+    def emission(self, scene):
+        """(`Emission`, list of what it cannot follow).
+
+        Parameters
+        ----------
+        scene : bpy.types.Scene
+            Whose frame counts.
+
+        Raises
+        ------
+        PRTError
+            Cycles cannot render.
+        """
+        if self._plain is not None:
+            return Emission(self._plain), []
+        if self._key not in _KEPT:
+            light = by_uid(bpy.data.lights, self._light)
+            expect(light is not None, "the lamp was removed while it was read")
+            while len(_KEPT) >= _MOST_KEPT:
+                _KEPT.pop(next(iter(_KEPT)))
+            with small_render(scene) as render:
+                _KEPT[self._key] = _rendered(render, light, Matrix(self._matrix.tolist()))
+        return _KEPT[self._key]
 
 
 def _numbers(tree):
@@ -104,10 +114,10 @@ def _key(scene, data, matrix):
     return tree_signature(data.node_tree, scene.frame_current), *shape
 
 
-def _rendered(render, source, matrix):
+def _rendered(render, light, matrix):
     """(Emission, list of what it cannot follow)."""
-    kind, matrix, notes = source.data.type, Matrix(matrix.tolist()), []
-    look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, _unit_lamp(render, source), matrix)
+    kind, notes = light.type, []
+    look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, _unit_lamp(render, light), matrix)
     seen, small = look.pattern(1.0), look.pattern(1.0, small=True)
     falloff = None
     if np.abs(look.pattern(4.0, small=True) - small).max() > _SAME * np.abs(small).max():
@@ -120,15 +130,15 @@ def _rendered(render, source, matrix):
     if look.is_alike_from_aside():
         return Emission(factor, None, table, falloff), notes
     look.remove()
-    seen = _Point(render, _unit_lamp(render, source, "POINT"), matrix).pattern(1.0)
+    seen = _Point(render, _unit_lamp(render, light, "POINT"), matrix).pattern(1.0)
     if table is not None:
         notes.append("that its nodes change with direction otherwise in each place")
     return Emission(np.ones(3), seen, None, falloff), notes
 
 
-def _unit_lamp(render, source, kind=None):
+def _unit_lamp(render, light, kind=None):
     """A copy of a lamp's data that shines with power 1, white, all round and without shadow."""
-    data = render.keep(source.data.original.copy())
+    data = render.keep(light.copy())
     kind = kind or data.type
     # A spot's cone is not of its nodes.
     data.type = "POINT" if kind == "SPOT" else kind

@@ -1,11 +1,14 @@
 """Blender's lamps as `Lamp`s."""
 
+from dataclasses import dataclass, replace
+
 import bpy
 import numpy as np
 
 from prt_core.blender.compat import has_nodes, view_layer_of
-from prt_core.blender.lamp_nodes import emission_of
+from prt_core.blender.lamp_nodes import LampNodes
 from prt_core.blender.light_linking import Linking, say_linked_surfaces
+from prt_core.blender.stand_ins import renders
 from prt_core.errors import PRTError
 from prt_core.light.local import Lamp
 
@@ -33,35 +36,88 @@ def read_lamps(scene=None, messages=None, depsgraph=None):
     scene = scene or bpy.context.scene
     if depsgraph is None:
         with bpy.context.temp_override(scene=scene, view_layer=view_layer_of(scene)):
-            return read_lamps(scene, messages, bpy.context.evaluated_depsgraph_get())
-    rendered = rendering_objects(scene, depsgraph)
-    linking = Linking(depsgraph, rendered)
-    lamps = []
+            seen = see_lamps(scene, bpy.context.evaluated_depsgraph_get(), messages)
+    else:
+        seen = see_lamps(scene, depsgraph, messages)
+    return [lamp_seen(each, scene, messages) for each in seen]
+
+
+@dataclass
+class SeenLamp:
+    """A lamp as an evaluated scene has it, which lasts longer than that.
+
+    Attributes
+    ----------
+    lamp : Lamp
+        Without what its nodes do.
+    nodes : LampNodes or None
+    ignored : list of str
+        What of it is not followed.
+    """
+
+    lamp: Lamp
+    nodes: LampNodes | None
+    ignored: list
+
+
+def see_lamps(scene, depsgraph, messages):
+    """The lamps of an evaluated scene as a list of `SeenLamp`; nothing is rendered for it."""
+    rendered = rendering_objects(scene, depsgraph.view_layer)
+    linking, seen, alone = Linking(depsgraph), [], set()
     for instance in depsgraph.object_instances:
         source = instance.object
         owner = instance.parent or source
-        if source.type != "LIGHT" or owner.original.session_uid not in rendered:
+        if source.type != "LIGHT":
             continue
-        if instance.show_self and _shines(source, owner):
+        if instance.parent is None:
+            alone.add(source.original.session_uid)
+        if owner.original.session_uid in rendered and _shines(source, owner):
             matrix = np.array(instance.matrix_world, np.float64)
-            lamps.append(_lamp(scene, source, owner, matrix, linking, messages))
+            seen.append(_see(scene, source, owner, matrix, linking))
+    if depsgraph.mode == "VIEWPORT":
+        # What is hidden in the viewport alone is not evaluated.
+        for uid, item in rendered.items():
+            if item.type == "LIGHT" and uid not in alone and _shines(item, item):
+                seen.append(_see(scene, item, item, np.array(_matrix(item)), linking))
     say_linked_surfaces(depsgraph, rendered, messages)
-    return lamps
+    return seen
 
 
-def rendering_objects(scene, depsgraph):
+def lamp_seen(seen, scene, messages):
+    """The `Lamp` of a `SeenLamp`, with what its nodes do; Cycles may render for it.
+
+    Parameters
+    ----------
+    seen : SeenLamp
+    scene : bpy.types.Scene
+        Whose frame counts.
+    messages : list of str
+    """
+    lamp, ignored = seen.lamp, list(seen.ignored)
+    if seen.nodes is not None:
+        try:
+            emission, notes = seen.nodes.emission(scene)
+            ignored += notes
+            tables = {name: getattr(emission, name) for name in ("pattern", "texture", "falloff")}
+            lamp = replace(lamp, power=lamp.power * emission.factor, **tables)
+        except PRTError as error:
+            ignored.append(f"its nodes ({error})")
+    if ignored:
+        messages.append(f"lamp '{lamp.name}': {', '.join(ignored)} ignored")
+    return lamp
+
+
+def rendering_objects(scene, view_layer):
     """{session_uid: object} of those whose collections and own switch let them render."""
     items = {}
 
     def visit(layer):
         if not (layer.exclude or layer.collection.hide_render):
-            items.update(
-                (item.session_uid, item) for item in layer.collection.objects if not item.hide_render
-            )
+            items.update((o.session_uid, o) for o in layer.collection.objects if renders(o))
             for child in layer.children:
                 visit(child)
 
-    visit(depsgraph.view_layer.layer_collection)
+    visit(scene.original.view_layers[view_layer.name].layer_collection)
     return items
 
 
@@ -72,9 +128,15 @@ def _shines(source, owner):
     return visible and not is_portal and not source.original.hide_render
 
 
-def _lamp(scene, source, owner, matrix, linking, messages):
-    data, name = source.data, source.original.name
-    ignored = []
+def _matrix(item):
+    """Where an object that is not evaluated is, but for its constraints."""
+    if item.parent is None or item.parent_type != "OBJECT":
+        return item.matrix_basis if item.parent is None else item.matrix_world
+    return _matrix(item.parent) @ item.matrix_parent_inverse @ item.matrix_basis
+
+
+def _see(scene, source, owner, matrix, linking):
+    data, ignored = source.data, []
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.maximum(lengths, 1e-30)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
@@ -82,27 +144,18 @@ def _lamp(scene, source, owner, matrix, linking, messages):
     if data.cycles.max_bounces < _ALL_BOUNCES:
         ignored.append(f"its limit of {data.cycles.max_bounces} bounces")
     settings = _shape(data, lengths)
-    power = _power(data, settings)
-    if has_nodes(data):
-        try:
-            emission = emission_of(scene, source, matrix, ignored)
-            power = power * emission.factor
-            settings |= {name: getattr(emission, name) for name in ("pattern", "texture", "falloff")}
-        except PRTError as error:
-            ignored.append(f"its nodes ({error})")
-    if ignored:
-        messages.append(f"lamp '{name}': {', '.join(ignored)} ignored")
-    return Lamp(
+    lamp = Lamp(
         _KINDS[data.type],
-        power,
+        _power(data, settings),
         matrix[:3, 3],
         axes,
-        name=name,
+        name=source.original.name,
         casts_shadow=data.use_shadow,
         receivers=linking.named(owner.light_linking.receiver_collection),
         blockers=linking.named(owner.light_linking.blocker_collection),
         **settings,
     )
+    return SeenLamp(lamp, LampNodes(scene, data, matrix) if has_nodes(data) else None, ignored)
 
 
 def _shape(data, lengths):

@@ -4,23 +4,21 @@ from prt_core.blender.identity import place_of
 
 
 class Linking:
-    """The objects of an evaluated scene, and who of them is meant by a collection of a lamp's.
+    """The objects of an evaluated scene, and which of them a collection of a lamp's means.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
-    rendered : container of int
-        `session_uid` of the objects that render.
     """
 
-    def __init__(self, depsgraph, rendered):
-        self._depsgraph, self._rendered, self._names = depsgraph, rendered, None
+    def __init__(self, depsgraph):
+        self._depsgraph, self._known = depsgraph, None
 
     def named(self, collection):
         """A tuple of the names of the objects that are meant, as `Lamp` has them; None: all.
 
-        As Cycles has it: where something is included only that counts, what is excluded never
-        does, and an instance is what makes it.
+        As Cycles has it: where anything is included only that counts, what is excluded never
+        does; of an instance its owner is asked first, then the object that it shows.
         """
         if collection is None:
             return None
@@ -30,41 +28,50 @@ class Linking:
         included, excluded = states["INCLUDE"], states["EXCLUDE"]
         if not included and not excluded:
             return None
-        return tuple(
-            name
-            for uid, name in self._owners().items()
-            if uid not in excluded and (uid in included or not included)
-        )
 
-    def _owners(self):
-        """{session_uid: name} of the objects that render, those that instance others among them."""
-        if self._names is None:
-            self._names = {}
+        def is_meant(*uids):
+            uid = next((uid for uid in uids if uid in included or uid in excluded), None)
+            return uid not in excluded and (uid is not None or not included)
+
+        return tuple(name for name, uids in self._objects().items() if is_meant(*uids))
+
+    def _objects(self):
+        """{name: session_uids of what is asked about it} of all that is in the scene."""
+        if self._known is None:
+            self._known = {}
             for instance in self._depsgraph.object_instances:
-                owner = (instance.parent or instance.object).original
+                source = instance.object.original
+                owner = instance.parent.original if instance.parent else source
                 name, library = place_of(owner)
-                self._names[owner.session_uid] = f"{name} [{library}]" if library else name
-        return self._names
+                name = f"{name} [{library}]" if library else name
+                if owner == source:
+                    self._known[name] = (owner.session_uid,)
+                else:
+                    uids = owner.session_uid, source.session_uid
+                    self._known[f"{name}/{source.name}"] = uids
+        return self._known
 
 
 def _members(collection):
-    """(state, object) of all that a collection of a lamp's links, nested collections included."""
+    """(state, object) of all that a collection of a lamp's links."""
     for item, entry in zip(collection.objects, collection.collection_objects, strict=True):
         yield entry.light_linking.link_state, item
     for child, entry in zip(collection.children, collection.collection_children, strict=True):
-        yield from _nested(child, entry.light_linking.link_state)
-
-
-def _nested(collection, state):
-    # A nested collection has one state; of collections inside it each has its own.
-    for item in collection.objects:
-        yield state, item
-    for child, entry in zip(collection.children, collection.collection_children, strict=True):
-        yield from _nested(child, entry.light_linking.link_state)
+        # All that is in a collection inside has the state of that one.
+        for item in child.all_objects:
+            yield entry.light_linking.link_state, item
 
 
 def say_linked_surfaces(depsgraph, rendered, messages):
-    """Say of which surfaces a linking is not followed: that of lamps is."""
+    """Say of which surfaces a linking is not followed: that of lamps is.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+    rendered : container of int
+        `session_uid` of the objects that render.
+    messages : list of str
+    """
     for item in depsgraph.objects:
         linking = item.light_linking
         linked = linking.receiver_collection or linking.blocker_collection

@@ -54,8 +54,7 @@ class Lamp:
     casts_shadow : bool
         Whether anything is in the way of its light.
     receivers : sequence of str, optional
-        Names of the objects that it lights; of a linked object with its library, as
-        "name [library]". Default: all.
+        Names of the objects that it lights (see `SceneObject.known_as`); default: all.
     blockers : sequence of str, optional
         Names of the objects that are in the way of its light; default: all.
     pattern : (n_rows, n_columns, 3) float, optional

@@ -44,7 +44,7 @@ class SceneObject:
     face_sizes : (n_faces,) int32
     n_vertices : int
     receives, two_sided, own_mesh : bool
-    owner, library : str
+    owner, library, source : str
         As those of the `Mesh` it was made from.
     """
 
@@ -58,11 +58,16 @@ class SceneObject:
     own_mesh: bool
     owner: str
     library: str = ""
+    source: str = ""
 
     @property
     def known_as(self):
-        """The owner's name; of a linked one with its library, as "name [library]"."""
-        return f"{self.owner} [{self.library}]" if self.library else self.owner
+        """What lamps call it: the name of its owner, or for an instance "owner/source".
+
+        A linked owner is called "name [library]".
+        """
+        owner = f"{self.owner} [{self.library}]" if self.library else self.owner
+        return f"{owner}/{self.source}" if self.source else owner
 
 
 @dataclass
@@ -169,6 +174,7 @@ class Scene:
                 mesh.own_mesh,
                 mesh.owner,
                 mesh.library,
+                mesh.source,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True
@@ -230,7 +236,7 @@ class Scene:
         Parameters
         ----------
         names : sequence of str
-            Of owners (see `Mesh`); of linked ones "name [library]".
+            See `SceneObject.known_as`.
         """
         names = set(names)
         return np.array([item.known_as in names for item in self.objects], bool)

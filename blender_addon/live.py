@@ -313,7 +313,7 @@ def _what_changed(depsgraph):
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
-    if not scene.prt.loaded:
+    if casters.is_temporary(scene) or not scene.prt.loaded:
         return
     if not (_NOW.rendering or bpy.app.background):
         if depsgraph is not None and _what_changed(depsgraph)[1]:
@@ -343,6 +343,8 @@ def _frame_steps(scene, depsgraph):
 
 @persistent
 def _render_begins(scene, *_):
+    if casters.is_temporary(scene):
+        return
     stop()
     _NOW.rendering = True
     if scene.prt.loaded and scene.prt.live and not bpy.app.background:
@@ -350,7 +352,9 @@ def _render_begins(scene, *_):
 
 
 @persistent
-def _render_ends(*_):
+def _render_ends(scene=None, *_):
+    if scene is not None and casters.is_temporary(scene):
+        return
     _NOW.rendering = False
 
 

@@ -125,9 +125,9 @@ def bake_blend_steps(
         open_blend(blend)
     from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
     from prt_core.blender.identity import origin_of
-    from prt_core.blender.lamps import read_lamps
+    from prt_core.blender.lamps import read_lamps, world_left_out
     from prt_core.blender.studio import studio_images, studio_lights
-    from prt_core.blender.world import read_world_steps
+    from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
     messages = []
@@ -135,7 +135,11 @@ def bake_blend_steps(
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     lamps, camera = read_lamps(scene, messages), read_camera(scene)
     try:
-        world = yield from read_world_steps(CubeMap(settings.resolution), scene)
+        light = read_environment(scene, messages)
+        suns = [lamp for lamp in lamps if lamp.is_on_texels]
+        messages += world_left_out(lamps)
+        world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        lamps += [] if light is None else light.suns
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None

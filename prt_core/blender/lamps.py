@@ -107,6 +107,16 @@ def lamp_seen(seen, scene, messages):
     return lamp
 
 
+def world_left_out(lamps):
+    """A list of messages on the suns that need shadow rays of their own: no world holds them."""
+    return [
+        f"lamp '{lamp.name}': a sun with linking, without shadow or of negative power is not in "
+        "'--light world'; add --lamps"
+        for lamp in lamps
+        if lamp.kind == "sun" and not lamp.is_on_texels
+    ]
+
+
 def rendering_objects(scene, view_layer):
     """{session_uid: object} of those whose collections and own switch let them render."""
     items = {}

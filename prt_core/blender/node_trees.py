@@ -28,6 +28,16 @@ _DIFFUSE_RAY = {
 }
 
 
+def linked_to(socket):
+    """The output socket that feeds an input, past reroutes; None when nothing does."""
+    while socket.is_linked:
+        output = socket.links[0].from_socket
+        if output.node.type != "REROUTE":
+            return output
+        socket = output.node.inputs[0]
+    return None
+
+
 def all_nodes(tree):
     """Every node of a tree, those of its groups after it."""
     trees, seen = [tree], set()

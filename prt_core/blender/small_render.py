@@ -44,27 +44,18 @@ class SmallRender:
         self.scene.camera = self.add(data, matrix)
         return self.scene.camera
 
-    def pixels(self, width, height, samples, window=None):
+    def pixels(self, width, height, samples):
         """What the camera sees: (height, width, 3) float32, linear, first row on top.
 
         Parameters
         ----------
         width, height : int
+            At least 4.
         samples : int
             Of a pixel, whose square they fill evenly.
-        window : (left, right, top, bottom) of int, optional
-            Columns and rows of the picture that are wanted; default: all.
         """
         render = self.scene.render
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-        render.use_border = render.use_crop_to_border = window is not None
-        if window is not None:
-            left, right, top, bottom = window
-            # A little inside of the pixels' edges: Blender rounds down.
-            render.border_min_x, render.border_max_x = (left + 0.1) / width, (right + 0.1) / width
-            render.border_min_y = 1 - (bottom - 0.1) / height
-            render.border_max_y = 1 - (top - 0.1) / height
-            height, width = bottom - top, right - left
         self.scene.cycles.samples = samples
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "render.exr"

@@ -152,7 +152,11 @@ def _expect_request(options):
         "--progressive: adds to a compressed form; leave out --transport exact",
     )
     expect(
-        options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
+        options.caster == "auto"
+        or options.png
+        or options.lamps
+        or options.sharp_sun
+        or options.light == "world",
         "--caster: no ray is cast; it changes nothing without --png, --lamps or --sharp-sun",
     )
     if options.turn:
@@ -263,7 +267,8 @@ def _print_notes(baked, options, notes):
 
 def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
-    if (options.lamps or options.sharp_sun) and options.caster == "auto":
+    casts = options.lamps or options.sharp_sun or options.light == "world"
+    if casts and options.caster == "auto":
         _bpy_where_needed()
 
 

@@ -123,7 +123,8 @@ def bake_blend_steps(
         import_bpy()
     else:
         open_blend(blend)
-    from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
+    from prt_core.blender.camera import read_camera
+    from prt_core.blender.depsgraph import read_meshes_steps, say_copies
     from prt_core.blender.identity import origin_of
     from prt_core.blender.lamps import read_lamps, world_left_out
     from prt_core.blender.studio import studio_images, studio_lights
@@ -133,7 +134,7 @@ def bake_blend_steps(
     messages = []
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
-    lamps, camera = read_lamps(scene, messages), read_camera(scene)
+    lamps, camera = read_lamps(scene, messages), read_camera(scene, messages)
     try:
         light = read_environment(scene, messages)
         suns = [lamp for lamp in lamps if lamp.is_on_texels]

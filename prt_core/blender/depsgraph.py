@@ -21,7 +21,7 @@ from prt_core.blender.stand_ins import (
 )
 from prt_core.errors import PRTError
 from prt_core.runtime.progress import Progress, run
-from prt_core.scene import Camera, Mesh, Scene
+from prt_core.scene import Mesh, Scene
 
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -324,12 +324,3 @@ def say_copies(meshes, messages):
             f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({some});"
             " their colours go to realised copies in the collection 'PRT'"
         )
-
-
-def read_camera(scene=None):
-    """The `Camera` of a scene; None where it has none of perspective."""
-    scene = scene or bpy.context.scene
-    if scene.camera is None or scene.camera.data.type != "PERSP":
-        return None
-    data = scene.camera.data
-    return Camera(np.array(scene.camera.matrix_world, np.float64), np.tan(data.angle / 2))

@@ -198,7 +198,7 @@ def _kept(key, make):
 
 
 def _turn(texture):
-    """The rotation matrix that the texture's vector input applies to the light; None: it is none."""
+    """The rotation that the texture's vector input applies to the light; None: it is no rotation."""
     source = linked_to(texture.inputs["Vector"])
     if source is None:
         return np.eye(3)

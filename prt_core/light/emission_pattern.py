@@ -38,9 +38,7 @@ def _between(table, row, column, wraps):
     rows = [np.clip(top + step, 0, n_rows - 1) for step in (0, 1)]
     columns = [left + step for step in (0, 1)]
     columns = [c % n_columns if wraps else np.clip(c, 0, n_columns - 1) for c in columns]
-    upper, lower = (
-        table[r, columns[0]] * (1 - right) + table[r, columns[1]] * right for r in rows
-    )
+    upper, lower = (table[r, columns[0]] * (1 - right) + table[r, columns[1]] * right for r in rows)
     return upper * (1 - down) + lower * down
 
 

@@ -223,9 +223,7 @@ class Scene:
             chosen = objects[self.triangle_object]
             triangles = triangles[chosen]
             if len(frames) > 1:
-                frames = precision_frames(
-                    self.vertices, triangles, self.triangle_object[chosen]
-                )
+                frames = precision_frames(self.vertices, triangles, self.triangle_object[chosen])
         if len(self.frames) == 1:
             return factory(self.vertices.astype(np.float32), triangles)
         return FramedCaster(factory, self.vertices, triangles, frames)

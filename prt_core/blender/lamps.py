@@ -133,7 +133,9 @@ def rendering_objects(scene, view_layer):
 
 def _shines(source, owner):
     """Whether a lamp's light meets diffuse surfaces at all."""
-    is_portal = source.data.type == "AREA" and source.data.cycles.is_portal
+    # Cycles' own settings of what is evaluated may be old ones.
+    data = source.data.original
+    is_portal = data.type == "AREA" and data.cycles.is_portal
     visible = source.visible_diffuse and owner.visible_diffuse
     return visible and not is_portal and not source.original.hide_render
 
@@ -151,8 +153,8 @@ def _see(scene, source, owner, matrix, linking):
     axes = matrix[:3, :3] / np.maximum(lengths, 1e-30)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
         ignored.append("its shear")
-    if data.cycles.max_bounces < _ALL_BOUNCES:
-        ignored.append(f"its limit of {data.cycles.max_bounces} bounces")
+    if data.original.cycles.max_bounces < _ALL_BOUNCES:
+        ignored.append(f"its limit of {data.original.cycles.max_bounces} bounces")
     settings = _shape(data, lengths)
     lamp = Lamp(
         _KINDS[data.type],

@@ -198,7 +198,7 @@ def _kept(key, make):
 
 
 def _turn(texture):
-    """The rotation that the texture's vector input applies to the light; None: it is no rotation."""
+    """The rotation of the light by a texture's vector input; None where that is something else."""
     source = linked_to(texture.inputs["Vector"])
     if source is None:
         return np.eye(3)

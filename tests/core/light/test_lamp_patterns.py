@@ -85,7 +85,7 @@ def test_a_falloff_that_bends_is_smooth():
 
 
 @pytest.mark.parametrize("ellipse", [False, True])
-@pytest.mark.parametrize("spread", [np.pi, 2.2, 0.9, 0.04, 0.0])
+@pytest.mark.parametrize("spread", [2.8, 2.2, 0.9, 0.04, 0.0])
 def test_spread_keeps_the_power(spread, ellipse):
     """All that goes through a plane close in front of the lamp is its power."""
     size, distance = np.array([1.3, 0.7]), 0.5
@@ -100,8 +100,7 @@ def test_spread_keeps_the_power(spread, ellipse):
         way, _, light = lamp.sample(positions, rng.random((len(positions), 2)))
         total += (light * way[:, 2:]).sum(axis=0)
     total *= 4 * reach.prod() / len(positions) / n_samples
-    # Grazing light misses the plane where nothing narrows it.
-    np.testing.assert_allclose(total, POWER, rtol=0.06 if ellipse or spread > 3 else 0.02)
+    np.testing.assert_allclose(total, POWER, rtol=0.06 if ellipse or spread > 2.5 else 0.02)
 
 
 def test_a_narrow_lamp_lights_what_is_in_front_alone():

@@ -14,7 +14,8 @@ from prt_core.blender.world_image import world_image
 from prt_core.errors import expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
-from prt_core.runtime.progress import beside, run
+from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.progress import run
 from prt_core.sphere import rotation_matrix
 
 _MOST_MAPS = 4
@@ -49,7 +50,7 @@ def read_world(cube_map, scene=None, suns=True):
 
 def world_on_texels_steps(cube_map, world, suns):
     """(n_directions, 3) float32 radiance of a `WorldLight` or None, with suns; a generator."""
-    return (yield from beside("light", _on_texels, cube_map, world, suns))
+    return (yield from in_thread("light", _on_texels, cube_map, world, suns))
 
 
 def _on_texels(cube_map, world, suns):

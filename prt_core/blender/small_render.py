@@ -5,12 +5,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
+from bpy.app.handlers import persistent
 
-from prt_core.blender.casters import mark_temporary
+from prt_core.blender.casters import is_temporary, mark_temporary
 from prt_core.errors import PRTError, expect
 from prt_core.light import read_image
 
 _RESULT = "Render Result"
+# Names of the user's scenes that render now: a second render would wait for the first for ever.
+_RENDERING = set()
 
 
 class SmallRender:
@@ -89,7 +92,7 @@ def small_render(like=None):
     PRTError
         Cycles is switched off, or renders already.
     """
-    if bpy.app.is_job_running("RENDER"):
+    if _RENDERING or bpy.app.is_job_running("RENDER"):
         raise PRTError("Cycles: a render is under way; wait for its end")
     had_result = _RESULT in bpy.data.images
     render = SmallRender()
@@ -100,6 +103,29 @@ def small_render(like=None):
         render.remove()
         if not had_result and _RESULT in bpy.data.images:
             bpy.data.images.remove(bpy.data.images[_RESULT])
+
+
+@persistent
+def _render_begins(scene, *_):
+    if not is_temporary(scene):
+        _RENDERING.add(scene.name)
+
+
+@persistent
+def _render_ends(*_):
+    _RENDERING.clear()
+
+
+def register():
+    """Watch for the user's renders."""
+    handlers = bpy.app.handlers
+    for event, watch in (
+        (handlers.render_init, _render_begins),
+        (handlers.render_complete, _render_ends),
+        (handlers.render_cancel, _render_ends),
+    ):
+        if watch not in event:
+            event.append(watch)
 
 
 def _prepare(scene, like):

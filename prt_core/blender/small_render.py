@@ -63,7 +63,10 @@ class SmallRender:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "render.exr"
             render.filepath = str(path)
-            bpy.ops.render.render(scene=self.scene.name, write_still=True)
+            # The operator evaluates the scene that it is called from as well.
+            layer = self.scene.view_layers[0]
+            with bpy.context.temp_override(scene=self.scene, view_layer=layer):
+                bpy.ops.render.render(scene=self.scene.name, write_still=True)
             expect(path.is_file(), "Cycles: its render was stopped")
             pixels = read_image(path)
         expect(
@@ -130,7 +133,7 @@ def register():
 
 def _prepare(scene, like):
     if like is not None:
-        scene.frame_set(like.frame_current, subframe=like.frame_subframe)
+        scene.frame_current, scene.frame_subframe = like.frame_current, like.frame_subframe
     try:
         scene.render.engine = "CYCLES"
     except TypeError as error:

@@ -124,7 +124,13 @@ class Camera:
         return {**values, "matrix": self.matrix.tolist(), "clip": [self.clip[0], far]}
 
     def size(self, longest=960):
-        """(width, height) of a picture of the shape of its frame."""
+        """(width, height) of a picture of the shape of its frame.
+
+        Parameters
+        ----------
+        longest : int
+            Pixels along the longer side.
+        """
         factor = longest / max(self.frame)
         return tuple(max(1, round(side * factor)) for side in self.frame)
 
@@ -205,7 +211,13 @@ def _on_plane(camera, width, height, x, y):
 
 
 def camera_rays(camera, width, height, samples):
-    """(height * samples * width * samples, 3) float64: the directions of `view_rays`."""
+    """The directions of `view_rays`, as (height * samples * width * samples, 3) float64.
+
+    Parameters
+    ----------
+    camera, width, height, samples
+        See `view_rays`.
+    """
     return view_rays(camera, width, height, samples).directions
 
 

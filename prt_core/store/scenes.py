@@ -154,7 +154,7 @@ def read_scene(store):
                     corners["corner_point"][part],
                     corners["corner_vertex"][part],
                     sizes,
-                    *(item[key] for key in list(_OBJECT)[3:]),
+                    **{key: item[key] for key in list(_OBJECT)[3:]},
                     source=source,
                 )
             )

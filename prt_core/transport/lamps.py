@@ -63,7 +63,7 @@ def blocking_caster(scene, lamp, name="auto"):
     blocking = scene.objects_named(lamp.blockers)
     if not blocking[scene.triangle_object].any():
         return None
-    return scene.make_caster(name, blocking)
+    return scene.make_caster(name, objects=blocking)
 
 
 def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):

@@ -138,9 +138,9 @@ def test_lamps_that_share_their_blockers_share_a_caster(monkeypatch):
     scene = Scene.from_meshes([plane(3, name="floor"), plane(2, name="lid", z=0.5)], max_hidden=0)
     made, make = [], scene.make_caster
 
-    def counted(name="auto", objects=None):
+    def counted(name="auto", *kind, objects=None):
         made.append(None if objects is None else objects.tolist())
-        return make("brute", objects)
+        return make("brute", *kind, objects=objects)
 
     monkeypatch.setattr(scene, "make_caster", counted)
     light = LampLight(SimpleNamespace(scene=scene, make_caster=counted), "brute")

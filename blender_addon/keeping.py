@@ -5,8 +5,8 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
 from prt_core.blender import colours
+from prt_core.blender.camera import read_camera
 from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
-from prt_core.blender.depsgraph import read_camera
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.runtime.progress import Progress

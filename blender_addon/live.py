@@ -360,7 +360,9 @@ def _render_begins(scene, *_):
 
 
 @persistent
-def _render_ends(*_):
+def _render_ends(scene=None, *_):
+    if scene is not None and casters.is_temporary(scene):
+        return
     _NOW.rendering = False
 
 

@@ -57,13 +57,13 @@ def request(scene, samples=None, depsgraph=None):
     """
     scene = scene if depsgraph is None else scene.evaluated_get(depsgraph)
     settings = scene.prt
-    light, rotation, strength = _environment(scene)
+    light, rotation, strength, suns = _environment(scene)
     lighting = Lighting(
         light,
         rotation=None if light is None else rotation,
         strength=strength,
         sharp_sun=settings.sharp_sun and light is not None,
-        lamps=read_lamps(scene, depsgraph=depsgraph) if settings.use_lamps else [],
+        lamps=suns + (read_lamps(scene, depsgraph=depsgraph) if settings.use_lamps else []),
         lamp_strength=1.0,
         lamp_samples=samples or settings.lamp_samples,
         exposure=settings.exposure,
@@ -73,14 +73,15 @@ def request(scene, samples=None, depsgraph=None):
 
 
 def _environment(scene):
-    """The environment that the panel names, its rotation and its strength."""
+    """The environment that the panel names, its rotation, its strength and its own suns."""
     settings = scene.prt
     rotation = rotation_matrix(float(np.degrees(settings.rotation)))
     if settings.light == "WORLD":
         world = read_environment(scene)
         if world is None:
-            return None, rotation, settings.strength
-        return world.map, rotation @ world.rotation, settings.strength * world.strength
+            return None, rotation, settings.strength, []
+        suns = world.turned_suns(rotation, settings.strength)
+        return world.map, rotation @ world.rotation, settings.strength * world.strength, suns
     if settings.light == "FILE":
         expect(settings.file, "light: choose an .exr or .hdr image")
         light = Path(bpy.path.abspath(settings.file))
@@ -89,4 +90,4 @@ def _environment(scene):
         light = Path(studio_lights().get(settings.studio, ""))
     if light.suffix.lower() not in {".exr", ".hdr"}:
         raise PRTError(f"{light}: expected an .exr or .hdr image")
-    return light, rotation, settings.strength
+    return light, rotation, settings.strength, []

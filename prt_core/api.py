@@ -125,29 +125,34 @@ def bake_blend_steps(
         import_bpy()
     else:
         open_blend(blend)
-    from prt_core.blender.depsgraph import read_camera, read_meshes_steps, say_copies
-    from prt_core.blender.identity import origin_of
-    from prt_core.blender.lamps import read_lamps
+    from prt_core.blender.camera import read_camera
+    from prt_core.blender.depsgraph import read_meshes_steps, say_copies
+    from prt_core.blender.identity import origin_of, scene_of
+    from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
     from prt_core.blender.studio import studio_images, studio_lights
-    from prt_core.blender.world import read_world_steps
+    from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
     messages = []
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
-    camera, lamps = read_camera(scene), []
+    camera, seen = read_camera(scene, messages), []
+
+    def see_too(depsgraph):
+        seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
+
+    meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace, see_too)
+    scene = scene_of(uid)
+    lamps = [lamp_seen(each, scene, messages) for each in seen]
+    messages += world_left_out(lamps)
     try:
-        world = yield from read_world_steps(CubeMap(settings.resolution), scene)
+        light = read_environment(scene, messages)
+        suns = [lamp for lamp in lamps if lamp.is_on_texels]
+        world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        lamps += [] if light is None else light.suns
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
-
-    def lamps_too(depsgraph):
-        lamps.extend(read_lamps(depsgraph.scene, messages, depsgraph))
-
-    meshes = yield from read_meshes_steps(
-        uid, objects, two_sided, messages, strict, pace, lamps_too
-    )
     say_copies(meshes, messages)
     cube_map = CubeMap(settings.resolution)
 

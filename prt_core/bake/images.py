@@ -93,7 +93,8 @@ def image_steps(scene, meshes, camera, caster, settings):
     if settings.camera_pixels is not None:
         size, samples = settings.camera_pixels, settings.pixel_samples
         expect(
-            camera is not None, "camera pixels: the scene has no perspective camera; add one to it"
+            camera is not None,
+            "camera pixels: the scene has no camera whose lens is followed; add one",
         )
         tracer = scene.make_caster(caster)
         try:

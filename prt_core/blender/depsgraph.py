@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 
-from prt_core.blender.identity import by_uid, display_names, place_of
+from prt_core.blender.identity import display_names, place_of, scene_of
 from prt_core.blender.left_out import (
     culling_remarks,
     layer_remarks,
@@ -24,7 +24,7 @@ from prt_core.blender.strands import curve_strands, particle_strands, point_octa
 from prt_core.errors import PRTError
 from prt_core.reflectance import Materials
 from prt_core.runtime.progress import Progress, run
-from prt_core.scene import Camera, Scene
+from prt_core.scene import Scene
 
 _MESHES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 _GEOMETRY = _MESHES | {"CURVES", "POINTCLOUD", "VOLUME"}
@@ -87,9 +87,7 @@ def read_meshes_steps(
     while pace is not None and time.perf_counter() - start < 2 * pace:
         # So long that the window can say what it will wait for.
         yield Progress("evaluate", 0, 0)
-    scene = by_uid(bpy.data.scenes, uid)
-    if scene is None:
-        raise PRTError("scene: it was removed while it was read")
+    scene = scene_of(uid)
     reading = _Reading(scene, receivers, two_sided, messages)
 
     def read(depsgraph):
@@ -149,6 +147,7 @@ class _Part:
     two_sided: bool = False
     own_mesh: bool = False
     place: tuple = ("", "")
+    source: str = ""
     is_instance: bool = False
     # Of strands and points, which have no materials yet: a colour, or the mesh to take it from.
     colour: tuple | None = None
@@ -200,6 +199,7 @@ class _Reading:
         mesh = part.raw.placed(part.name, part.matrix, self.messages)
         mesh.receives, mesh.two_sided, mesh.own_mesh = part.receives, part.two_sided, part.own_mesh
         mesh.owner, mesh.library = part.place
+        mesh.source = part.source
         self.meshes.append(mesh)
 
     def whole(self):
@@ -233,6 +233,7 @@ class _Reading:
         part.receives = self.receivers is None or bool(called & self.receivers)
         part.two_sided = bool(called & self.two_sided)
         part.place = place_of(owner)
+        part.source = source.original.name if owner != source.original else ""
         part.own_mesh = parent is None and _own_mesh(source, raw)
         if parent is not None and part.receives:
             self.instancers.add(part.place)
@@ -429,12 +430,3 @@ def say_copies(meshes, messages):
             f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({some});"
             " their colours go to realised copies in the collection 'PRT'"
         )
-
-
-def read_camera(scene=None):
-    """The `Camera` of a scene; None where it has none of perspective."""
-    scene = scene or bpy.context.scene
-    if scene.camera is None or scene.camera.data.type != "PERSP":
-        return None
-    data = scene.camera.data
-    return Camera(np.array(scene.camera.matrix_world, np.float64), np.tan(data.angle / 2))

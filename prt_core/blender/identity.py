@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from prt_core.errors import expect
+
 
 def place_of(block):
     """(str, str): name of a data-block, and of the library it is linked from, empty where none."""
@@ -29,6 +31,13 @@ def objects_by_place():
 def by_uid(blocks, uid):
     """The data-block of that `session_uid`, whatever it is called by now; None where it is gone."""
     return next((block for block in blocks if block.session_uid == uid), None)
+
+
+def scene_of(uid):
+    """The scene of that `session_uid`; `PRTError` where it was removed."""
+    scene = by_uid(bpy.data.scenes, uid)
+    expect(scene is not None, "scene: it was removed while it was read")
+    return scene
 
 
 class UniqueNames:

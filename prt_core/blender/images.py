@@ -11,6 +11,12 @@ from prt_core.light.images import register_reader
 _LINEAR = ("Linear Rec.709", "Linear", "Non-Color", "Linear BT.709", "scene_linear", "Raw")
 
 
+def has_known_colours(image):
+    """Whether `pixels_of` can tell the colours of an image that has pixels."""
+    known = image.is_float or image.colorspace_settings.name in {"sRGB", *_LINEAR}
+    return known and image.type != "MULTILAYER"
+
+
 def pixels_of(image):
     """(height, width, 4) float32 of a Blender image, linear Rec.709, first row on top.
 

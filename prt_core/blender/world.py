@@ -1,16 +1,17 @@
 """Blender's world and sun lamps as light on the directions of a cube map."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from prt_core.blender.compat import has_nodes
-from prt_core.blender.images import pixels_of
+from prt_core.blender.images import has_known_colours, pixels_of
 from prt_core.blender.lamps import read_lamps
-from prt_core.blender.materials import linked_to
-from prt_core.errors import PRTError, expect
+from prt_core.blender.node_trees import all_nodes, linked_to, tree_signature
+from prt_core.blender.world_image import world_image
+from prt_core.errors import expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
 from prt_core.runtime.main_thread import in_thread
@@ -22,17 +23,14 @@ _MAPS = {}
 
 
 def read_world(cube_map, scene=None, suns=True):
-    """Radiance of the world, with the sun lamps added.
-
-    Understood: a Background of one colour or of an equirectangular Environment Texture, whose
-    vector may come from Texture Coordinate (Generated) and one Mapping that turns.
+    """Radiance of the world, with its suns and the sun lamps added.
 
     Parameters
     ----------
     cube_map : CubeMap
     scene : bpy.types.Scene, optional
     suns : bool
-        Whether sun lamps are added.
+        Whether the suns of its skies and sun lamps are added.
 
     Returns
     -------
@@ -41,23 +39,24 @@ def read_world(cube_map, scene=None, suns=True):
     Raises
     ------
     PRTError
-        The world has a node that is not understood; nothing is guessed.
+        An image of it cannot be read, or Cycles cannot render it.
     """
-    return run(read_world_steps(cube_map, scene, suns))
-
-
-def read_world_steps(cube_map, scene=None, suns=True):
-    """`read_world` as a generator of `Progress`: Blender is read in the first step only."""
     scene = scene or bpy.context.scene
-    found = read_environment(scene)
-    lamps = [lamp for lamp in read_lamps(scene) if suns and lamp.kind == "sun"]
-    return (yield from in_thread("light", _on_texels, cube_map, found, lamps))
+    world = read_environment(scene)
+    lamps = [] if world is None else list(world.suns)
+    lamps += [lamp for lamp in read_lamps(scene) if lamp.is_on_texels]
+    return run(world_on_texels_steps(cube_map, world, lamps if suns else []))
 
 
-def _on_texels(cube_map, found, suns):
+def world_on_texels_steps(cube_map, world, suns):
+    """(n_directions, 3) float32 radiance of a `WorldLight` or None, with suns; a generator."""
+    return (yield from in_thread("light", _on_texels, cube_map, world, suns))
+
+
+def _on_texels(cube_map, world, suns):
     light = np.zeros((cube_map.n_directions, 3), np.float32)
-    if found is not None:
-        light += found.map.to_cube_map(cube_map, found.rotation, found.strength)
+    if world is not None:
+        light += world.map.to_cube_map(cube_map, world.rotation, world.strength)
     for lamp in suns:
         light += sun_light(cube_map, lamp.towards, lamp.power, lamp.angle)
     return light
@@ -65,65 +64,109 @@ def _on_texels(cube_map, found, suns):
 
 @dataclass(frozen=True)
 class WorldLight:
-    """The background of a world: an environment, how it is turned, and its factor.
+    """The background of a world: an environment, how it is turned, its factor, and its suns.
 
     Attributes
     ----------
     map : EnvironmentMap
     rotation : (3, 3) float64
     strength : float
+    suns : tuple of Lamp
+        Of its skies; they are not in the map, and turned and strong as they are.
     """
 
     map: EnvironmentMap
     rotation: np.ndarray
     strength: float
+    suns: tuple = ()
+
+    def turned_suns(self, rotation, strength):
+        """The suns, turned by a further rotation matrix and times a factor, as a list of `Lamp`."""
+        return [
+            replace(sun, axes=rotation @ sun.axes, power=sun.power * strength) for sun in self.suns
+        ]
 
 
-def read_environment(scene=None):
-    """The world's background as `WorldLight`, None where it is black or there is no world.
+def read_environment(scene=None, messages=None):
+    """The world's background as `WorldLight`, None where diffuse surfaces get no light of it.
+
+    An image that is only turned is read as it is, and so is one colour; anything else is what
+    Cycles renders of it.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene, optional
+    messages : list of str, optional
+        Told what is left out.
 
     Raises
     ------
     PRTError
         As `read_world`.
     """
-    world = (scene or bpy.context.scene).world
-    if world is None:
+    scene = scene or bpy.context.scene
+    world = scene.world
+    if world is None or not world.cycles_visibility.diffuse:
         return None
     what = f"world '{world.name}'"
-    tree = world.node_tree
     if not has_nodes(world):
         return _even(world.color, 1.0, what)
+    tree = world.node_tree
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-    shader = linked_to(output.inputs["Surface"]) if output else None
-    if shader is None:
+    if output is None:
         return None
-    if output.inputs["Volume"].is_linked:
-        raise PRTError(f"{what}: a volume is not understood; unlink it")
-    node = shader.node
-    expect(
-        node.type == "BACKGROUND",
-        f"{what}: node '{node.name}' is not understood; link one Background to the output",
-    )
-    expect(
-        not node.inputs["Strength"].is_linked,
-        f"{what}: a texture on the background's strength is not understood; set a number",
-    )
+    if output.inputs["Volume"].is_linked and messages is not None:
+        messages.append(f"{what}: its volume is ignored")
+    if not output.inputs["Surface"].is_linked:
+        return None
+    _expect_images(tree, what)
+    plain = _plain(tree, output, what)
+    if plain is not None:
+        return plain
+    frame = scene.frame_current, scene.frame_subframe
+    key = "rendered", world.original.session_uid, tree_signature(tree, frame)
+    image = _kept(key, lambda: world_image(scene, world.original, what))
+    return WorldLight(image.map, np.eye(3), 1.0, tuple(image.suns))
+
+
+def _plain(tree, output, what):
+    """`WorldLight` of one Background of a colour or of an image that is only turned, else None."""
+    node = linked_to(output.inputs["Surface"]).node
+    if node.type != "BACKGROUND" or node.mute or node.inputs["Strength"].is_linked:
+        return None
     strength = float(node.inputs["Strength"].default_value)
+    if strength < 0:
+        return None
     colour = linked_to(node.inputs["Color"])
     if colour is None:
         return _even(node.inputs["Color"].default_value, strength, what)
     texture = colour.node
-    expect(
-        texture.type == "TEX_ENVIRONMENT",
-        f"{what}: node '{texture.name}' is not understood; use an Environment Texture",
-    )
-    expect(texture.image is not None, f"{what}: the environment texture has no image")
-    expect(
-        texture.projection == "EQUIRECTANGULAR",
-        f"{what}: projection '{texture.projection}' is not understood; use Equirectangular",
-    )
-    return WorldLight(_map_of(texture.image, what), _turn(texture, what), strength)
+    if texture.type != "TEX_ENVIRONMENT" or texture.mute or colour.name != "Color":
+        return None
+    image = texture.image
+    if image.source not in {"FILE", "GENERATED"} or not has_known_colours(image):
+        return None
+    if texture.projection != "EQUIRECTANGULAR":
+        return None
+    turn = _turn(texture)
+    if turn is None:
+        return None
+    return WorldLight(_map_of(image, what), turn, strength)
+
+
+def _expect_images(tree, what):
+    for node in all_nodes(tree):
+        if node.bl_idname not in {"ShaderNodeTexEnvironment", "ShaderNodeTexImage"}:
+            continue
+        if node.mute or not any(output.is_linked for output in node.outputs):
+            continue
+        image = node.image
+        expect(image is not None, f"{what}: the texture '{node.name}' has no image; choose one")
+        expect(
+            image.size[0] > 0,
+            f"{what}: image '{image.name}' has no pixels; its file '{image.filepath}' is missing "
+            "or unreadable",
+        )
 
 
 def _even(colour, strength, what):
@@ -155,34 +198,27 @@ def _kept(key, make):
     return _MAPS[key]
 
 
-def _turn(texture, what):
-    """The rotation matrix that the texture's vector input applies to the light."""
+def _turn(texture):
+    """The rotation of the light by a texture's vector input; None where that is something else."""
     source = linked_to(texture.inputs["Vector"])
     if source is None:
         return np.eye(3)
     matrix = np.eye(3)
-    if source.node.type == "MAPPING":
+    if source.node.type == "MAPPING" and not source.node.mute:
         mapping = source.node
-        linked = [s.name for s in mapping.inputs if s.is_linked and s.name != "Vector"]
-        expect(not linked, f"{what}: a link into the mapping's {linked} is not understood")
+        if any(s.is_linked for s in mapping.inputs if s.name != "Vector"):
+            return None
         angles = np.degrees(mapping.inputs["Rotation"].default_value[:])
         scale = np.array(mapping.inputs["Scale"].default_value[:])
         location = mapping.inputs.get("Location")
         moved = mapping.vector_type in {"POINT", "TEXTURE"} and any(location.default_value[:])
-        expect(
-            mapping.vector_type in {"POINT", "TEXTURE", "VECTOR", "NORMAL"}
-            and np.allclose(scale, scale[0])
-            and scale[0] > 0
-            and not moved,
-            f"{what}: a mapping that moves or stretches the sky is not understood; only turn it",
-        )
+        if moved or not np.allclose(scale, scale[0]) or scale[0] <= 0:
+            return None
         matrix = rotation_matrix(angles)
         # The mapping turns the direction that is looked up; the light turns the other way.
         if mapping.vector_type != "TEXTURE":
             matrix = matrix.T
         source = linked_to(mapping.inputs["Vector"])
-    expect(
-        source is None or (source.node.type == "TEX_COORD" and source.name == "Generated"),
-        f"{what}: texture coordinates other than Generated are not understood",
-    )
-    return matrix
+    if source is None or (source.node.type == "TEX_COORD" and source.name == "Generated"):
+        return matrix
+    return None

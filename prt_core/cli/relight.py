@@ -24,6 +24,7 @@ from prt_core.light import write_image
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
+from prt_core.scene import Camera
 
 _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
@@ -68,7 +69,9 @@ def add_relight(commands, in_blender):
         "--progressive", action="store_true",
         help="each frame of --turn adds what changed most, in a compressed form by haar",
     )  # fmt: skip
-    relight.add_argument("--size", type=size, help="of the picture (960x540)")
+    relight.add_argument(
+        "--size", type=size, help="of the picture (960 along the longer side of the scene's own)"
+    )
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
         "--scene", metavar="BLEND", help="the baked .blend, to colour a copy of it (for --blend)"
@@ -95,6 +98,7 @@ def _relight(options):
         not options.image or baked.scene.image is not None,
         "--image: this bake holds none; bake with --camera-pixels or --geometry-image",
     )
+    options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
         return _relight_turn(baked, lighting, options)
     _bpy_for(options)
@@ -152,7 +156,11 @@ def _expect_request(options):
         "--progressive: adds to a compressed form; leave out --form exact",
     )
     expect(
-        options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
+        options.caster == "auto"
+        or options.png
+        or options.lamps
+        or options.sharp_sun
+        or options.light == "world",
         "--caster: no ray is cast; it changes nothing without --png, --lamps or --sharp-sun",
     )
     if options.turn:
@@ -161,7 +169,7 @@ def _expect_request(options):
             "--turn: turns an image's light into numbered files; give --light IMAGE, and --output, "
             "--png or --image",
         )
-    if options.png:
+    if options.png and options.size:
         expect_view(*options.size)
     paths = []
     for name, path in outputs.items():
@@ -180,7 +188,6 @@ def _expect_request(options):
 def _fill_in(options):
     if options.lamp_samples is None:
         options.lamp_samples = Lighting.lamp_samples
-    options.size = options.size or (960, 540)
     expect(
         options.attribute is None or options.attribute.strip(),
         "--attribute: expected a name, got an empty one",
@@ -256,14 +263,18 @@ def _how(relighter):
 
 def _print_notes(baked, options, notes):
     if options.png and baked.camera is None:
-        notes = [*notes, "the baked scene has no camera of perspective: seen from the front"]
+        notes = [
+            *notes,
+            "the baked scene has no camera whose lens is followed: seen from the front",
+        ]
     for note in notes:
         print(f"  note    {note}")
 
 
 def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
-    if (options.lamps or options.sharp_sun) and options.caster == "auto":
+    casts = options.lamps or options.sharp_sun or options.light == "world"
+    if casts and options.caster == "auto":
         _bpy_where_needed()
 
 

@@ -13,7 +13,7 @@ from prt_core.errors import (
     shown,
 )
 from prt_core.runtime.machine import expect_memory
-from prt_core.scene import auto_camera, camera_rays, expect_camera
+from prt_core.scene import auto_camera, expect_camera, hits_in_view, view_rays
 
 _BATCH = 1 << 20
 
@@ -52,22 +52,19 @@ class CameraRays:
         expect_view(width, height, samples)
         expect_caster(caster)
         self.width, self.height, self.samples, self._scene = width, height, samples, scene
-        directions = camera_rays(camera, width, height, samples)
-        self.directions = directions.astype(np.float32)
-        origin = scene.to_frame(camera.position)
-        self.points = np.full((len(directions), 3), -1, np.int32)
-        self.weights = np.zeros((len(directions), 3), np.float32)
-        self.hit = np.zeros(len(directions), bool)
-        for first in range(0, len(directions), _BATCH):
-            part = slice(first, first + _BATCH)
-            ways = self.directions[part]
-            hits = caster.intersect(np.broadcast_to(origin, ways.shape), ways)
-            hit = np.flatnonzero(hits.triangle >= 0)
-            triangle = hits.triangle[hit]
-            back = (ways[hit] * scene.triangle_normals[triangle]).sum(axis=1) > 0
-            around, weights = scene.hit_points(triangle, hits.barycentric[hit], back)
-            self.points[first + hit], self.weights[first + hit] = around, weights
-            self.hit[first + hit] = True
+        rays = view_rays(camera, width, height, samples)
+        self.directions, n_rays = rays.directions.astype(np.float32), len(rays.directions)
+        self.points = np.full((n_rays, 3), -1, np.int32)
+        self.weights = np.zeros((n_rays, 3), np.float32)
+        triangle, barycentric = hits_in_view(scene, caster, rays)
+        self.hit = triangle >= 0
+        # Beyond a fisheye's disc there is no sky either.
+        self._sky = ~self.hit & (rays.lengths >= 0)
+        for first in range(0, n_rays, _BATCH):
+            hit = first + np.flatnonzero(self.hit[first : first + _BATCH])
+            face = triangle[hit]
+            back = (self.directions[hit] * scene.triangle_normals[face]).sum(axis=1) > 0
+            self.points[hit], self.weights[hit] = scene.hit_points(face, barycentric[hit], back)
 
     def picture(self, radiance, background=None):
         """The view under one light.
@@ -89,8 +86,7 @@ class CameraRays:
         image = np.zeros((len(self.hit), 3), np.float32)
         image[lit] = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
         if background is not None:
-            sky = ~self.hit
-            image[sky] = background(self.directions[sky])
+            image[self._sky] = background(self.directions[self._sky])
         s = self.samples
         return image.reshape(self.height, s, self.width, s, 3).mean(axis=(1, 3))
 

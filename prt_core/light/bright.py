@@ -43,6 +43,10 @@ class BrightPixels:
     name: str = "bright pixels"
     kind: str = "pixels"
 
+    # As those of a `Lamp`: everything receives, and everything is in the way.
+    receivers = blockers = None
+    casts_shadow, of_world = True, False
+
     def __post_init__(self):
         n = expect_numbers("rows", self.rows).size
         expect(n > 0, "bright pixels: expected at least one")

@@ -6,15 +6,19 @@ import numpy as np
 
 from prt_core.errors import (
     expect,
+    expect_all,
     expect_array,
     expect_flag,
     expect_kind,
     expect_number,
 )
+from prt_core.light.emission_pattern import falloff_at, pattern_on_sphere, pattern_on_square
 from prt_core.light.environment import BRIGHTEST
 from prt_core.sphere import sobol_points, square_to_cone, square_to_disc, tangents
 
 KINDS = ("point", "spot", "area", "sun")
+# Half angle in radians of what an area lamp without any spread sends out: a parallel beam has none.
+_NARROWEST = 1e-3
 
 
 @dataclass
@@ -44,6 +48,26 @@ class Lamp:
         Of the lamp's object along x, y and z: an unequal one makes a spot's cone elliptical.
     angle : float
         Diameter of a sun in radians.
+    spread : float
+        Full angle (radians) that an area lamp shines into, as through a grid of slats; pi: all of
+        it.
+    casts_shadow : bool
+        Whether anything is in the way of its light.
+    receivers : sequence of str, optional
+        Names of the objects that it lights (see `SceneObject.known_as`); default: all.
+    blockers : sequence of str, optional
+        Names of the objects that are in the way of its light; default: all.
+    pattern : (n_rows, n_columns, 3) float, optional
+        A factor on the power by the direction in the lamp's own axes, as an equirectangular image
+        (see `equirectangular`).
+    texture : (n_rows, n_columns, 3) float, optional
+        A factor on the power of an area lamp by the place on it: the first row at the greatest y,
+        the first column at the smallest x.
+    falloff : (n, 2) float, optional
+        Distances and a factor on the power at each, beside the square of the distance;
+        power laws in between and beyond.
+    of_world : bool
+        Whether the sun is a part of the world's light, which shines together with it.
     name : str
     """
 
@@ -59,6 +83,14 @@ class Lamp:
     blend: float = 0.15
     scale: tuple = (1.0, 1.0, 1.0)
     angle: float = 0.0
+    spread: float = np.pi
+    casts_shadow: bool = True
+    receivers: tuple | None = None
+    blockers: tuple | None = None
+    pattern: np.ndarray | None = None
+    texture: np.ndarray | None = None
+    falloff: np.ndarray | None = None
+    of_world: bool = False
     name: str = "lamp"
 
     def __post_init__(self):
@@ -80,12 +112,37 @@ class Lamp:
         self.cone = expect_number(f"{name}: cone", self.cone, 0, 2 * np.pi)
         self.blend = expect_number(f"{name}: blend", self.blend, 0, 1)
         self.angle = expect_number(f"{name}: angle", self.angle, 0, 2 * np.pi)
+        self.spread = expect_number(f"{name}: spread", self.spread, 0, 2 * np.pi)
+        self.casts_shadow = expect_flag(f"{name}: casts_shadow", self.casts_shadow)
+        self.of_world = expect_flag(f"{name}: of_world", self.of_world)
+        for field in ("receivers", "blockers"):
+            objects = getattr(self, field)
+            if objects is not None:
+                objects = expect_all(f"{name}: {field}", objects, str, "objects' names")
+                setattr(self, field, tuple(objects))
+        for field in ("pattern", "texture"):
+            table = getattr(self, field)
+            if table is not None:
+                what, shape = f"{name}: {field}", (None, None, 3)
+                table = expect_array(what, table, shape, np.float64, -BRIGHTEST, BRIGHTEST)
+                expect(table.size, f"{what} expected at least one row and column")
+                setattr(self, field, table)
+        if self.falloff is not None:
+            self.falloff = expect_array(f"{name}: falloff", self.falloff, (None, 2), np.float64, 0)
+            rises = len(self.falloff) > 1 and (np.diff(self.falloff[:, 0], prepend=0) > 0).all()
+            expect(rises, f"{name}: falloff expected two or more distances that rise from above 0")
 
     @property
     def is_small(self):
         """Whether the lamp is a single point or direction: one sample shows all of it."""
         area = self.kind == "area"
         return not (area or (self.angle if self.kind == "sun" else self.radius) > 0)
+
+    @property
+    def is_on_texels(self):
+        """Whether its light can be put on the texels of a world: a sun as any other."""
+        plain = self.casts_shadow and self.receivers is None and self.blockers is None
+        return self.kind == "sun" and plain and not self.of_world and self.power.min() >= 0
 
     @property
     def towards(self):
@@ -114,7 +171,12 @@ class Lamp:
         """
         positions = expect_array("positions", positions, (None, 3), np.float64)
         uv = expect_array("uv", uv, (len(positions), 2))
-        return getattr(self, f"_sample_{self.kind}")(positions, uv)
+        direction, distance, irradiance = getattr(self, f"_sample_{self.kind}")(positions, uv)
+        if self.pattern is not None and self.kind != "sun":
+            irradiance = irradiance * pattern_on_sphere(self.pattern, -direction @ self.axes)
+        if self.falloff is not None and self.kind != "sun":
+            irradiance = irradiance * falloff_at(self.falloff, distance)[:, None]
+        return direction, distance, irradiance
 
     def _sample_point(self, positions, uv):
         if self.radius > 0 and not self.soft_falloff:
@@ -160,14 +222,41 @@ class Lamp:
         return direction, distance, irradiance * (t * t * (3 - 2 * t))[:, None]
 
     def _sample_area(self, positions, uv):
-        local = square_to_disc(uv) / 2 if self.ellipse else uv - 0.5
-        local = local * np.asarray(self.size)
+        size = np.asarray(self.size)
+        if not size.all():
+            return _nothing(self.position - positions)
+        narrow = self.spread < np.pi - 1e-6
+        place, share = self._lit_part(positions, uv) if narrow else (None, 1.0)
+        if not narrow:
+            place = square_to_disc(uv) / 2 if self.ellipse else uv - 0.5
+        local = place * size
         target = self.position + local[:, :1] * self.axes[:, 0] + local[:, 1:] * self.axes[:, 1]
         direction, distance = _unit(target - positions)
         facing = np.maximum(direction @ self.axes[:, 2], 0)
         # A Lambertian emitter of `power` watts: radiance power / (pi area), so the area cancels.
-        factor = facing / (np.pi * np.maximum(distance, 1e-30) ** 2)
-        return direction, distance, factor[:, None] * self.power
+        factor = facing / (np.pi * np.maximum(distance, 1e-30) ** 2) * share
+        if narrow:
+            factor = factor * _through_slats(facing, self.spread)
+        irradiance = factor[:, None] * self.power
+        if self.texture is not None:
+            irradiance = irradiance * pattern_on_square(self.texture, place + 0.5)
+        return direction, distance, irradiance
+
+    def _lit_part(self, positions, uv):
+        """Samples where the spread lets receivers see the lamp, and the share of it that this is.
+
+        Places are within -0.5..0.5; beyond an ellipse the share is 0.
+        """
+        size = np.asarray(self.size)
+        local = (positions - self.position) @ self.axes
+        reach = np.abs(local[:, 2:]) * np.tan(_half_spread(self.spread)) / size
+        middle = local[:, :2] / size
+        low, high = np.clip(middle - reach, -0.5, 0.5), np.clip(middle + reach, -0.5, 0.5)
+        place = low + uv * (high - low)
+        share = (high - low).prod(axis=1)
+        if self.ellipse:
+            share = share * (4 / np.pi) * ((place**2).sum(axis=1) <= 0.25)
+        return place, share
 
     def _sample_sun(self, positions, uv):
         # Evenly over the disc's solid angle, of the radiance that gives `power` where it is faced.
@@ -183,6 +272,27 @@ def lamp_samples(n_samples, shift):
     power = max(0, int(np.ceil(np.log2(n_samples))))
     base = sobol_points(power)[:n_samples] + 0.5 / n_samples
     return (base[None] + shift[:, None]) % 1.0
+
+
+def _half_spread(spread):
+    return np.clip(spread / 2, _NARROWEST, np.pi / 2)
+
+
+def _through_slats(cosine, spread):
+    """(n,) share of an area lamp's light at an angle that a grid of slats lets pass, as Cycles has
+    it: the whole keeps its power."""
+    half = _half_spread(spread)
+    # The tangent less the angle, whose leading terms cancel where both are small.
+    whole = np.tan(half) - half if half > 0.05 else half**3 / 3
+    cosine = np.clip(cosine, 1e-30, 1)
+    tangent = np.sqrt(1 - cosine**2) / cosine
+    return np.maximum(np.tan(half) - tangent, 0) / whole
+
+
+def _nothing(vectors):
+    """A sample that brings no light, along `vectors` (n, 3)."""
+    direction, distance = _unit(vectors)
+    return direction, distance, np.zeros_like(direction)
 
 
 def _unit(vectors):

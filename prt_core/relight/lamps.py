@@ -6,7 +6,7 @@ import numpy as np
 
 from prt_core.errors import expect
 from prt_core.runtime.progress import Pace
-from prt_core.transport import lamp_steps
+from prt_core.transport import blocking_caster, lamp_steps
 
 
 class LampLight:
@@ -21,13 +21,13 @@ class LampLight:
 
     def __init__(self, bake, caster):
         self._bake, self._name = bake, caster
-        self._caster, self._kept = None, {}
+        self._casters, self._kept = {}, {}
 
     def close(self):
         """Let go of everything."""
-        if self._caster is not None:
-            self._caster.close()
-        self._caster, self._kept = None, {}
+        for caster in self._casters.values():
+            caster.close()
+        self._casters, self._kept = {}, {}
 
     def steps(self, lamps, n_samples, pace=None):
         """A list of (n_points, 3) float32, one for each lamp; a generator of `Progress`.
@@ -40,7 +40,8 @@ class LampLight:
         pace : float, optional
             Seconds a step may take.
         """
-        parts = {}
+        parts, scene = {}, self._bake.scene
+        self._forget_casters(lamps)
         for index, lamp in enumerate(lamps):
             key = index, n_samples, lamp_signature(lamp)
             if key not in parts and key in self._kept:
@@ -48,28 +49,54 @@ class LampLight:
             if key not in parts:
                 pacing = Pace(pace, 1 << 15)
                 parts[key] = yield from lamp_steps(
-                    self._bake.scene, self._rays(), lamp, n_samples, (0, index), pacing
+                    scene, self._rays(lamp), lamp, n_samples, (0, index), pacing
                 )
         # What was not asked for this time is forgotten; a draft's rays do not push out the rest.
         kept = [key for key in self._kept if key[1] != n_samples]
         self._kept = {**{key: self._kept[key] for key in kept[-len(lamps) :]}, **parts}
         return list(parts.values())
 
-    def _rays(self):
-        if self._caster is None:
-            self._caster = self._bake.make_caster(self._name)
-        return self._caster
+    def _rays(self, lamp):
+        """The caster over what is in the lamp's way, one for all lamps that share it."""
+        key = self._blocking(lamp)
+        if key not in self._casters:
+            caster = blocking_caster(self._bake.scene, lamp, self._name)
+            if caster is None:
+                return None
+            self._casters[key] = caster
+        return self._casters[key]
+
+    def _blocking(self, lamp):
+        """Which objects are in the lamp's way, as something to compare; all of them: None."""
+        if lamp.blockers is None:
+            return None if lamp.casts_shadow else b""
+        blocking = self._bake.scene.objects_named(lamp.blockers)
+        return None if blocking.all() else blocking.tobytes()
+
+    def _forget_casters(self, lamps):
+        """Let go of casters over some of the objects that no lamp needs any more."""
+        needed = {None, *map(self._blocking, lamps)}
+        for key in [key for key in self._casters if key not in needed]:
+            self._casters.pop(key).close()
 
 
 def chosen_lamps(bake, lighting):
-    """A list of the lamps that a `Lighting` means: its own, or those of the baked scene."""
-    if not isinstance(lighting.lamps, bool):
-        return list(lighting.lamps)
-    if not lighting.lamps:
-        return []
-    expect(bake.lamps, "lamps: the baked scene had no lamps that render")
-    # The world's light holds the suns already, on its texels.
-    return [lamp for lamp in bake.lamps if not (lighting.is_world and lamp.kind == "sun")]
+    """A list of the lamps that a `Lighting` means: its own, or those of the baked scene.
+
+    The suns of the baked world's sky come last, with the world.
+    """
+    lamps = [] if isinstance(lighting.lamps, bool) else list(lighting.lamps)
+    if lighting.lamps is True:
+        lamps = [lamp for lamp in bake.lamps if not lamp.of_world]
+        expect(lamps, "lamps: the baked scene had no lamps that render")
+        # The world's light holds the suns already, on its texels.
+        lamps = [lamp for lamp in lamps if not (lighting.is_world and lamp.is_on_texels)]
+    return lamps + world_suns(bake, lighting)
+
+
+def world_suns(bake, lighting):
+    """A list of the suns that shine with the baked world, where a `Lighting` asks for it."""
+    return [lamp for lamp in bake.lamps if lamp.of_world] if lighting.is_world else []
 
 
 def lamp_signature(lamp):

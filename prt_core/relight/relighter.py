@@ -16,7 +16,7 @@ from prt_core.errors import (
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
-from prt_core.relight.lamps import LampLight, chosen_lamps
+from prt_core.relight.lamps import LampLight, chosen_lamps, world_suns
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import run
@@ -118,9 +118,9 @@ class Relighter:
         distant, sun = yield from maybe_in_thread(pace, "light", *work)
         lamps += [] if sun is None else [sun]
         parts = yield from self._lamps.steps(lamps, lighting.lamp_samples, pace)
-        factors = [lighting.lamp_factor] * len(parts)
-        if sun is not None:
-            factors[-1] = lighting.strength
+        # What belongs to the environment has its strength, and comes last.
+        n_suns = len(world_suns(self.bake, lighting)) + (sun is not None)
+        factors = [lighting.lamp_factor] * (len(parts) - n_suns) + [lighting.strength] * n_suns
         if distant is not None and evaluator is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
         radiance = None

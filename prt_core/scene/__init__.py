@@ -1,6 +1,13 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
-from prt_core.scene.camera import Camera, auto_camera, camera_rays, expect_camera
+from prt_core.scene.camera import (
+    Camera,
+    ViewRays,
+    auto_camera,
+    camera_rays,
+    expect_camera,
+    view_rays,
+)
 from prt_core.scene.changes import Changes, changes, mesh_digests
 from prt_core.scene.details import Details, with_details
 from prt_core.scene.images import (
@@ -8,6 +15,7 @@ from prt_core.scene.images import (
     Layout,
     PointImage,
     geometry_layout,
+    hits_in_view,
     surface_points,
     with_camera_image,
     with_geometry_image,
@@ -30,13 +38,16 @@ __all__ = [
     "PointImage",
     "Scene",
     "SceneObject",
+    "ViewRays",
     "auto_camera",
     "camera_rays",
     "changes",
     "expect_camera",
     "geometry_layout",
+    "hits_in_view",
     "mesh_digests",
     "surface_points",
+    "view_rays",
     "with_camera_image",
     "with_details",
     "with_geometry_image",

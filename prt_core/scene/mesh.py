@@ -47,6 +47,8 @@ class Mesh:
         The object a person knows it by: that of the instances, or itself.
     library : str
         Of the owner, where it is linked; names of objects are unique in their library only.
+    source : str
+        Name of the object that the owner shows here, where it is an instance of another.
     corner_uv : (n_corners, 2) float, optional
         For geometry images.
     paint : Paint, optional
@@ -68,6 +70,7 @@ class Mesh:
     own_mesh: bool = False
     owner: str | None = None
     library: str = ""
+    source: str = ""
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
     material_names: tuple = ()
@@ -76,6 +79,7 @@ class Mesh:
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
         self.owner = expect_kind(f"{self.name}: owner", self.owner or self.name, str, "text")
         expect_kind(f"{self.name}: library", self.library, str, "text")
+        expect_kind(f"{self.name}: source", self.source, str, "text")
         for flag in ("receives", "two_sided", "own_mesh"):
             setattr(self, flag, expect_flag(f"{self.name}: {flag}", getattr(self, flag)))
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)

@@ -15,6 +15,7 @@ from prt_core.errors import (
     PRTError,
     expect,
     expect_all,
+    expect_mask,
     expect_vectors,
     expect_whole,
 )
@@ -43,7 +44,7 @@ class SceneObject:
     face_sizes : (n_faces,) int32
     n_vertices : int
     receives, two_sided, own_mesh : bool
-    owner, library : str
+    owner, library, source : str
         As those of the `Mesh` it was made from.
     """
 
@@ -57,6 +58,16 @@ class SceneObject:
     own_mesh: bool
     owner: str
     library: str = ""
+    source: str = ""
+
+    @property
+    def known_as(self):
+        """What lamps call it: the name of its owner, or for an instance "owner/source".
+
+        A linked owner is called "name [library]".
+        """
+        owner = f"{self.owner} [{self.library}]" if self.library else self.owner
+        return f"{owner}/{self.source}" if self.source else owner
 
 
 @dataclass
@@ -163,6 +174,7 @@ class Scene:
                 mesh.own_mesh,
                 mesh.owner,
                 mesh.library,
+                mesh.source,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True
@@ -192,15 +204,40 @@ class Scene:
         """The `Frames` in which the triangles are cast."""
         return precision_frames(self.vertices, self.triangles, self.triangle_object)
 
-    def make_caster(self, name="auto"):
-        """A ray caster over the triangles, by name (see `rays.make_caster`)."""
+    def make_caster(self, name="auto", objects=None):
+        """A ray caster over the triangles, by name (see `rays.make_caster`).
+
+        Parameters
+        ----------
+        name : str
+        objects : (n_objects,) bool, optional
+            Whose triangles the rays meet; hits count these triangles only. Default: all.
+        """
 
         def factory(vertices, triangles):
             return make_caster(name, vertices, triangles)
 
+        triangles, frames = self.triangles, self.frames
+        if objects is not None:
+            objects = expect_mask("objects", objects, len(self.objects))
+            chosen = objects[self.triangle_object]
+            triangles = triangles[chosen]
+            if len(frames) > 1:
+                frames = precision_frames(self.vertices, triangles, self.triangle_object[chosen])
         if len(self.frames) == 1:
-            return factory(self.vertices.astype(np.float32), self.triangles)
-        return FramedCaster(factory, self.vertices, self.triangles, self.frames)
+            return factory(self.vertices.astype(np.float32), triangles)
+        return FramedCaster(factory, self.vertices, triangles, frames)
+
+    def objects_named(self, names):
+        """(n_objects,) bool: which objects people know by one of these names.
+
+        Parameters
+        ----------
+        names : sequence of str
+            See `SceneObject.known_as`.
+        """
+        names = set(names)
+        return np.array([item.known_as in names for item in self.objects], bool)
 
     @property
     def lattice_sizes(self):

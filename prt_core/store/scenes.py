@@ -94,6 +94,7 @@ def write_scene(store, scene):
                 "own_mesh": bool(item.own_mesh),
                 "owner": item.owner,
                 "library": item.library,
+                "source": item.source,
             }
             for item in scene.objects
         ],
@@ -142,6 +143,8 @@ def read_scene(store):
                 for key, kind in _OBJECT.items()
                 if type(item[key]) is not kind or (kind is int and item[key] < 0)
             ]
+            source = item.get("source", "")  # bakes of old do not have it
+            strange += [] if type(source) is str else ["source"]
             expect(not strange, f"an object of it has a wrong {', '.join(strange)}")
             part = slice(corner, corner + item["n_corners"])
             sizes = faces[face : face + item["n_faces"]]
@@ -151,7 +154,8 @@ def read_scene(store):
                     corners["corner_point"][part],
                     corners["corner_vertex"][part],
                     sizes,
-                    *(item[key] for key in list(_OBJECT)[3:]),
+                    **{key: item[key] for key in list(_OBJECT)[3:]},
+                    source=source,
                 )
             )
             corner, face = part.stop, face + item["n_faces"]

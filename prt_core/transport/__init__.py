@@ -4,7 +4,7 @@ from prt_core.transport.bounce import all_bounces, received_with_bounces
 from prt_core.transport.details import detail_steps
 from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.gather import gather_directions, gather_hits, gather_parts
-from prt_core.transport.lamps import lamp_light, lamp_steps
+from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
 from prt_core.transport.operator import gather_operator, ray_ends
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.sharing import Sharing
@@ -23,6 +23,7 @@ __all__ = [
     "gather_hits",
     "gather_operator",
     "gather_parts",
+    "blocking_caster",
     "lamp_light",
     "lamp_steps",
     "ray_ends",

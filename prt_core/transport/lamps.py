@@ -36,8 +36,34 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0):
     lamps = expect_all("lamps", lamps, Lamp | BrightPixels, "lamps")
     received = np.zeros((len(scene.points), 3), np.float32)
     for index, lamp in enumerate(lamps):
-        received += run(lamp_steps(scene, caster, lamp, n_samples, (seed, index)))
+        own = lamp.blockers is not None
+        blockers = blocking_caster(scene, lamp, caster.name) if own else caster
+        try:
+            received += run(lamp_steps(scene, blockers, lamp, n_samples, (seed, index)))
+        finally:
+            if own and blockers is not None:
+                blockers.close()
     return received
+
+
+def blocking_caster(scene, lamp, name="auto"):
+    """A ray caster over the objects that are in a lamp's way; None where nothing is.
+
+    Parameters
+    ----------
+    scene : Scene
+    lamp : Lamp or BrightPixels
+    name : str
+        See `Scene.make_caster`.
+    """
+    if not lamp.casts_shadow:
+        return None
+    if lamp.blockers is None:
+        return scene.make_caster(name)
+    blocking = scene.objects_named(lamp.blockers)
+    if not blocking[scene.triangle_object].any():
+        return None
+    return scene.make_caster(name, objects=blocking)
 
 
 def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
@@ -45,12 +71,15 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
 
     Parameters
     ----------
+    caster : RayCaster, or None
+        Over the objects that are in the lamp's way (see `blocking_caster`).
     seed : sequence of int
     pace : Pace, optional
         In rays.
     """
     expect_kind("scene", scene, Scene)
-    expect_caster(caster)
+    if caster is not None:
+        expect_caster(caster)
     expect_kind("lamp", lamp, (Lamp, BrightPixels))
     n_samples = expect_whole("n_samples", n_samples, 1, 1 << 20)
     for number in seed if isinstance(seed, tuple) else (seed,):
@@ -60,6 +89,9 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
     origins = scene.ray_origins
     world = scene.to_world(origins)
     received = np.zeros((n_points, 3))
+    receives = None
+    if lamp.receivers is not None:
+        receives = scene.objects_named(lamp.receivers)[points.object_index]
     count = 1 if lamp.is_small else n_samples
     rays = pace or Pace()
     for block in range(0, n_points, _BLOCK):
@@ -76,8 +108,10 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                     world[point], uv[which // count, which % count]
                 )
                 light = _unshaded(points, point, direction, irradiance)
+                if receives is not None:
+                    light[~receives[point]] = 0
                 lit = np.flatnonzero(light.any(axis=1))
-                if len(lit):
+                if len(lit) and caster is not None and lamp.casts_shadow:
                     limit = _before_the_lamp(
                         origins[point[lit]], direction[lit], distance[lit] / scene.size
                     )
@@ -87,6 +121,7 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                         limit if np.isfinite(limit).all() else None,
                     )
                     light[lit[~free]] = 0
+                if len(lit):
                     for channel in range(3):
                         sums = np.bincount(point - point[0], light[:, channel])
                         received[point[0] : point[-1] + 1, channel] += sums

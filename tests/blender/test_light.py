@@ -7,6 +7,7 @@ import pytest
 import build
 from prt_core import PRTError
 from prt_core.blender import read_lamps, read_world
+from prt_core.blender.world import read_environment
 from prt_core.light import EnvironmentMap, read_image
 from prt_core.sphere import CubeMap
 
@@ -60,11 +61,80 @@ def test_the_mapping_turns_the_light_as_cycles_does(world, hdri, kind, sign):
     np.testing.assert_allclose(read_world(cube_map), wanted, rtol=1e-4)
 
 
-def test_what_the_world_may_not_have_is_named(world):
+def test_a_world_of_any_nodes_is_what_cycles_renders_of_it(world):
     tree = world.node_tree
-    sky = tree.nodes.new("ShaderNodeTexChecker")
-    tree.links.new(sky.outputs["Color"], tree.nodes["Background"].inputs["Color"])
-    with pytest.raises(PRTError, match="node 'Checker Texture' is not understood"):
+    place = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(place.outputs["Generated"], tree.nodes["Background"].inputs["Color"])
+    before = [len(kind) for kind in (bpy.data.worlds, bpy.data.scenes, bpy.data.cameras)]
+    cube_map = CubeMap(5)
+    light = read_world(cube_map)
+    # What is seen is the direction itself, where it is not negative: in part of some texels.
+    means = cube_map.vectors / cube_map.solid_angles[:, None]
+    np.testing.assert_allclose(light, np.maximum(means, 0), atol=0.06)
+    assert before == [len(kind) for kind in (bpy.data.worlds, bpy.data.scenes, bpy.data.cameras)]
+    assert "Render Result" not in bpy.data.images
+
+
+def light_path_in_a_group(output):
+    group = bpy.data.node_groups.new("g", "ShaderNodeTree")
+    group.interface.new_socket("v", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    path, end = group.nodes.new("ShaderNodeLightPath"), group.nodes.new("NodeGroupOutput")
+    group.links.new(path.outputs[output], end.inputs[0])
+    return group
+
+
+@pytest.mark.parametrize(("output", "seen"), [("Is Diffuse Ray", 1.0), ("Is Camera Ray", 0.0)])
+def test_the_world_is_that_of_diffuse_rays(world, output, seen):
+    tree = world.node_tree
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group = light_path_in_a_group(output)
+    tree.links.new(node.outputs[0], tree.nodes["Background"].inputs["Color"])
+    np.testing.assert_allclose(read_world(CubeMap(2)), seen, atol=1e-4)
+    assert [n.bl_idname for n in group.nodes] == ["ShaderNodeLightPath", "NodeGroupOutput"]
+    assert list(bpy.data.node_groups) == [group]
+
+
+def test_a_world_without_light_for_diffuse_rays_is_none(world):
+    assert read_environment() is not None
+    world.cycles_visibility.diffuse = False
+    assert read_environment() is None
+
+
+def test_a_rendered_world_is_kept_until_it_changes(world):
+    tree, ramp = world.node_tree, world.node_tree.nodes.new("ShaderNodeValToRGB")
+    tree.links.new(ramp.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    ramp.inputs[0].default_value = 1.0
+    first = read_environment().map
+    assert read_environment().map is first
+    np.testing.assert_allclose(first.pixels, 1, atol=1e-4)
+    ramp.color_ramp.elements[1].color = 0.5, 0.25, 2, 1
+    np.testing.assert_allclose(read_environment().map.pixels[3, 5], [0.5, 0.25, 2], atol=1e-3)
+
+
+def test_the_disc_of_a_sky_is_a_sun_of_its_own(world):
+    tree, sky = world.node_tree, world.node_tree.nodes.new("ShaderNodeTexSky")
+    if "NISHITA" in sky.bl_rna.properties["sky_type"].enum_items:
+        sky.sky_type = "NISHITA"
+    sky.sun_elevation, sky.sun_rotation, sky.sun_size = 0.6, 2.0, 0.05
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+    (sun,) = read_environment().suns
+    level = math.cos(0.6)
+    towards = [math.sin(2) * level, math.cos(2) * level, math.sin(0.6)]
+    np.testing.assert_allclose(sun.towards, towards, atol=1e-3)
+    assert sun.angle == pytest.approx(0.05, rel=0.07) and sun.of_world
+    cube_map = CubeMap(8)
+    both, without = read_world(cube_map), read_world(cube_map, suns=False)
+    power = np.einsum("dc,d->c", both - without, cube_map.solid_angles)
+    np.testing.assert_allclose(power, sun.power, rtol=2e-3)
+    sky.sun_disc = False
+    assert not read_environment().suns
+
+
+def test_what_the_world_lacks_is_named(world):
+    tree = world.node_tree
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    tree.links.new(texture.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    with pytest.raises(PRTError, match="the texture 'Environment Texture' has no image"):
         read_world(CubeMap(2))
 
 

@@ -8,6 +8,7 @@ from prt_core.scene.images.geometry_images import (
 )
 from prt_core.scene.images.point_images import (
     PointImage,
+    hits_in_view,
     surface_points,
     with_camera_image,
 )
@@ -17,6 +18,7 @@ __all__ = [
     "PARAMETRISATIONS",
     "PointImage",
     "geometry_layout",
+    "hits_in_view",
     "surface_points",
     "with_camera_image",
     "with_geometry_image",

@@ -137,7 +137,7 @@ def with_geometry_image(scene, caster, layout, size):
     expect_caster(caster)
     expect_kind("layout", layout, Layout)
     expect_size(size, size)
-    found, barycentric = intersect(caster, *_texel_rays(size, layout.round))
+    found, barycentric, _ = intersect(caster, *_texel_rays(size, layout.round))
     source = np.where(found >= 0, layout.source[found], -1)
     hit = np.flatnonzero(source >= 0)
     expect(len(hit), f"{layout.name}: its UV layout covers nothing between 0 and 1")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
-from prt_core.scene.camera import camera_rays, expect_camera
+from prt_core.scene.camera import expect_camera, view_rays
 from prt_core.scene.points import BakePoints, joined
 
 _BATCH = 1 << 20
@@ -77,11 +77,11 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     camera = expect_camera(camera)
     expect_size(width, height)
     expect_whole("pixel samples", samples, 1, 8)
-    ways = camera_rays(camera, width, height, samples).astype(np.float32)
-    origin = scene.to_frame(camera.position)
+    rays = view_rays(camera, width, height, samples)
+    ways = rays.directions
     row, column = np.divmod(np.arange(len(ways)), width * samples)
     pixel = row // samples * width + column // samples
-    triangle, barycentric = intersect(caster, np.broadcast_to(origin, ways.shape), ways)
+    triangle, barycentric = hits_in_view(scene, caster, rays)
     hit = np.flatnonzero(triangle >= 0)
     hit = hit[np.argsort(pixel[hit], kind="stable")]
     back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
@@ -91,6 +91,27 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
         height, width, samples**2, pixel[hit[lit]].astype(np.int32), new.astype(np.int32)
     )
     return extended(scene, points, image)
+
+
+def hits_in_view(scene, caster, rays):
+    """What the rays of a camera meet.
+
+    Parameters
+    ----------
+    scene : Scene
+    caster : RayCaster
+    rays : ViewRays
+
+    Returns
+    -------
+    triangle : (m,) int64
+        -1 where nothing is met before the camera's far end.
+    barycentric : (m, 2) float32
+    """
+    origins, directions = scene.to_frame(rays.origins), rays.directions.astype(np.float32)
+    triangle, barycentric, distance = intersect(caster, origins, directions)
+    triangle[distance * scene.size > rays.lengths] = -1
+    return triangle, barycentric
 
 
 def surface_points(scene, triangle, barycentric, back):
@@ -148,16 +169,19 @@ def extended(scene, points, image):
 
 
 def intersect(caster, origins, directions):
-    """(m,) int64 triangles and (m, 2) float32 barycentrics of hits, for any number of rays."""
+    """(m,) int64 triangles, (m, 2) float32 barycentrics and (m,) float32 distances of hits, for
+    any number of rays."""
     triangle = np.empty(len(origins), np.int64)
     barycentric = np.empty((len(origins), 2), np.float32)
+    distance = np.empty(len(origins), np.float32)
     for first in range(0, len(origins), _BATCH):
         part = slice(first, first + _BATCH)
         found = caster.intersect(
             np.ascontiguousarray(origins[part]), np.ascontiguousarray(directions[part])
         )
         triangle[part], barycentric[part] = found.triangle, found.barycentric
-    return triangle, barycentric
+        distance[part] = found.distance
+    return triangle, barycentric, distance
 
 
 def expect_size(width, height):

@@ -67,7 +67,28 @@ CALLS = {
     "camera_rays": plain(
         scene.camera_rays, ("camera",), camera=camera(), width=3, height=2, samples=1
     ),
-    "Camera": plain(scene.Camera, matrix=np.eye(4), tangent=0.5),
+    "view_rays": plain(scene.view_rays, ("camera",), camera=camera(), width=3, height=2, samples=1),
+    "Camera": plain(
+        scene.Camera,
+        ("shift", "panorama", "clip list", "frame list"),
+        matrix=np.eye(4),
+        tangent=0.5,
+        lens="orthographic",
+        sensor_fit="vertical",
+        shift=(0.1, 0.2),
+        pixel_aspect=(1.0, 2.0),
+        clip=(0.1, 100.0),
+        panorama=(-1.0, 1.0, -1.0, 1.0),
+        fisheye=(1.0, 2.0, 3.0, 4.0),
+        frame=(30, 20),
+    ),
+    "Scene.make_caster": method(
+        lambda t: t.scene,
+        "make_caster",
+        ("objects None",),
+        name="brute",
+        objects=lambda t: np.ones(len(t.scene.objects), bool),
+    ),
     "with_camera_image": with_scene(
         scene.with_camera_image,
         camera=lambda t: camera(),

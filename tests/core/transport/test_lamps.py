@@ -105,3 +105,53 @@ def test_points_of_two_blocks_have_samples_of_their_own():
     corners = np.array([(-0.5, -0.5, 0.5), (0.5, -0.5, 0.5), (0.5, 0.5, 0.5), (-0.5, 0.5, 0.5)])
     wanted = POWER[0] / np.pi * polygon(corners, np.zeros(3))
     assert found.mean() == pytest.approx(wanted, rel=0.01)
+
+
+def test_a_lamp_lights_its_receivers_alone_and_meets_its_blockers_alone():
+    floor, lid = plane(3, -0.1, 0.1, name="floor"), plane(2, -1, 1, name="lid", z=0.5)
+    part = plane(2, -1, 1, name="many/part", z=-1.0)
+    part.owner, part.source = "many", "part"
+    scene = Scene.from_meshes([floor, lid, part], max_hidden=0)
+    number = scene.points.object_index
+
+    def lit(**settings):
+        light = irradiance(scene, [Lamp("sun", POWER, **settings)], 1)[:, 0]
+        return [bool(light[number == index].max() > 0) for index in range(3)]
+
+    assert lit() == [False, True, False]
+    assert lit(casts_shadow=False) == [True, True, True]
+    assert lit(casts_shadow=False, receivers=["floor"]) == [True, False, False]
+    assert lit(casts_shadow=False, receivers=["many/part"]) == [False, False, True]
+    assert lit(casts_shadow=False, receivers=["many", "part"]) == [False, False, False]
+    assert lit(blockers=["many/part"]) == [True, True, True]
+    assert lit(blockers=[]) == [True, True, True]
+    assert lit(blockers=["lid"]) == [False, True, False]
+    assert lit(blockers=["floor"], receivers=["floor", "many/part"]) == [True, False, True]
+
+
+def test_lamps_that_share_their_blockers_share_a_caster(monkeypatch):
+    from types import SimpleNamespace
+
+    from prt_core.relight.lamps import LampLight
+    from prt_core.runtime.progress import run
+
+    scene = Scene.from_meshes([plane(3, name="floor"), plane(2, name="lid", z=0.5)], max_hidden=0)
+    made, make = [], scene.make_caster
+
+    def counted(name="auto", *kind, objects=None):
+        made.append(None if objects is None else objects.tolist())
+        return make("brute", *kind, objects=objects)
+
+    monkeypatch.setattr(scene, "make_caster", counted)
+    light = LampLight(SimpleNamespace(scene=scene, make_caster=counted), "brute")
+    some = Lamp("sun", POWER, blockers=("floor",)), Lamp("sun", POWER, blockers=("floor", "sky"))
+    every = Lamp("sun", POWER), Lamp("sun", POWER, blockers=("lid", "floor"))
+    none = Lamp("sun", POWER, casts_shadow=False), Lamp("sun", POWER, blockers=())
+    parts = run(light.steps([*some, *every, *none], 1))
+    assert made == [[True, False], None]
+    floor = [part[scene.points.object_index == 0].max() > 0 for part in parts]
+    assert floor == [True, True, False, False, True, True]
+    run(light.steps([*every], 1))
+    run(light.steps([*some], 2))
+    assert made == [[True, False], None, [True, False]]
+    light.close()

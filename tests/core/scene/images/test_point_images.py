@@ -126,7 +126,7 @@ def test_wrong_images_are_refused():
     scene = Scene.from_meshes(meshes)
     for arguments, message in (
         ((camera(4, 0.2), (4, 4), 2, ("plane", 4)), "not both"),
-        ((None, (4, 4), 2, None), "no perspective camera"),
+        ((None, (4, 4), 2, None), "no camera whose lens is followed"),
         ((None, None, 2, ("sphere", 4)), "no object"),
         ((camera(4, 0.2), (4, 0), 2, None), "pixels"),
         ((camera(4, 0.2), (4, 4), 0, None), "pixel samples"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from prt_core.blender.compat import view_layer_of
 from prt_core.blender.identity import by_uid, display_names, place_of
-from prt_core.blender.materials import corner_materials
+from prt_core.blender.passes import evaluate_surfaces, record_of
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.stand_ins import (
     hidden_in,
@@ -23,6 +23,8 @@ from prt_core.errors import PRTError
 from prt_core.runtime.progress import Progress, run
 from prt_core.scene import Camera, Mesh, Scene
 
+# What surfaces are until they are evaluated.
+_GREY = 0.8
 _GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
@@ -95,6 +97,7 @@ def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=T
             "or show its collection in renders"
         )
     _say_left_out(scene, messages)
+    yield from evaluate_surfaces(uid, reading.meshes, reading.records, messages)
     return reading.whole()
 
 
@@ -128,7 +131,7 @@ class _Reading:
         self.local = {item.name for item in there if item.library is None}
         self.meshes, self.asked, self.read = [], set(), 0
         self.named, self.instancers = set(), set()
-        self.pictures = {}
+        self.records = []
 
     def some(self, scene, pace):
         """Read on until `pace` is spent; whether that was to the end.
@@ -177,7 +180,9 @@ class _Reading:
                 return
             name = self._name(owner, source.original)
             matrix = np.array(instance.matrix_world)
-            mesh = _to_mesh(name, source, data, matrix, self.messages, self.pictures)
+            mesh, arrays = _to_mesh(name, source, data, matrix, self.messages)
+            random_id = instance.random_id if parent is not None else 0
+            record = record_of(name, owner, source, data, matrix, arrays, random_id)
         finally:
             if source.type != "MESH":
                 source.to_mesh_clear()
@@ -190,6 +195,7 @@ class _Reading:
         if parent is not None and mesh.receives:
             self.instancers.add((mesh.owner, mesh.library))
         self.meshes.append(mesh)
+        self.records.append(record)
 
     def _called(self, item):
         """What a person may call an object; a name that the file has as well is the file's."""
@@ -240,7 +246,8 @@ def _own_mesh(evaluated, mesh):
     )
 
 
-def _to_mesh(name, source, data, matrix, messages, pictures):
+def _to_mesh(name, source, data, matrix, messages):
+    """The `Mesh` without its materials, and what `record_of` needs."""
     n_corners = len(data.loops)
     vertices = np.empty(len(data.vertices) * 3, np.float32)
     data.vertices.foreach_get("co", vertices)
@@ -254,9 +261,7 @@ def _to_mesh(name, source, data, matrix, messages, pictures):
     sizes = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("loop_total", sizes)
     # Under the preview's material the object still has its own.
-    slotted, faces = source, data
-    if is_shaded(source.original):
-        slotted, faces = source.original, source.original.data
+    faces = source.original.data if is_shaded(source.original) else data
     slots = np.empty(len(data.polygons), np.int32)
     faces.polygons.foreach_get("material_index", slots)
 
@@ -289,21 +294,18 @@ def _to_mesh(name, source, data, matrix, messages, pictures):
         data.uv_layers.active.data.foreach_get("uv", uv)
         uv = uv.reshape(-1, 2)
     corner_slot = np.repeat(slots, sizes)
-    materials, paint = corner_materials(
-        slotted, data, corner_slot, corner_vertex, messages, pictures
-    )
-    return Mesh(
+    mesh = Mesh(
         name=name,
         vertices=world,
         corner_vertex=corner_vertex,
         corner_normal=turned,
         triangle_corners=triangles,
-        materials=materials,
+        materials=np.full((n_corners, 3), _GREY),
         corner_material=corner_slot,
         face_sizes=sizes,
         corner_uv=uv,
-        paint=paint,
     )
+    return mesh, (corner_vertex, normals.reshape(-1, 3), corner_slot, sizes)
 
 
 def read_scene(scene=None, receivers=None, two_sided=(), messages=None):

@@ -1,0 +1,252 @@
+"""Where materials are sampled: at corners that differ, and on lattices in triangles that may.
+
+Triangles that show the same part of the same images are sampled once. Large triangles begin with
+finer lattices than small ones; where samples differ from what lies between their neighbours the
+lattice is made twice as fine, a few times.
+"""
+
+import numpy as np
+
+from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice_size
+from prt_core.scene.lattice_paint import lattice_starts
+
+# Samples of the first lattices, and of all; the finest lattice; and how often they are refined.
+FIRST, MOST = 60_000, 400_000
+_FINEST, ROUNDS = 256, 3
+# The longest edge without a lattice, in units of the receivers' size: from, to.
+_TARGET, _LEAST_TARGET = 1 / 24, 1 / 400
+# Values that differ by less are taken to be the same.
+TOLERANCE = 1 / 96
+
+
+class Triangles:
+    """The triangles of some meshes, one after the other.
+
+    Parameters
+    ----------
+    meshes : list of Mesh
+    records : list of SurfaceRecord
+    graphs : function
+        `Graph`s that a triangle of a record may have: graphs(record, slot) -> list.
+
+    Attributes
+    ----------
+    corners : (n, 3, 3) float64
+        Positions.
+    corner : (n, 3) int
+        Corners of its mesh.
+    normal : (n, 3) float64
+    radius : (n,) float64
+        Of the inscribed circle.
+    mesh, slot : (n,) int
+    even, flat : (n,) bool
+        Whether its material is the same everywhere; whether it depends on UV maps alone.
+    """
+
+    def __init__(self, meshes, records, graphs):
+        corner = [mesh.solid_triangles() for mesh in meshes]
+        self.mesh = np.repeat(np.arange(len(meshes)), [len(c) for c in corner])
+        self.corner = np.concatenate(corner) if corner else np.zeros((0, 3), np.int64)
+        self.corners = np.concatenate(
+            [m.vertices[m.corner_vertex[c]] for m, c in zip(meshes, corner, strict=True)]
+        )
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        cross = np.cross(b - a, c - a)
+        doubled = np.linalg.norm(cross, axis=1)
+        self.normal = cross / np.maximum(doubled, 1e-300)[:, None]
+        edges = np.stack([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))])
+        self.edge, self.area = edges.max(axis=0), doubled / 2
+        self.radius = doubled / edges.sum(axis=0)
+        self.slot = np.concatenate(
+            [r.slot_of_corner[c[:, 0]] for r, c in zip(records, corner, strict=True)]
+        )
+        self.even = np.ones(len(self.mesh), bool)
+        self.flat = np.zeros(len(self.mesh), bool)
+        self.texels = np.full(len(self.mesh), np.inf)
+        self._family = np.zeros(len(self.mesh), np.uint64)
+        for index, record in enumerate(records):
+            mine = np.flatnonzero(self.mesh == index)
+            for slot in np.unique(self.slot[mine]):
+                some = mine[self.slot[mine] == slot]
+                behind = graphs(record, int(slot))
+                self.even[some] = all(graph.even for graph in behind)
+                if all(graph.even or graph.flat for graph in behind) and record.uv:
+                    self._lay_out(some, record, behind, slot)
+
+    def _lay_out(self, some, record, behind, slot):
+        """How many texels lie in triangles that show images alone, and which show the same."""
+        self.flat[some] = True
+        sizes = [max(1, i.size[0]) * max(1, i.size[1]) for g in behind for i in g.images]
+        uv = [layer[self.corner[some]].astype(np.float64) for layer in record.uv]
+        share = np.zeros(len(some))
+        for layer in uv:
+            (bx, by), (cx, cy) = ((layer[:, k] - layer[:, 0]).T for k in (1, 2))
+            share = np.maximum(share, np.abs(bx * cy - by * cx) / 2)
+        self.texels[some] = share * max(sizes, default=1)
+        same = repr(record.slots[min(int(slot), len(record.slots) - 1)]).encode()
+        start = np.uint64(int.from_bytes(same, "little") % (1 << 61) + 1)
+        self._family[some] = start
+        with np.errstate(over="ignore"):
+            for column in np.concatenate([layer.reshape(len(some), 6) for layer in uv], axis=1).T:
+                key = np.rint(column * 65536).astype(np.int64).astype(np.uint64)
+                key = (self._family[some] ^ key) * np.uint64(0xBF58476D1CE4E5B9)
+                self._family[some] = key ^ (key >> np.uint64(29))
+
+    def families(self):
+        """(n,) int of those that vary: which have the same samples; -1 for the others."""
+        family = np.full(len(self.mesh), -1, np.int64)
+        alone = np.flatnonzero(~self.even & ~self.flat)
+        shared = np.flatnonzero(~self.even & self.flat)
+        _, which = np.unique(self._family[shared], return_inverse=True)
+        family[shared] = which
+        family[alone] = (which.max() + 1 if len(which) else 0) + np.arange(len(alone))
+        return family
+
+    def places(self, triangle, weights, pull, lift):
+        """World positions a little inside triangles and above them, and where they should meet.
+
+        Parameters
+        ----------
+        triangle : (m,) int
+        weights : (m, 3) float
+        pull : float
+            How far towards the middle, as a share of the way.
+        lift : (m,) float
+
+        Returns
+        -------
+        start, target : (m, 3) float64
+        """
+        weights = (1 - pull) * np.asarray(weights) + pull / 3
+        target = np.einsum("mk,mkx->mx", weights, self.corners[triangle])
+        return target + lift[:, None] * self.normal[triangle], target
+
+
+def first_levels(triangles, family, size):
+    """(n,) int64: the level of the first lattice of each triangle; 1 is none.
+
+    Parameters
+    ----------
+    triangles : Triangles
+    family : (n,) int
+    size : float
+        Of what receives light.
+    """
+    levels = np.ones(len(family), np.int64)
+    varying = np.flatnonzero(family >= 0)
+    if not len(varying):
+        return levels
+    member = family[varying]
+    n = member.max() + 1
+    together = np.bincount(member, triangles.area[varying], n)
+    longest = np.zeros(n)
+    np.maximum.at(longest, member, triangles.edge[varying])
+    texels = np.full(n, np.inf)
+    np.minimum.at(texels, member, triangles.texels[varying])
+    # Many that show the same count as one of all their area.
+    edge = np.maximum(longest, np.sqrt(2 * together))
+    finest = np.clip(np.ceil(2 * np.sqrt(2 * texels)), 1, _FINEST)
+    target = _TARGET * max(size, 1e-9)
+    chosen = np.ones(n)
+    coarsest = None
+    while True:
+        wanted = np.minimum(np.clip(np.ceil(edge / target), 1, _FINEST), finest)
+        cost = np.where(wanted > 1, (wanted + 1) * (wanted + 2) / 2, 0).sum()
+        if cost <= FIRST:
+            chosen = wanted
+            if coarsest or target <= _LEAST_TARGET * size:
+                break
+            target /= 1.3
+        elif (chosen > 1).any():
+            break
+        else:
+            coarsest = True
+            target *= 1.3
+    levels[varying] = chosen[member].astype(np.int64)
+    return levels
+
+
+def lattice_weights(level):
+    """(m, 3) float64: weights of the three corners at each place of a lattice."""
+    uv = lattice_coordinates(int(level)) / level
+    return np.column_stack([1 - uv.sum(axis=1), uv])
+
+
+def rough_ones(level, values):
+    """(n,) float: how far values differ between neighbours on lattices.
+
+    Parameters
+    ----------
+    level : int
+    values : (n, lattice_size, n_columns) array
+    """
+    i, j = lattice_coordinates(int(level)).T
+    place = {pair: k for k, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
+    first, second = [], []
+    for (x, y), k in place.items():
+        for neighbour in ((x + 1, y), (x, y + 1), (x + 1, y - 1)):
+            if neighbour in place:
+                first.append(k)
+                second.append(place[neighbour])
+    return np.abs(values[:, first] - values[:, second]).max(axis=(1, 2))
+
+
+def unlike(level, values, coarse_level, coarse):
+    """(n,) float: how far values on lattices are from what coarser ones say in between.
+
+    Parameters
+    ----------
+    level, coarse_level : int
+    values, coarse : (n, lattice_size, n_columns) array
+    """
+    weights = lattice_weights(level)
+    cell, shares = lattice_of_hits(np.full(len(weights), coarse_level), weights[:, 1:])
+    between = np.einsum("mk,nmkc->nmc", shares, coarse[:, cell])
+    return np.abs(values - between).max(axis=(1, 2))
+
+
+class Lattices:
+    """The samples of families of triangles, kept by level.
+
+    Attributes
+    ----------
+    blocks : list of (level, families, values)
+        values (n_families, lattice_size, n_columns) float32.
+    """
+
+    def __init__(self):
+        self.blocks = []
+
+    def packed(self, family):
+        """Levels and starts of triangles' families, and all samples of these, one after another.
+
+        Parameters
+        ----------
+        family : (n,) int
+
+        Returns
+        -------
+        levels, starts : (n,) int64
+            Level 1 where a family has no lattice.
+        samples : (m, n_columns) float32
+        """
+        wanted = np.unique(family)
+        level_of = np.ones(len(wanted), np.int64)
+        parts = {}
+        for level, families, values in self.blocks:
+            _, mine, theirs = np.intersect1d(wanted, families, return_indices=True)
+            level_of[mine] = level
+            parts |= {int(m): values[t] for m, t in zip(mine, theirs, strict=True)}
+        own = np.array(sorted(parts), np.int64)
+        start_of = np.zeros(len(wanted), np.int64)
+        start_of[own] = lattice_starts(level_of[own])
+        samples = [parts[int(k)] for k in own]
+        at = np.searchsorted(wanted, family)
+        n_columns = samples[0].shape[1] if samples else 0
+        joined = np.concatenate(samples) if samples else np.zeros((0, n_columns), np.float32)
+        return level_of[at], start_of[at], joined
+
+
+def n_samples(level, count):
+    """How many samples lattices have."""
+    return int(lattice_size(int(level))) * int(count)

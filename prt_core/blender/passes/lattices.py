@@ -11,7 +11,7 @@ from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice
 from prt_core.scene.lattice_paint import lattice_starts
 
 # Samples of the first lattices, and of all; the finest lattice; and how often they are refined.
-FIRST, MOST = 60_000, 400_000
+FIRST, MOST = 80_000, 400_000
 _FINEST, ROUNDS = 256, 3
 # The longest edge without a lattice, in units of the receivers' size: from, to.
 _TARGET, _LEAST_TARGET = 1 / 24, 1 / 400
@@ -151,6 +151,8 @@ def first_levels(triangles, family, size):
     coarsest = None
     while True:
         wanted = np.minimum(np.clip(np.ceil(edge / target), 1, _FINEST), finest)
+        # Texels of most images are met evenly.
+        wanted = 2 ** np.ceil(np.log2(wanted))
         cost = np.where(wanted > 1, (wanted + 1) * (wanted + 2) / 2, 0).sum()
         if cost <= FIRST:
             chosen = wanted

@@ -14,6 +14,7 @@ import numpy as np
 from prt_core.blender.compat import view_layer_of
 from prt_core.blender.identity import by_uid
 from prt_core.blender.passes.asking import Asking
+from prt_core.blender.passes.corners import CornerGroups
 from prt_core.blender.passes.digests import MaterialDigests
 from prt_core.blender.passes.graphs import graph_of
 from prt_core.blender.passes.lattices import (
@@ -197,46 +198,25 @@ class _Evaluation:
         """List of `_Surface`, as a generator of `Progress`."""
         if not len(self._triangles.mesh):
             return [self._surface(i, None, None, None) for i in range(len(self._meshes))]
-        group, triangle, weights = self._corner_groups()
+        corners = CornerGroups(self._triangles, self._meshes, self._records)
         lattices, more = self._first_lattices()
-        n = len(triangle)
-        values, signs = yield from self._asking.values(
-            np.concatenate([triangle, *(t for t, _ in more)]),
-            np.concatenate([weights, *(w for _, w in more)]),
-        )
-        self._note(np.concatenate([triangle, *(t for t, _ in more)]), values, signs)
-        values = self._whole(np.concatenate([triangle, *(t for t, _ in more)]), values)
+        more = [corners.places(), *more]
+        values = yield from self._ask(more)
+        n = len(more[0][0])
         lattices.take(values[n:])
+        split = corners.split(values[:n])
+        of_split = (yield from self._ask([split])) if len(split[0]) else values[:0]
         yield from self._refine(lattices)
-        return [self._surface(i, group[i], values[:n], lattices) for i in range(len(self._meshes))]
+        of_corner = corners.values(values[:n], of_split)
+        return [self._surface(i, *of_corner[i], lattices) for i in range(len(self._meshes))]
 
-    def _corner_groups(self):
-        """For each mesh the group of every corner (-1: none), and a place for each group."""
-        triangles, groups = self._triangles, []
-        triangle, weights = [], []
-        order = np.argsort(triangles.area, kind="stable")
-        first = 0
-        for index, (mesh, record) in enumerate(zip(self._meshes, self._records, strict=True)):
-            mine = order[triangles.mesh[order] == index]
-            key = record.key_of_corner.copy()
-            even = np.zeros(int(record.slot_of_corner.max(initial=0)) + 1, bool)
-            even[triangles.slot[mine[triangles.even[mine]]]] = True
-            one = even[record.slot_of_corner]
-            key[one] = record.slot_of_corner[one]
-            used = triangles.corner[mine].ravel()
-            group = np.full(len(mesh.corner_vertex), -1, np.int64)
-            _, at, group_of_used = np.unique(key[used], return_index=True, return_inverse=True)
-            group[used] = first + group_of_used
-            # The last one wins: the largest triangle of each group.
-            best = np.zeros(len(at), np.int64)
-            best[group_of_used] = np.arange(len(used))
-            triangle.append(mine[best // 3])
-            here = np.eye(3)[best % 3]
-            here[one[used[best]]] = 1 / 3
-            weights.append(here)
-            groups.append(group)
-            first += len(at)
-        return groups, np.concatenate(triangle), np.concatenate(weights)
+    def _ask(self, places):
+        """(n, 13) values at a list of places (triangles, weights), whole and noted."""
+        triangle = np.concatenate([t for t, _ in places])
+        weights = np.concatenate([w for _, w in places])
+        values, signs = yield from self._asking.values(triangle, weights)
+        self._note(triangle, values, signs)
+        return self._whole(triangle, values)
 
     def _first_lattices(self):
         lattices, more = _Growing(), []
@@ -254,12 +234,7 @@ class _Evaluation:
             more, total = lattices.finer(self._triangles, total)
             if not more:
                 return
-            triangle = np.concatenate([t for t, _ in more])
-            values, signs = yield from self._asking.values(
-                triangle, np.concatenate([w for _, w in more])
-            )
-            self._note(triangle, values, signs)
-            lattices.take(self._whole(triangle, values))
+            lattices.take((yield from self._ask(more)))
         for owner in np.unique(self._triangles.mesh[lattices.cut]) if len(lattices.cut) else ():
             self._signs[owner].add(("coarse", self._name_of(lattices.cut, owner)))
 
@@ -294,16 +269,17 @@ class _Evaluation:
             values[unseen[pairs[unseen] == pair]] = mean
         return values
 
-    def _surface(self, index, group, values, lattices):
+    def _surface(self, index, used, values, lattices):
+        """The `_Surface` of a mesh from the values (n, 13) of its used corners."""
         mesh, record = self._meshes[index], self._records[index]
         corners = np.zeros((len(mesh.corner_vertex), N_COLUMNS), np.float32)
         corners[:, COLUMNS["albedo"]], corners[:, COLUMNS["opacity"]] = _GREY, 1
         notes = self._notes_of(index)
-        if group is None or not (group >= 0).any():
+        if used is None or not len(used):
             return _Surface(corners, notes=notes)
-        corners[group >= 0] = values[group[group >= 0]]
+        corners[used] = values
         corners, cut = settled(corners)
-        normals = self._normals(record, mesh, group, corners)
+        normals = self._normals(record, mesh, used, corners)
         mine = np.flatnonzero(self._triangles.mesh == index)
         paint = None
         mine = mine[self._family[mine] >= 0]
@@ -321,15 +297,16 @@ class _Evaluation:
             notes.append(("line", f"{mesh.name}: albedo outside 0..1 was cut to it"))
         return _Surface(corners, paint, normals, notes)
 
-    def _normals(self, record, mesh, group, corners):
+    def _normals(self, record, mesh, used, corners):
         """Corner normals as materials bend them; None where none does."""
-        bent = np.zeros(len(group), bool)
+        bent, known = np.zeros((2, len(corners)), bool)
+        known[used] = True
         for slot in np.unique(record.slot_of_corner):
             if any(graph.bends for graph in self._materials.graphs(record, int(slot))):
                 bent |= record.slot_of_corner == slot
         normal = corners[:, COLUMNS["normal"]].astype(np.float64)
         length = np.linalg.norm(normal, axis=1)
-        bent &= (group >= 0) & (length > 0.5)
+        bent &= known & (length > 0.5)
         if not bent.any():
             return None
         normals = mesh.corner_normal.copy()

@@ -13,6 +13,8 @@ from prt_core.runtime.progress import Progress
 
 # How far a place is pulled inwards, one try after the other.
 _PULLS = (1e-3, 0.04, 0.3)
+# How many surfaces may lie in one place.
+_LAYERS = 4
 # How much light must go straight through for what lies behind to show.
 _CLEAR = 1e-4
 _NOISY_SAMPLES = 64
@@ -41,6 +43,8 @@ class Asking:
         others = np.array([name_number(r.source_name) for r in all_records], np.uint32)
         self._others, first = np.unique(others, return_index=True)
         self._owner_of_name = np.array([r.owner for r in all_records])[first]
+        self._owners = np.array([r.owner for r in records], np.int64)
+        self._against = {}
         corners = triangles.corners.reshape(-1, 3)
         self._low, self._high = corners.min(axis=0), corners.max(axis=0)
         # What float32 can tell apart out here.
@@ -76,20 +80,22 @@ class Asking:
         """Those of as many places as one render has."""
         values = np.full((len(triangle), N_COLUMNS), np.nan, np.float32)
         signs = {}
-        stranger = np.zeros(len(triangle), np.int64)
         left = np.arange(len(triangle))
         with self._open() as look:
             for pull in _PULLS:
-                left = self._try(look, triangle, weights, left, pull, values, signs, stranger)
-                if not len(left):
-                    return values, signs
-            # Something else lies in the same place: each is looked at without the other.
-            for owners, mine in self._apart(triangle, left, stranger):
-                look.show(owners)
-                self._try(look, triangle, weights, mine, _PULLS[1], values, signs, stranger)
+                if len(left):
+                    left = self._try(look, triangle, weights, left, pull, values, signs)
+            # Something else lies in the same place: each is looked at without the other. Behind it
+            # a third may come to light, so that takes more than one time.
+            for _ in range(_LAYERS):
+                rest = [
+                    self._try(look.show(owners), triangle, weights, mine, _PULLS[1], values, signs)
+                    for owners, mine in self._apart(triangle, left)
+                ]
+                left = np.concatenate([*rest, np.zeros(0, np.int64)])
         return values, signs
 
-    def _try(self, look, triangle, weights, which, pull, values, signs, stranger):
+    def _try(self, look, triangle, weights, which, pull, values, signs):
         """Look at some places; the numbers of those that were not seen."""
         mine = triangle[which]
         triangles = self._triangles
@@ -101,7 +107,11 @@ class Asking:
         own = passes["name"] == self._names[triangles.mesh[mine]]
         other = ~own & np.isin(passes["name"], self._others) & (passes["share"] > _CLEAR)
         row = np.searchsorted(self._others, passes["name"][other])
-        stranger[which[other]] = self._owner_of_name[row]
+        mine_of = self._owners[triangles.mesh[mine[other]]]
+        pairs = np.stack([mine_of, self._owner_of_name[row]], axis=1)
+        for one, two in np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).tolist():
+            self._against.setdefault(one, set()).add(two)
+            self._against.setdefault(two, set()).add(one)
         # A ray that has gone through passes on what lies behind it: emission is asked for once more.
         clear = np.flatnonzero(passes["share"] < 1 - _CLEAR)
         empty = np.zeros(len(which), bool)
@@ -143,23 +153,20 @@ class Asking:
         record = self._records[mesh]
         return [self._graph(uid) for uid in record.slots[min(slot, len(record.slots) - 1)]]
 
-    def _apart(self, triangle, left, stranger):
+    def _apart(self, triangle, left):
         """Which objects to show together, and which places to look at then."""
-        owner = np.array([r.owner for r in self._records])[self._triangles.mesh[triangle[left]]]
-        against = {}
-        for one, two in np.unique(np.stack([owner, stranger[left]], axis=1), axis=0):
-            if two and one != two:
-                against.setdefault(int(one), set()).add(int(two))
-                against.setdefault(int(two), set()).add(int(one))
+        owner = self._owners[self._triangles.mesh[triangle[left]]]
         groups = []
-        for uid in sorted(against):
-            group = next((g for g in groups if not against[uid] & g), None)
+        for uid in sorted(self._against):
+            group = next((g for g in groups if not self._against[uid] & g), None)
             if group is None:
                 groups.append({uid})
             else:
                 group.add(uid)
         for group in groups:
-            yield group, left[np.isin(owner, sorted(group))]
+            mine = left[np.isin(owner, sorted(group))]
+            if len(mine):
+                yield group, mine
 
     def _open(self):
         """A `_Look` into the scene as it is now."""
@@ -205,3 +212,4 @@ class _Look:
     def show(self, owners):
         """Only these objects, by their `session_uid`."""
         self._probe.show_only([self._every[uid] for uid in sorted(owners)])
+        return self

@@ -6,6 +6,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from prt_core.blender.compat import has_nodes
+
 # Of nodes and sockets: where they stand and how they are drawn.
 _LOOKS = {
     "rna_type", "location", "location_absolute", "width", "height", "select", "color", "label",
@@ -41,7 +43,7 @@ class MaterialDigests:
     def _material(self, material):
         digest = hashlib.blake2b(digest_size=16)
         plain = [material.name, list(material.diffuse_color), material.pass_index]
-        plain += [getattr(material, "displacement_method", ""), material.use_nodes]
+        plain += [getattr(material, "displacement_method", ""), has_nodes(material)]
         digest.update(repr(plain).encode())
         if material.node_tree is not None:
             digest.update(self._once(material.node_tree, self._tree))

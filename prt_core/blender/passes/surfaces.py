@@ -7,6 +7,7 @@ scene that has not changed is not rendered again.
 import hashlib
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -330,10 +331,17 @@ class _Evaluation:
 
 def _missing_images(graph):
     for image in graph.images:
-        if image.source in {"FILE", "TILED"} and not image.size[0] and not image.packed_files:
+        if image.packed_files or image.source not in {"FILE", "TILED"}:
+            continue
+        path = bpy.path.abspath(image.filepath, library=image.library)
+        lost = not image.size[0]
+        if image.source == "TILED" and "<UDIM>" in path and not image.is_dirty:
+            files = [path.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
+            lost = [file for file in files if not Path(file).is_file()]
+        if lost:
             yield (
-                f"image '{image.name}': no pixels; its file '{image.filepath}' is missing or "
-                f"unreadable; material '{graph.name}' shows what Cycles shows then"
+                f"image '{image.name}': no pixels; its file '{lost[0] if lost is not True else path}'"
+                f" is missing or unreadable; material '{graph.name}' shows what Cycles shows then"
             )
     for node in graph.without_image:
         yield f"material '{graph.name}': node '{node}' has no image; it shows what Cycles shows then"

@@ -13,6 +13,7 @@ from bpy.app.handlers import persistent
 from prt_core import run
 from prt_core.blender import casters
 from prt_core.blender.identity import by_uid
+from prt_core.blender.render_scene import is_reading
 from prt_core.blender.stand_ins import arrange
 
 from . import bakes, freshness, plan, preview, work
@@ -205,7 +206,7 @@ def _wants_check(scene):
     if preview.held(scene) is None:
         return False
     read, holds = plan.reading(scene)
-    return read is None or (not holds and read.seconds < plan.MOST_SECONDS)
+    return read is None or (not holds and plan.is_quick(read))
 
 
 def _plan_steps(scene):
@@ -277,10 +278,15 @@ def show_steps(uid, there, radiance, asked, pace=None):
     work.redraw()
 
 
+def _is_ours(scene):
+    """Whether Blender tells of a scene because rays are cast or a scene is read there."""
+    return casters.is_temporary(scene) or is_reading(scene)
+
+
 @persistent
 def _updated(scene, depsgraph):
     """Blender evaluated a change: was it the light, or what is baked?"""
-    if _NOW.writing or bpy.app.background or casters.is_temporary(scene):
+    if _NOW.writing or bpy.app.background or _is_ours(scene):
         return
     light, geometry = _what_changed(depsgraph)
     _NOW.rearrange |= any(isinstance(u.id, bpy.types.Collection | bpy.types.Scene)
@@ -313,7 +319,7 @@ def _what_changed(depsgraph):
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
-    if not scene.prt.loaded:
+    if not scene.prt.loaded or _is_ours(scene):
         return
     if not (_NOW.rendering or bpy.app.background):
         if depsgraph is not None and _what_changed(depsgraph)[1]:
@@ -343,6 +349,8 @@ def _frame_steps(scene, depsgraph):
 
 @persistent
 def _render_begins(scene, *_):
+    if _is_ours(scene):
+        return
     stop()
     _NOW.rendering = True
     if scene.prt.loaded and scene.prt.live and not bpy.app.background:

@@ -20,12 +20,14 @@ from prt_core.blender.stand_ins import is_copy, is_kept, renders
 from prt_core.rays.caster import known_casters
 from prt_core.runtime.progress import beside
 from prt_core.scene import mesh_digests
+from prt_core.scene.remarks import grouped
 
 from .naming import bake_name
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-# Seconds that a plan or a reading may have taken to be made again without being asked for.
-MOST_SECONDS = 2.0
+# What a plan or a reading may have taken to be made again without being asked for: seconds, and
+# seconds for which it held the window; corners that a scene may show to be read for the first time.
+_MOST_SECONDS, _MOST_HELD, _MOST_CORNERS = 2.0, 0.25, 2_000_000
 # Of scenes by `session_uid`: their plans and readings; which of them may no longer hold; whose
 # panel asked for a plan.
 _PLANS, _READINGS = {}, {}
@@ -48,8 +50,8 @@ class Reading:
         `session_uid` of these objects, where they are in the file.
     shape : dict of int -> tuple
         What can be compared quickly (see `shape_of`).
-    seconds : float
-        How long it took.
+    seconds, held : float
+        How long it took, and its longest step: Blender evaluates the scene for renders.
     """
 
     digests: dict
@@ -57,6 +59,7 @@ class Reading:
     uids: dict
     shape: dict
     seconds: float = 0.0
+    held: float = 0.0
 
 
 @dataclass
@@ -69,14 +72,15 @@ class Plan:
     back_end : str
     messages : list of str
         What would be ignored or replaced.
-    seconds : float
-        How long it took to make.
+    seconds, held : float
+        How long it took to make, and its longest step.
     """
 
     cost: object = None
     back_end: str = ""
     messages: list = field(default_factory=list)
     seconds: float = 0.0
+    held: float = 0.0
 
 
 def bake_settings(scene):
@@ -164,7 +168,8 @@ def read_steps(scene, messages=None, pace=None):
     _OLD_READINGS.discard(uid)
     try:
         wanted = receivers(scene), two_sided(scene)
-        meshes = yield from read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
+        steps = read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
+        meshes, held = yield from _timed(steps)
         digests = yield from beside("scene", mesh_digests, meshes)
     except PRTError:
         _READINGS[uid] = Reading({}, {}, {}, shape_of(by_uid(bpy.data.scenes, uid)))
@@ -176,8 +181,22 @@ def read_steps(scene, messages=None, pace=None):
     scene = by_uid(bpy.data.scenes, uid)
     there = {} if scene is None else {place_of(o): o.session_uid for o in scene.objects}
     uids = {name: there[place] for name, place in places.items() if place in there}
-    _READINGS[uid] = Reading(digests, places, uids, shape_of(scene), time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    _READINGS[uid] = Reading(digests, places, uids, shape_of(scene), seconds, held)
     return meshes
+
+
+def _timed(steps):
+    """The steps of a generator; returns its result and the seconds of its longest step."""
+    longest = 0.0
+    while True:
+        start = time.perf_counter()
+        try:
+            progress = next(steps)
+        except StopIteration as end:
+            return end.value, max(longest, time.perf_counter() - start)
+        longest = max(longest, time.perf_counter() - start)
+        yield progress
 
 
 def shape_of(scene, depsgraph=None):
@@ -236,7 +255,7 @@ def steps(scene, pace=None, rays_per_second=None):
         settings = bake_settings(scene)
         meshes = yield from read_steps(scene, made.messages, pace)
         built = yield from beside("scene", Scene.from_meshes, meshes)
-        made.messages += built.messages
+        made.messages[:] = grouped([*made.messages, *built.messages], meshes)
         made.cost = preflight(built, settings, made.back_end, rays_per_second)
     except PRTError as error:
         made.messages.append(str(error))
@@ -251,6 +270,8 @@ def steps(scene, pace=None, rays_per_second=None):
 
 def _keep(uid, made, start):
     made.seconds = time.perf_counter() - start
+    read = _READINGS.get(uid)
+    made.held = 0.0 if read is None else read.held
     _PLANS[uid] = made
 
 
@@ -269,11 +290,26 @@ def reading_of(uid):
     return _READINGS.get(uid)
 
 
+def is_quick(kept):
+    """Whether a `Reading` or `Plan` may be made again without being asked for."""
+    return kept.seconds < _MOST_SECONDS and kept.held < _MOST_HELD
+
+
 def want(scene):
     """Ask for a plan at the next idle moment: none there, or an old one that was made quickly."""
     made, holds = of(scene)
-    if made is None or (not holds and made.seconds < MOST_SECONDS):
+    if made is None and _corners_shown() < _MOST_CORNERS:
         _WANTED.add(scene.session_uid)
+    elif made is not None and not holds and is_quick(made):
+        _WANTED.add(scene.session_uid)
+
+
+def _corners_shown():
+    """Corners of all meshes that the window has evaluated: about what a reading would cost."""
+    depsgraph = bpy.context.view_layer.depsgraph
+    if depsgraph is None:
+        return 0
+    return sum(len(o.data.loops) for o in depsgraph.objects if o.type == "MESH")
 
 
 def wanted():

@@ -25,6 +25,7 @@ from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import Errands, beside, beside_each, run, steps_beside
 from prt_core.scene import Scene, mesh_digests
+from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
 
 
@@ -151,7 +152,7 @@ def bake_blend_steps(
     if certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
     built, source, *probes = yield from beside_each("scene", *calls)
-    built.messages[:0] = messages
+    built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image)
     if not probes and certified(len(built.points)):
         probes = yield from beside_each("scene", (studio_lights, studio_images(), cube_map))

@@ -25,7 +25,10 @@ def report_lines(path, report):
     yield from _traced(report)
     yield from (f"  error   {line}" for line in _errors(report))
     yield from (f"  spared  {line}" for line in _spared(report.get("skipped") or {}))
-    yield from (f"  note    {message}" for message in report["messages"])
+    messages = report["messages"]
+    if messages:
+        yield f"  notes   {len(messages)}, those that concern most of the scene first"
+    yield from (f"  note    {message}" for message in messages)
 
 
 def _traced(report):

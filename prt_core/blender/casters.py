@@ -49,7 +49,7 @@ class BlenderCaster:
             raise
 
     def _keep(self, block):
-        block[_TEMPORARY] = True
+        mark_temporary(block)
         self._made.append(block)
         return block
 
@@ -184,8 +184,13 @@ class BVHTreeCaster:
         self._tree = None
 
 
+def mark_temporary(block):
+    """Note that a data-block is not the user's and does not last."""
+    block[_TEMPORARY] = True
+
+
 def is_temporary(block):
-    """Whether a data-block is a caster's, not the user's."""
+    """Whether a data-block is a caster's or of a small render, not the user's."""
     return bool(block.get(_TEMPORARY))
 
 
@@ -197,7 +202,8 @@ def release_all():
 
 def remove_left_over():
     """Remove casters' data-blocks that an undo step or a crash's file has brought back."""
-    for kind in (bpy.data.scenes, bpy.data.objects, bpy.data.meshes, bpy.data.node_groups):
+    kinds = bpy.data.scenes, bpy.data.objects, bpy.data.meshes, bpy.data.cameras
+    for kind in (*kinds, bpy.data.node_groups):
         for block in [b for b in kind if is_temporary(b)]:
             kind.remove(block)
 

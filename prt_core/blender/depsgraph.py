@@ -1,31 +1,35 @@
-"""What Blender evaluates, as `Mesh`es: modifiers, curves, instances, normals and materials."""
+"""What renders of a scene, as `Mesh`es: modifiers, curves, hair, instances, normals, materials."""
 
-import math
 import time
-from itertools import islice
+from dataclasses import dataclass
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import view_layer_of
 from prt_core.blender.identity import by_uid, display_names, place_of
-from prt_core.blender.passes import evaluate_surfaces, record_of
-from prt_core.blender.preview_look import is_shaded
-from prt_core.blender.stand_ins import (
-    hidden_in,
-    hides_originals,
-    is_copy,
-    originals_shown,
-    renders,
-    stands_in,
+from prt_core.blender.left_out import (
+    culling_remark,
+    layer_remarks,
+    material_remarks,
+    surface_kind,
+    surface_shader,
 )
+from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of
+from prt_core.blender.preview_look import is_shaded
+from prt_core.blender.raw_mesh import RawMesh
+from prt_core.blender.render_scene import as_rendered, rendered_layer
+from prt_core.blender.stand_ins import is_copy, renders, stands_in
+from prt_core.blender.strands import curve_strands, particle_strands, point_octahedra, tubes
 from prt_core.errors import PRTError
+from prt_core.reflectance import Materials
 from prt_core.runtime.progress import Progress, run
-from prt_core.scene import Camera, Mesh, Scene
+from prt_core.scene import Camera, Scene
 
-# What surfaces are until they are evaluated.
-_GREY = 0.8
-_GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+_MESHES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+_GEOMETRY = _MESHES | {"CURVES", "POINTCLOUD", "VOLUME"}
+# What Blender shows for a face without material.
+_NO_MATERIAL = (0.8, 0.8, 0.8)
 
 
 def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=True):
@@ -37,7 +41,7 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
         Default: the current one.
     receivers : sequence of str, optional
         Names of the objects that receive colours (see `display_names`); default all. Others cast
-        and bounce.
+        and bounce; so do hair and point clouds.
     two_sided : sequence of str
         Objects whose back sides receive and bounce as well.
     messages : list of str, optional
@@ -61,29 +65,29 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
 def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=True, pace=None):
     """`read_meshes` as a generator of `Progress`.
 
+    One step, of the stage `evaluate`, is as long as Blender takes to evaluate the scene for a
+    render, and to copy the arrays of each mesh once however many instances it has: some 0.1 s a
+    million corners. It cannot be cut. All others keep to the pace.
+
     Parameters
     ----------
     uid : int
         `session_uid` of the scene: references to Blender's data do not last from one step to the
         next, and names may change.
     pace : float, optional
-        Seconds a step may take; an object is never cut. What is changed between two steps may be
-        read half old and half new: compare digests (`mesh_digests`) where that matters.
+        Seconds a step may take; an object is never cut.
     """
     messages = [] if messages is None else messages
-    reading = None
-    while True:
-        scene = by_uid(bpy.data.scenes, uid)
-        if scene is None:
-            raise PRTError("scene: it was removed while it was read")
-        if reading is None:
-            reading = _Reading(scene, receivers, two_sided, messages)
-        if hides_originals(scene):
-            # They are shown while they are read; nobody shall see that.
-            pace = None
-        if reading.some(scene, pace):
-            break
-        yield Progress("scene", 0, 0)
+    start = time.perf_counter()
+    yield Progress("evaluate", 0, 0)
+    while pace is not None and time.perf_counter() - start < 2 * pace:
+        # So long that the window can say what it will wait for.
+        yield Progress("evaluate", 0, 0)
+    scene = by_uid(bpy.data.scenes, uid)
+    if scene is None:
+        raise PRTError("scene: it was removed while it was read")
+    reading = _Reading(scene, receivers, two_sided, messages)
+    as_rendered(scene, reading.copy)
     for wanted in (receivers, two_sided):
         missing = sorted(set(wanted or ()) - reading.asked)
         if missing and strict:
@@ -91,111 +95,241 @@ def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=T
                 f"objects: no geometry that renders is called {', '.join(map(repr, missing))}; "
                 f"there are {', '.join(sorted(reading.asked)) or 'none'}"
             )
-    if not reading.meshes:
+    if not reading.parts:
         raise PRTError(
             f"scene '{scene.name}': nothing that renders has faces; add a mesh, "
             "or show its collection in renders"
         )
     _say_left_out(scene, messages)
-    yield from evaluate_surfaces(uid, reading.meshes, reading.records, messages)
+    start = time.perf_counter()
+    for number in range(len(reading.parts)):
+        if pace is not None and time.perf_counter() - start > pace:
+            yield Progress("scene", number, len(reading.parts))
+            start = time.perf_counter()
+        reading.place(number)
+    yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages)
     return reading.whole()
 
 
 def _say_left_out(scene, messages):
-    rendered, view_layer = _rendered_objects(scene), view_layer_of(scene)
-    kept = []
-    for item in scene.objects:
-        if item.type not in _GEOMETRY or item.session_uid not in rendered or is_copy(item):
-            continue
-        if stands_in(item, rendered):
-            kept.append(item.name)
-        elif not hidden_in(item, view_layer) and not item.visible_get(view_layer=view_layer):
-            messages.append(f"{item.name}: hidden in the viewport, so it was not baked")
+    rendered = _rendered_objects(scene)
+    kept = [
+        item.name
+        for item in scene.objects
+        if item.type in _GEOMETRY and item.session_uid in rendered
+        and not is_copy(item) and stands_in(item, rendered)
+    ]  # fmt: skip
     if kept:
         some = ", ".join(kept[:4]) + (" …" if len(kept) > 4 else "")
         messages.append(
             f"{len(kept)} objects hold kept colours ({some}); not they, but the objects that "
             "they were made of are baked"
         )
+    messages += layer_remarks(*rendered_layer(scene))
+    culled = culling_remark(scene)
+    if culled:
+        messages.append(culled)
+
+
+@dataclass
+class _Part:
+    """One mesh that is to be placed in the world."""
+
+    name: str
+    raw: RawMesh
+    matrix: np.ndarray
+    receives: bool = False
+    two_sided: bool = False
+    own_mesh: bool = False
+    place: tuple = ("", "")
+    is_instance: bool = False
+    record: SurfaceRecord | None = None
+    # Of strands and points, which have no materials yet: a colour, or the mesh to take it from.
+    colour: tuple | None = None
+    emitter: str | None = None
 
 
 class _Reading:
-    """The meshes of a scene, read in several steps."""
+    """The meshes of a scene: copied while it is evaluated, then placed one by one."""
 
     def __init__(self, scene, receivers, two_sided, messages):
         self.receivers = None if receivers is None else set(receivers)
         self.two_sided, self.messages = set(two_sided), messages
-        rendered = _rendered_objects(scene)
-        there = [item for item in scene.objects if not stands_in(item, rendered)]
+        self.rendered = _rendered_objects(scene)
+        there = [item for item in scene.objects if not stands_in(item, self.rendered)]
         self.display, self.names = display_names(there)
         self.local = {item.name for item in there if item.library is None}
-        self.meshes, self.asked, self.read = [], set(), 0
-        self.named, self.instancers = set(), set()
-        self.records = []
+        self.parts, self.meshes, self.asked = [], [], set()
+        self.named, self.instancers, self.raw = set(), set(), {}
 
-    def some(self, scene, pace):
-        """Read on until `pace` is spent; whether that was to the end.
+    def copy(self, depsgraph, view_layer):
+        """Copy all that renders, while Blender has it evaluated (see `as_rendered`)."""
+        # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
+        as_mesh = {
+            _key(i) for i in depsgraph.object_instances
+            if i.object.type == "MESH" and i.object.original.type != "MESH"
+        }  # fmt: skip
+        for instance in depsgraph.object_instances:
+            source = instance.object
+            if source.type not in _GEOMETRY:
+                continue
+            owner = (instance.parent or source).original
+            if stands_in(owner, self.rendered) or stands_in(source.original, self.rendered):
+                continue
+            if instance.show_self and source.type in _MESHES and view_layer.use_solid:
+                if source.type == "MESH" or _key(instance) not in as_mesh:
+                    self._copy_mesh(instance, view_layer)
+            elif instance.show_self and source.type not in _MESHES:
+                self._copy_other(instance, view_layer)
+            if instance.show_particles and source.type == "MESH" and view_layer.use_strand:
+                self._copy_hair(instance, view_layer)
 
-        The evaluated scene is asked for anew each time: nothing of it may be kept between steps.
-        """
-        start = time.perf_counter()
-        view_layer = view_layer_of(scene)
-        with (
-            bpy.context.temp_override(scene=scene, view_layer=view_layer),
-            originals_shown(scene, view_layer),
-        ):
-            depsgraph = bpy.context.evaluated_depsgraph_get()
-            rendered = _rendered_objects(scene)
-            # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
-            as_mesh = {_key(i) for i in depsgraph.object_instances if i.object.type == "MESH"}
-            # As long again as it took to get here, or many instances would never be read.
-            ready, first = time.perf_counter(), self.read
-            end = math.inf if pace is None else ready + max(pace, ready - start)
-            for instance in islice(depsgraph.object_instances, first, None):
-                if self.read > first and time.perf_counter() > end:
-                    return False
-                self.read += 1
-                if instance.object.type == "MESH" or _key(instance) not in as_mesh:
-                    self._read(instance, rendered)
-        return True
+    def place(self, number):
+        """Place a part in the world."""
+        part = self.parts[number]
+        part.raw.materials = Materials(albedo=np.tile(_NO_MATERIAL, (len(part.raw.corner_slot), 1)))
+        mesh = part.raw.placed(part.name, part.matrix, self.messages)
+        mesh.receives, mesh.two_sided, mesh.own_mesh = part.receives, part.two_sided, part.own_mesh
+        mesh.owner, mesh.library = part.place
+        self.meshes.append(mesh)
+
+    def records(self):
+        """The `SurfaceRecord` of each mesh; None of strands and points."""
+        return [part.record for part in self.parts]
 
     def whole(self):
-        """All meshes, when the end is reached."""
-        for mesh in self.meshes:
+        """All meshes, when all are placed and have their materials."""
+        for part, mesh in zip(self.parts, self.meshes, strict=True):
+            if part.record is None:
+                mesh.materials = self._strand_materials(part)
             # It hides behind the realised copies of what it instances, and its own part with it.
             if (mesh.owner, mesh.library) in self.instancers:
                 mesh.own_mesh = False
         return self.meshes
 
-    def _read(self, instance, rendered):
+    def _copy_mesh(self, instance, view_layer):
         source, parent = instance.object, instance.parent
         owner = (parent or source).original
-        hidden = owner.session_uid not in rendered or not renders(source.original)
-        hidden = hidden or stands_in(source.original, rendered)
-        if hidden or not instance.show_self or source.type not in _GEOMETRY:
+        if source.type == "MESH":
+            key = source.data.as_pointer()
+        else:
+            # The mesh that a curve evaluates to lasts for this call only.
+            key = source.original.session_uid, source.type
+        slots = [s.material for s in _slots(source, view_layer)]
+        key = key, tuple(m.as_pointer() if m else 0 for m in slots)
+        if key not in self.raw:
+            self.raw[key] = self._raw_mesh(source, view_layer)
+        raw, kind = self.raw[key]
+        if raw is None:
             return
+        called = self._called(owner) | self._called(source.original)
+        self.asked |= called
+        if kind == "volume":
+            return
+        part = _Part(self._name(owner, source.original), raw, _matrix(instance))
+        part.receives = self.receivers is None or bool(called & self.receivers)
+        part.two_sided = bool(called & self.two_sided)
+        part.place = place_of(owner)
+        part.own_mesh = parent is None and _own_mesh(source, raw)
+        random_id = 0 if parent is None else instance.random_id
+        part.record = raw.surface.placed(part.name, owner, source, part.matrix, random_id)
+        if parent is not None and part.receives:
+            self.instancers.add(part.place)
+        self.parts.append(part)
+
+    def _raw_mesh(self, source, view_layer):
+        """The `RawMesh` of an object and what is special about it; None where it has no faces."""
         data = source.data if source.type == "MESH" else source.to_mesh()
         try:
             if data is None or not len(data.polygons):
-                return
-            name = self._name(owner, source.original)
-            matrix = np.array(instance.matrix_world)
-            mesh, arrays = _to_mesh(name, source, data, matrix, self.messages)
-            random_id = instance.random_id if parent is not None else 0
-            record = record_of(name, owner, source, data, matrix, arrays, random_id)
+                return None, None
+            slotted, slots_of = source, data
+            # Under the preview's material the object still has its own.
+            if is_shaded(source.original):
+                original = source.original
+                if len(original.data.polygons) == len(data.polygons):
+                    slotted, slots_of = original, original.data
+            raw = RawMesh.of(data, slots_of)
+            slots = _slots(slotted, view_layer)
+            used = np.unique(raw.corner_slot)
+            of_slot = {n: slots[min(n, len(slots) - 1)].material if slots else None for n in used}
+            self.messages += material_remarks(source.name, of_slot.values())
+            clear = [n for n, material in of_slot.items() if not surface_kind(material)[0]]
+            if clear:
+                raw = raw.without_slots(clear)
+                if not len(raw.triangles):
+                    return raw, "volume"
+            raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
+            of_slot = [s.material.original.session_uid if s.material else 0 for s in slots]
+            raw.surface = surface_of(data, source.original.data, of_slot, raw)
+            return raw, None
         finally:
             if source.type != "MESH":
                 source.to_mesh_clear()
-        called = self._called(owner) | self._called(source.original)
-        self.asked |= called
-        mesh.receives = self.receivers is None or bool(called & self.receivers)
-        mesh.two_sided = bool(called & self.two_sided)
-        mesh.owner, mesh.library = place_of(owner)
-        mesh.own_mesh = parent is None and _own_mesh(source, mesh)
-        if parent is not None and mesh.receives:
-            self.instancers.add((mesh.owner, mesh.library))
-        self.meshes.append(mesh)
-        self.records.append(record)
+
+    def _copy_hair(self, instance, view_layer):
+        source = instance.object
+        for modifier in source.modifiers:
+            if modifier.type != "PARTICLE_SYSTEM" or not modifier.show_render:
+                continue
+            system = modifier.particle_system
+            if system.settings.type != "HAIR" or system.settings.render_type != "PATH":
+                continue
+            key = source.original.session_uid, system.name
+            if key not in self.raw:
+                strands = particle_strands(source, system)
+                self.raw[key] = tubes(strands) if len(strands) else (None, 1)
+            self._copy_strands(instance, view_layer, "particle hair", *self.raw[key])
+
+    def _copy_other(self, instance, view_layer):
+        source, name = instance.object, instance.object.name
+        if source.type == "VOLUME":
+            self.asked |= self._called(source.original)
+            self.messages.append(f"{name}: volume is not baked")
+            return
+        key = source.data.as_pointer()
+        if source.type == "CURVES":
+            if not view_layer.use_strand:
+                return
+            if key not in self.raw:
+                strands = curve_strands(source.data)
+                self.raw[key] = tubes(strands) if len(strands) else (None, 1)
+            self._copy_strands(instance, view_layer, "hair", *self.raw[key])
+        elif view_layer.use_solid:
+            if key not in self.raw:
+                self.raw[key] = point_octahedra(source.data)
+            self._copy_strands(instance, view_layer, "point cloud", *self.raw[key])
+
+    def _copy_strands(self, instance, view_layer, kind, raw, share):
+        """Note what casts and bounces only, and say so."""
+        if raw is None or not len(raw.triangles):
+            return
+        source, owner = instance.object, (instance.parent or instance.object).original
+        slots = _slots(source, view_layer)
+        slot = int(raw.corner_slot[0])
+        material = slots[min(slot, len(slots) - 1)].material if slots else None
+        place = place_of(owner)
+        emitter = next((p.name for p in reversed(self.parts) if p.place == place), None)
+        name = self.names.give(f"{self.display.get(owner.session_uid, owner.name)}/{kind}")
+        part = _Part(name, raw, _matrix(instance), place=place, emitter=emitter)
+        raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
+        part.colour = _plain_colour(material)
+        self.parts.append(part)
+        many = "" if share == 1 else f", one of each {share} and so much wider,"
+        self.messages.append(
+            f"{source.name}: its {kind} casts shadows and bounces light{many} in one colour; it "
+            "receives no colours itself"
+        )
+
+    def _strand_materials(self, part):
+        """`Materials` of strands or points: their material's colour, or that of the emitter."""
+        colour = part.colour
+        if colour is None:
+            emitter = next((m for m in self.meshes if m.name == part.emitter), None)
+            slot = int(part.raw.corner_slot[0])
+            mine = emitter.corner_material == slot if emitter is not None else np.zeros(0, bool)
+            colour = emitter.materials.albedo[mine].mean(axis=0) if mine.any() else _NO_MATERIAL
+        return Materials(albedo=np.tile(np.asarray(colour, float), (len(part.raw.corner_slot), 1)))
 
     def _called(self, item):
         """What a person may call an object; a name that the file has as well is the file's."""
@@ -218,6 +352,31 @@ def _key(instance):
     return instance.object.original.session_uid, np.array(instance.matrix_world).tobytes()
 
 
+def _matrix(instance):
+    return np.array(instance.matrix_world, np.float64)
+
+
+def _slots(source, view_layer):
+    """The material slots of an object; a view layer may override all of them."""
+    override = view_layer.material_override
+    if override is not None:
+        return [SimpleNamespace(material=override)]
+    return list(source.material_slots)
+
+
+def _plain_colour(material):
+    """The first colour of a material's shader where nothing is linked to it; None where it is."""
+    if material is None:
+        return _NO_MATERIAL
+    shader = surface_shader(material)
+    if shader is None:
+        return tuple(material.diffuse_color[:3])
+    colour = next((s for s in shader.inputs if s.type == "RGBA"), None)
+    if colour is None or colour.is_linked:
+        return None
+    return tuple(np.clip(colour.default_value[:3], 0, 1))
+
+
 def _rendered_objects(scene):
     """`session_uid` of the objects whose collections and own switch let them render."""
     found = set()
@@ -232,80 +391,18 @@ def _rendered_objects(scene):
     return found
 
 
-def _own_mesh(evaluated, mesh):
+def _own_mesh(evaluated, raw):
     """Whether the object's own mesh has the corners that were evaluated, and nobody shares it."""
     original = evaluated.original
     if original.type != "MESH" or original.data.users > 1 or original.data.library:
         return False
-    if len(original.data.loops) != len(mesh.corner_vertex):
+    if len(original.data.loops) != len(raw.corner_vertex):
         return False
     own = np.empty(len(original.data.loops), np.int32)
     original.data.loops.foreach_get("vertex_index", own)
-    return len(original.data.vertices) == len(mesh.vertices) and bool(
-        (own == mesh.corner_vertex).all()
+    return len(original.data.vertices) == len(raw.vertices) and bool(
+        (own == raw.corner_vertex).all()
     )
-
-
-def _to_mesh(name, source, data, matrix, messages):
-    """The `Mesh` without its materials, and what `record_of` needs."""
-    n_corners = len(data.loops)
-    vertices = np.empty(len(data.vertices) * 3, np.float32)
-    data.vertices.foreach_get("co", vertices)
-    corner_vertex = np.empty(n_corners, np.int32)
-    data.loops.foreach_get("vertex_index", corner_vertex)
-    normals = np.empty(n_corners * 3, np.float32)
-    data.corner_normals.foreach_get("vector", normals)
-    data.calc_loop_triangles()
-    triangles = np.empty(len(data.loop_triangles) * 3, np.int32)
-    data.loop_triangles.foreach_get("loops", triangles)
-    sizes = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("loop_total", sizes)
-    # Under the preview's material the object still has its own.
-    faces = source.original.data if is_shaded(source.original) else data
-    slots = np.empty(len(data.polygons), np.int32)
-    faces.polygons.foreach_get("material_index", slots)
-
-    matrix = matrix.astype(np.float64)
-    linear = matrix[:3, :3]
-    world = vertices.reshape(-1, 3).astype(np.float64) @ linear.T + matrix[:3, 3]
-    bad = ~np.isfinite(world).all(axis=1)
-    triangles = triangles.reshape(-1, 3)
-    if bad.any():
-        messages.append(f"{name}: {int(bad.sum())} vertices are NaN or infinite; faces ignored")
-        triangles = triangles[~bad[corner_vertex[triangles]].any(axis=1)]
-        world[bad] = 0
-    determinant = np.linalg.det(linear)
-    if determinant == 0:
-        messages.append(f"{name}: scaled to nothing in one direction; faces ignored")
-        triangles = triangles[:0]
-        turned = np.zeros((n_corners, 3))
-    else:
-        turned = normals.reshape(-1, 3).astype(np.float64) @ np.linalg.inv(linear)
-        lengths = np.sqrt(np.einsum("ij,ij->i", turned, turned))[:, None]
-        turned /= np.maximum(lengths, 1e-30)
-        if not np.isfinite(turned).all():
-            turned = np.where(np.isfinite(turned).all(axis=1)[:, None], turned, 0.0)
-    if determinant < 0:
-        # A mirror turns the winding round, not the side that is the front.
-        triangles = triangles[:, ::-1]
-    uv = None
-    if data.uv_layers.active is not None:
-        uv = np.empty(n_corners * 2, np.float32)
-        data.uv_layers.active.data.foreach_get("uv", uv)
-        uv = uv.reshape(-1, 2)
-    corner_slot = np.repeat(slots, sizes)
-    mesh = Mesh(
-        name=name,
-        vertices=world,
-        corner_vertex=corner_vertex,
-        corner_normal=turned,
-        triangle_corners=triangles,
-        materials=np.full((n_corners, 3), _GREY),
-        corner_material=corner_slot,
-        face_sizes=sizes,
-        corner_uv=uv,
-    )
-    return mesh, (corner_vertex, normals.reshape(-1, 3), corner_slot, sizes)
 
 
 def read_scene(scene=None, receivers=None, two_sided=(), messages=None):

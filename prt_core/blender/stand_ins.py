@@ -56,23 +56,19 @@ def hidden_in(item, view_layer):
     )
 
 
-def hides_originals(scene):
-    """Whether objects that may be baked are hidden behind others."""
-    return any(item.get(_HIDDEN) and not is_kept(item) for item in scene.objects)
-
-
 @contextmanager
-def originals_shown(scene, view_layer):
-    """What realised objects stand in for as it is without them, for as long as it lasts."""
-    hidden = [o for o in scene.objects if hidden_in(o, view_layer) and not is_kept(o)]
-    hidden = [o for o in hidden if o.hide_get(view_layer=view_layer)]
-    _hide_set(hidden, False, view_layer)
-    if hidden:
-        view_layer.update()
+def originals_render(scene):
+    """What realised objects stand in for renders as it would without them, for as long as it
+    lasts."""
+    hidden = [o for o in scene.objects if o.get(_HIDDEN) == _RENDERED and not is_kept(o)]
+    hidden = [o for o in hidden if o.hide_render]
+    for item in hidden:
+        item.hide_render = False
     try:
         yield
     finally:
-        _hide_set(hidden, True, view_layer)
+        for item in hidden:
+            item.hide_render = True
 
 
 def arrange(target):

@@ -51,6 +51,8 @@ class Mesh:
         For geometry images.
     paint : Paint, optional
         The materials between the corners; default: as they say, in between.
+    material_names : tuple of str
+        Of its materials, by slot; may be empty.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Mesh:
     library: str = ""
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
+    material_names: tuple = ()
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")

@@ -204,7 +204,7 @@ def test_an_object_of_another_shape_is_kept_beside_the_earlier_one(scene):
     bpy.ops.prt.keep(attribute="Mine")
     earlier = kept_objects()["fine"]
     before = colours_on(earlier, "Mine").copy()
-    scene.objects["fine"].modifiers[0].levels = 2
+    scene.objects["fine"].modifiers[0].render_levels = 3
     bpy.ops.prt.bake()
     bpy.ops.prt.keep(attribute="Mine")
     later = kept_objects()["fine"]

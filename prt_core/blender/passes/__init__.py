@@ -5,14 +5,16 @@
 | `surfaces.py` | `evaluate_surfaces`: the materials of meshes that were read; begin here |
 | `records.py` | what is kept of an evaluated mesh until then |
 | `probe.py` | one render of many places: a camera whose rays go through portals |
+| `asking.py` | places of triangles, looked at until it was these that were seen |
 | `openexr.py` | reads what was rendered |
-| `quantities.py` | albedo, emission, opacity and translucency of what was rendered, and what to say |
+| `quantities.py` | albedo, emission, opacity, translucency of what was rendered, and what to say |
+| `corners.py` | which corners are sampled |
 | `lattices.py` | places between the corners, more where they differ |
 | `graphs.py` | what there is to know of a material's nodes without understanding them |
 | `digests.py` | whether a material is what it was |
 """
 
-from prt_core.blender.passes.records import record_of
+from prt_core.blender.passes.records import SurfaceRecord, surface_of
 from prt_core.blender.passes.surfaces import evaluate_surfaces
 
-__all__ = ["evaluate_surfaces", "record_of"]
+__all__ = ["SurfaceRecord", "evaluate_surfaces", "surface_of"]

@@ -112,7 +112,7 @@ class Asking:
         for one, two in np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).tolist():
             self._against.setdefault(one, set()).add(two)
             self._against.setdefault(two, set()).add(one)
-        # A ray that has gone through passes on what lies behind it: emission is asked for once more.
+        # Rays that go on pass on what lies behind: emission is asked for once more.
         clear = np.flatnonzero(passes["share"] < 1 - _CLEAR)
         empty = np.zeros(len(which), bool)
         if len(clear):
@@ -135,7 +135,7 @@ class Asking:
         letting = np.zeros(len(triangle), bool)
         pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
         for mesh, slot in np.unique(pairs, axis=0):
-            found = [n for g in self._graphs_of(mesh, slot) for n in g.translucent]
+            found = self._graph(self._records[mesh].slot(slot)).translucent
             if found:
                 letting |= (pairs == [mesh, slot]).all(axis=1)
                 nodes |= {node.as_pointer(): node for node in found}
@@ -148,10 +148,6 @@ class Asking:
                 stack.enter_context(switched(node, "mute", True))
             plain[letting] = look(start[letting], -triangles.normal[triangle[letting]])["diffuse"]
         return plain
-
-    def _graphs_of(self, mesh, slot):
-        record = self._records[mesh]
-        return [self._graph(uid) for uid in record.slots[min(slot, len(record.slots) - 1)]]
 
     def _apart(self, triangle, left):
         """Which objects to show together, and which places to look at then."""
@@ -179,7 +175,7 @@ class Asking:
         if wanted - set(every):
             raise PRTError("scene: objects were removed while their materials were read")
         objects = {every[uid]: uid in owners for uid in sorted(wanted)}
-        uids = {uid for r in self._all for slot in r.slots for uid in slot}
+        uids = {uid for r in self._all for uid in r.slots}
         materials = {m.session_uid: m for m in bpy.data.materials if m.session_uid in uids}
         noisy = any(self._graph(uid).noisy for uid in uids)
         centre = (self._low + self._high) / 2

@@ -26,8 +26,8 @@ class Triangles:
     ----------
     meshes : list of Mesh
     records : list of SurfaceRecord
-    graphs : function
-        `Graph`s that a triangle of a record may have: graphs(record, slot) -> list.
+    graph : function
+        `Graph` of a material by its `session_uid`.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Triangles:
         Whether its material is the same everywhere; whether it depends on UV maps alone.
     """
 
-    def __init__(self, meshes, records, graphs):
+    def __init__(self, meshes, records, graph):
         corner = [mesh.solid_triangles() for mesh in meshes]
         self.mesh = np.repeat(np.arange(len(meshes)), [len(c) for c in corner])
         self.corner = np.concatenate(corner) if corner else np.zeros((0, 3), np.int64)
@@ -68,24 +68,22 @@ class Triangles:
             mine = np.flatnonzero(self.mesh == index)
             for slot in np.unique(self.slot[mine]):
                 some = mine[self.slot[mine] == slot]
-                behind = graphs(record, int(slot))
-                self.even[some] = all(graph.even for graph in behind)
-                if all(graph.even or graph.flat for graph in behind) and record.uv:
-                    self._lay_out(some, record, behind, slot)
+                behind = graph(record.slot(slot))
+                self.even[some] = behind.even
+                if not behind.even and behind.flat and record.uv:
+                    self._lay_out(some, record, behind, record.slot(slot))
 
-    def _lay_out(self, some, record, behind, slot):
+    def _lay_out(self, some, record, graph, uid):
         """How many texels lie in triangles that show images alone, and which show the same."""
         self.flat[some] = True
-        sizes = [max(1, i.size[0]) * max(1, i.size[1]) for g in behind for i in g.images]
+        sizes = [max(1, image.size[0]) * max(1, image.size[1]) for image in graph.images]
         uv = [layer[self.corner[some]].astype(np.float64) for layer in record.uv]
         share = np.zeros(len(some))
         for layer in uv:
             (bx, by), (cx, cy) = ((layer[:, k] - layer[:, 0]).T for k in (1, 2))
             share = np.maximum(share, np.abs(bx * cy - by * cx) / 2)
         self.texels[some] = share * max(sizes, default=1)
-        same = repr(record.slots[min(int(slot), len(record.slots) - 1)]).encode()
-        start = np.uint64(int.from_bytes(same, "little") % (1 << 61) + 1)
-        self._family[some] = start
+        self._family[some] = np.uint64(uid + 1)
         with np.errstate(over="ignore"):
             for column in np.concatenate([layer.reshape(len(some), 6) for layer in uv], axis=1).T:
                 key = np.rint(column * 65536).astype(np.int64).astype(np.uint64)

@@ -16,9 +16,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import view_layer_of
+from prt_core.blender.casters import mark_temporary
+from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.passes.openexr import read_channels
 from prt_core.blender.preview_look import PREVIEW
+from prt_core.blender.render_scene import rendered_layer
 from prt_core.errors import PRTError
 
 # Places of one render: a second or less of a slow machine.
@@ -52,8 +54,8 @@ class Probe:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The temporary one.
+    scene, idle : bpy.types.Scene
+        The temporary one, and an empty one: the operator evaluates that which it is called from.
     centre : (3,) float
     size : float
         Of what is looked at.
@@ -61,8 +63,8 @@ class Probe:
         Of each place.
     """
 
-    def __init__(self, scene, centre, size, samples):
-        self.scene, self.samples = scene, samples
+    def __init__(self, scene, idle, centre, size, samples):
+        self.scene, self._idle, self.samples = scene, idle, samples
         self._screen(np.asarray(centre, np.float64), max(float(size), 1e-6))
 
     def show_only(self, objects):
@@ -175,12 +177,15 @@ class Probe:
         return image
 
     def _render(self, side):
+        if bpy.app.is_job_running("RENDER"):
+            raise PRTError("materials: a render is under way; wait for its end")
         self.scene.render.resolution_x = self.scene.render.resolution_y = side
         with tempfile.TemporaryDirectory(prefix="prt-passes-") as folder:
             path = Path(folder) / "passes.exr"
             self.scene.render.filepath = str(path)
             try:
-                with _no_handlers(), _no_output():
+                here = {"scene": self._idle, "view_layer": self._idle.view_layers[0]}
+                with _no_handlers(), _no_output(), bpy.context.temp_override(**here):
                     bpy.ops.render.render(write_still=True, scene=self.scene.name)
             except RuntimeError as error:
                 raise PRTError(f"materials: Cycles did not evaluate them: {error}") from error
@@ -230,12 +235,19 @@ def probe(scene, objects, centre, size, samples=1):
             # The preview's material covers the object's own.
             if PREVIEW in item.modifiers:
                 stack.enter_context(switched(item.modifiers[PREVIEW], "show_render", False))
-        own_layer = view_layer_of(scene).name
+            before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
+            if before is not None:
+                stack.enter_context(switched(item.data.attributes, "default_color_name", before))
+        own_layer = rendered_layer(scene)[0].name
         temporary = scene.copy()
         stack.callback(bpy.data.scenes.remove, temporary)
         temporary.name = "prt passes"
+        mark_temporary(temporary)
+        idle = bpy.data.scenes.new("prt idle")
+        stack.callback(bpy.data.scenes.remove, idle)
+        mark_temporary(idle)
         _settings(temporary, own_layer, samples)
-        built = Probe(temporary, centre, size, samples)
+        built = Probe(temporary, idle, centre, size, samples)
         stack.callback(built.remove)
         built.show_only([item for item, own in objects.items() if own])
         yield built
@@ -281,7 +293,8 @@ def _settings(scene, own_layer, samples):
             "'Cycles Render Engine' in the preferences"
         ) from error
     for name in ("use_compositing use_sequencer use_border use_motion_blur use_multiview "
-                 "use_freestyle use_stamp use_persistent_data use_placeholder").split():  # fmt: skip
+                 "use_freestyle use_stamp use_persistent_data use_placeholder "
+                 "use_lock_interface").split():  # fmt: skip
         setattr(render, name, False)
     render.use_overwrite, render.film_transparent = True, True
     render.resolution_percentage = 100

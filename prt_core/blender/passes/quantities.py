@@ -23,17 +23,17 @@ _NOTHING = 2e-3
 _STEPS = 4096
 
 LINES = {
-    "metal": "{}: metal; until gloss is baked, its specular reflection counts as diffuse",
-    "specular": "{}: specular reflection is ignored, the diffuse colour is baked",
-    "glass": "{}: glass is taken as thin; light goes straight through, as grey as its colour",
-    "tinted": "{}: coloured transparency lets light of all colours through alike",
-    "rough": "{}: diffuse roughness is ignored, light leaves evenly to all sides",
-    "scatters": "{}: subsurface scattering counts as diffuse",
-    "paths": "{}: Light Path nodes answer as for rays of the camera",
-    "backs": "{}: what asks for Backfacing is answered for the front",
-    "fine normals": "{}: the normal map is finer than the mesh and counts at its points only; "
+    "metal": "metal; until gloss is baked, its specular reflection counts as diffuse",
+    "specular": "specular reflection is ignored, the diffuse colour is baked",
+    "glass": "glass is taken as thin; light goes straight through, as grey as its colour",
+    "tinted": "coloured transparency lets light of all colours through alike",
+    "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
+    "scatters": "subsurface scattering counts as diffuse",
+    "paths": "Light Path nodes answer as for rays of the camera",
+    "backs": "what asks for Backfacing is answered for the front",
+    "fine normals": "the normal map is finer than the mesh and counts at its points only; "
     "subdivide the mesh to see it",
-    "coarse": "{}: has more detail than was sampled between the corners",
+    "coarse": "has more detail than was sampled between the corners",
 }
 
 
@@ -87,14 +87,10 @@ def settled(values):
 
 
 def lines_of(notes):
-    """Messages of notes (kind, name): one line for all names of a kind."""
-    lines = []
-    for kind, text in LINES.items():
-        names = list(dict.fromkeys(name for noted, name in notes if noted == kind and name))
-        if names:
-            listed = ", ".join(f"'{name}'" for name in names[:4])
-            more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-            noun = "material" if len(names) == 1 else "materials"
-            lines.append(text.format(f"{noun} {listed}{more}"))
-    lines += dict.fromkeys(name for kind, name in notes if kind == "line")
-    return lines
+    """Messages of notes (kind, name of a material), or ("line", a whole message)."""
+    lines = [
+        name if kind == "line" else f"material '{name}': {LINES[kind]}"
+        for kind, name in notes
+        if name
+    ]
+    return list(dict.fromkeys(lines))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.blender.preview_look import is_shaded
+from prt_core.blender.colours import ACTIVE_BEFORE
 
 # How attributes of these types are read, and how many numbers one value is.
 _READ = {
@@ -21,7 +21,7 @@ _NORMAL_STEP = 1e-3
 
 @dataclass
 class SurfaceRecord:
-    """The surface of one evaluated mesh.
+    """The surface of one mesh in the world.
 
     Attributes
     ----------
@@ -31,8 +31,8 @@ class SurfaceRecord:
         `session_uid` of the object that renders (the instancer), and of that whose mesh it is.
     source_name : str
         As Cycles knows it.
-    slots : list of tuple of int
-        For each number of a material, the `session_uid` of those that it may be; 0 for none.
+    slots : tuple of int
+        For each number of a material its `session_uid`; 0 for none.
     slot_of_corner : (n_corners,) int
     key_of_corner : (n_corners,) uint64
         Corners with one key look alike to any material.
@@ -46,50 +46,87 @@ class SurfaceRecord:
     owner: int
     source: int
     source_name: str
-    slots: list
+    slots: tuple
     slot_of_corner: np.ndarray
     key_of_corner: np.ndarray
     uv: list
     digest: bytes
 
+    def slot(self, number):
+        """`session_uid` of the material of a number; one beyond the last has the last."""
+        return self.slots[min(int(number), len(self.slots) - 1)]
 
-def record_of(name, owner, source, data, matrix, arrays, random_id=0):
-    """The `SurfaceRecord` of an object's evaluated mesh.
+
+@dataclass
+class RawSurface:
+    """What materials may read from an evaluated mesh; all its instances share it."""
+
+    slots: tuple
+    slot_of_corner: np.ndarray
+    key_of_corner: np.ndarray
+    uv: list
+    digest: bytes
+
+    def placed(self, name, owner, source, matrix, random_id):
+        """The `SurfaceRecord` of an object or instance.
+
+        Parameters
+        ----------
+        name : str
+        owner : bpy.types.Object
+            The instancer, or the object itself; not evaluated.
+        source : bpy.types.Object
+            Evaluated.
+        matrix : (4, 4) array
+        random_id : int
+            Of an instance.
+        """
+        digest = hashlib.blake2b(self.digest, digest_size=16)
+        original = source.original
+        for text in (original.name, owner.name, repr(random_id)):
+            digest.update(text.encode() + b"\0")
+        numbers = [*source.color, source.pass_index]
+        digest.update(np.float64(numbers).tobytes() + np.asarray(matrix, np.float64).tobytes())
+        for block in (original, original.data, owner):
+            for key in sorted(block.keys()) if block is not None else ():
+                # What add-ons register, and our own marks, are nothing to materials.
+                if key not in block.bl_rna.properties and not key.startswith("prt_"):
+                    digest.update(f"{key}={_plain(block[key])!r}".encode())
+        return SurfaceRecord(
+            name, owner.session_uid, original.session_uid, original.name, **self._same(),
+            digest=digest.digest(),
+        )  # fmt: skip
+
+    def _same(self):
+        return {key: value for key, value in vars(self).items() if key != "digest"}
+
+
+def surface_of(data, original, slots, raw):
+    """The `RawSurface` of an evaluated mesh.
 
     Parameters
     ----------
-    name : str
-    owner : bpy.types.Object
-        The instancer, or the object itself; not evaluated.
-    source : bpy.types.Object
-        Evaluated.
     data : bpy.types.Mesh
-        Evaluated.
-    matrix : (4, 4) array
-    arrays : tuple of array
-        corner_vertex, corner_normal (n_corners, 3) in any space, slot_of_corner, face_sizes.
-    random_id : int
-        Of an instance.
-
-    Returns
-    -------
-    SurfaceRecord
+    original : bpy.types.ID
+        What it was evaluated from.
+    slots : sequence of int
+        `session_uid` of the material of each number, 0 for none; empty where there are no slots.
+    raw : RawMesh
+        Its arrays.
     """
-    corner_vertex, corner_normal, slot_of_corner, face_sizes = arrays
-    key = _mixed(np.zeros(len(corner_vertex), np.uint64), corner_vertex, slot_of_corner)
-    key = _mixed(key, *np.rint(np.asarray(corner_normal) / _NORMAL_STEP).astype(np.int64).T)
-    digest = hashlib.blake2b(digest_size=16)
-    for text in (source.original.name, owner.name, repr(random_id)):
-        digest.update(text.encode() + b"\0")
-    numbers = [*source.color, source.pass_index, *data.texspace_location, *data.texspace_size]
-    digest.update(np.float64(numbers).tobytes() + np.asarray(matrix, np.float64).tobytes())
-    for block in (source.original, source.original.data, owner):
-        for property_name in sorted(block.keys()) if block is not None else ():
-            digest.update(f"{property_name}={_plain(block[property_name])!r}".encode())
-    uv = []
+    key = np.zeros(len(raw.corner_vertex), np.uint64)
+    key = _mixed(key, raw.corner_vertex, raw.corner_slot)
+    key = _mixed(key, *np.rint(raw.corner_normal / _NORMAL_STEP).astype(np.int64).T)
+    digest, uv = hashlib.blake2b(digest_size=16), []
+    # The preview makes its own colours the active ones, and those for renders.
+    before, shown = original.get(ACTIVE_BEFORE), None
+    if before is not None and original.color_attributes.active_color is not None:
+        shown = original.color_attributes.active_color.name
+    digest.update(np.float64([*data.texspace_location, *data.texspace_size]).tobytes())
     for attribute in data.attributes:
         read = _READ.get(attribute.data_type)
-        if read is None or attribute.name.startswith(".") or attribute.name in _GEOMETRY:
+        ours = attribute.name in (shown, *_GEOMETRY)
+        if read is None or attribute.name.startswith(".") or ours:
             continue
         field, width, dtype = read
         values = np.empty(len(attribute.data) * width, dtype)
@@ -97,28 +134,16 @@ def record_of(name, owner, source, data, matrix, arrays, random_id=0):
         values = values.reshape(-1, width)
         digest.update(attribute.name.encode() + np.ascontiguousarray(values).tobytes())
         if attribute.domain == "FACE":
-            values = np.repeat(values, face_sizes, axis=0)
+            values = np.repeat(values, raw.face_sizes, axis=0)
         if attribute.domain in {"FACE", "CORNER"} and len(values) == len(key):
             key = _mixed(key, *(np.asarray(c, np.float32).view(np.uint32) for c in values.T))
             if attribute.data_type == "FLOAT2" and attribute.domain == "CORNER":
                 uv.append(values)
-    for layer, active in ((data.uv_layers, "active_render"), (data.color_attributes, None)):
-        for item in layer:
-            if active is None or getattr(item, active):
-                digest.update(item.name.encode())
-        if active is None:
-            digest.update(repr(layer.render_color_index).encode())
-    return SurfaceRecord(
-        name,
-        owner.session_uid,
-        source.original.session_uid,
-        source.original.name,
-        _slots(source, data, int(slot_of_corner.max(initial=0)) + 1),
-        np.asarray(slot_of_corner, np.int64),
-        key,
-        uv,
-        digest.digest(),
-    )
+    rendered = [layer.name for layer in data.uv_layers if layer.active_render]
+    colour = data.attributes.default_color_name if before is None else before
+    digest.update(repr((rendered, colour)).encode())
+    slots = tuple(slots) or (0,)
+    return RawSurface(slots, raw.corner_slot, key, uv, digest.digest())
 
 
 def _mixed(key, *columns):
@@ -136,23 +161,3 @@ def _plain(value):
     if hasattr(value, "to_dict"):
         return value.to_dict()
     return value.to_list() if hasattr(value, "to_list") else value
-
-
-def _slots(source, data, count):
-    """For each number: the materials that Cycles may take for it, of the mesh and of the object."""
-    original = source.original
-    # The preview's material lies over the object's own, which are asked for.
-    blocks = [original.data.materials if is_shaded(original) else data.materials]
-    candidates = []
-    for number in range(count):
-        found = []
-        for block in blocks:
-            if len(block):
-                found.append(block[min(number, len(block) - 1)])
-        for item in (source, original):
-            if len(item.material_slots):
-                slot = item.material_slots[min(number, len(item.material_slots) - 1)]
-                found.append(slot.material)
-        uids = {material.original.session_uid if material else 0 for material in found}
-        candidates.append(tuple(sorted(uids)) or (0,))
-    return candidates

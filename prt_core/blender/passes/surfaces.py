@@ -12,7 +12,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import view_layer_of
 from prt_core.blender.identity import by_uid
 from prt_core.blender.passes.asking import Asking
 from prt_core.blender.passes.corners import CornerGroups
@@ -31,6 +30,7 @@ from prt_core.blender.passes.lattices import (
     unlike,
 )
 from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, lines_of, settled
+from prt_core.errors import PRTError
 from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.scene.lattice_paint import LatticePaint
 
@@ -67,7 +67,7 @@ def evaluate_surfaces(uid, meshes, records, messages):
     meshes : list of Mesh
         `materials`, `paint` and, where a material bends them, `corner_normal` are set.
     records : list of SurfaceRecord
-        Of the meshes.
+        Of the meshes; those with None keep the materials that they have.
     messages : list of str
         Told what was left out.
 
@@ -77,8 +77,14 @@ def evaluate_surfaces(uid, meshes, records, messages):
         Cycles is not there, or cannot render now.
     """
     scene = by_uid(bpy.data.scenes, uid)
+    if scene is None:
+        raise PRTError("scene: it was removed while it was read")
+    known = [i for i, record in enumerate(records) if record is not None]
+    meshes, records = [meshes[i] for i in known], [records[i] for i in known]
+    if not meshes:
+        return
     materials = _Materials(scene)
-    triangles = Triangles(meshes, records, materials.graphs)
+    triangles = Triangles(meshes, records, materials.graph)
     family = triangles.families()
     levels = first_levels(triangles, family, _size_of(meshes))
     keys = []
@@ -97,7 +103,6 @@ def evaluate_surfaces(uid, meshes, records, messages):
         surface = surfaces[index] if index in surfaces else _KEPT[key]
         _keep(key, surface)
         _apply(mesh, surface)
-        mesh.material_names = materials.names(records[index])
         notes += surface.notes
     messages += [line for line in lines_of(notes) if line not in messages]
 
@@ -108,39 +113,17 @@ class _Materials:
     def __init__(self, scene):
         self._by_uid = {m.session_uid: m for m in bpy.data.materials}
         self._graphs, self._digests = {}, MaterialDigests(scene.frame_current)
-        over = view_layer_of(scene).material_override
-        self._override = None if over is None else over.session_uid
-        self.look = repr((scene.cycles.shading_system, self._override)) if hasattr(
-            scene, "cycles"
-        ) else ""  # fmt: skip
-
-    def _uids(self, record, slot):
-        if self._override is not None:
-            return (self._override,)
-        return record.slots[min(slot, len(record.slots) - 1)]
+        self.look = str(getattr(getattr(scene, "cycles", None), "shading_system", ""))
 
     def graph(self, uid):
         """The `Graph` of a material by its `session_uid`."""
-        uid = self._override or uid
         if uid not in self._graphs:
             self._graphs[uid] = graph_of(self._by_uid.get(uid))
         return self._graphs[uid]
 
-    def graphs(self, record, slot):
-        """Those that corners of a number may have."""
-        return [self.graph(uid) for uid in self._uids(record, slot)]
-
-    def names(self, record):
-        """The name of the material of each number; empty where none."""
-        return tuple(
-            next((self.graph(uid).name for uid in reversed(self._uids(record, n)) if uid), "")
-            for n in range(len(record.slots))
-        )
-
     def digest(self, record):
         """bytes: of all materials of a mesh."""
-        uids = sorted({uid for n in range(len(record.slots)) for uid in self._uids(record, n)})
-        return b"".join(self._digests.of(self._by_uid.get(uid)) for uid in uids)
+        return b"".join(self._digests.of(self._by_uid.get(uid)) for uid in record.slots)
 
 
 def _size_of(meshes):
@@ -188,7 +171,7 @@ class _Evaluation:
 
     def __init__(self, uid, meshes, records, all_records, materials, levels):
         self._meshes, self._records, self._materials = meshes, records, materials
-        self._triangles = Triangles(meshes, records, materials.graphs)
+        self._triangles = Triangles(meshes, records, materials.graph)
         self._family = self._triangles.families()
         self._levels = levels
         self._asking = Asking(uid, self._triangles, records, all_records, materials.graph)
@@ -241,8 +224,10 @@ class _Evaluation:
 
     def _name_of(self, triangles, mesh):
         some = triangles[self._triangles.mesh[triangles] == mesh]
-        names = self._materials.names(self._records[mesh])
-        return names[min(int(self._triangles.slot[some[0]]), len(names) - 1)]
+        return self._graph_of(mesh, self._triangles.slot[some[0]]).name
+
+    def _graph_of(self, mesh, slot):
+        return self._materials.graph(self._records[mesh].slot(slot))
 
     def _note(self, triangle, values, signs):
         """Remember of which materials there is something to say."""
@@ -250,8 +235,7 @@ class _Evaluation:
         for kind, where in signs.items():
             pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)[where]
             for mesh, slot in np.unique(pairs, axis=0):
-                names = self._materials.names(self._records[mesh])
-                self._signs[mesh].add((kind, names[min(slot, len(names) - 1)]))
+                self._signs[mesh].add((kind, self._graph_of(mesh, slot).name))
         unseen = np.isnan(values[:, 0])
         self._unseen += np.bincount(triangles.mesh[triangle[unseen]], minlength=len(self._unseen))
 
@@ -303,7 +287,7 @@ class _Evaluation:
         bent, known = np.zeros((2, len(corners)), bool)
         known[used] = True
         for slot in np.unique(record.slot_of_corner):
-            if any(graph.bends for graph in self._materials.graphs(record, int(slot))):
+            if self._materials.graph(record.slot(slot)).bends:
                 bent |= record.slot_of_corner == slot
         normal = corners[:, COLUMNS["normal"]].astype(np.float64)
         length = np.linalg.norm(normal, axis=1)
@@ -317,10 +301,10 @@ class _Evaluation:
     def _notes_of(self, index):
         record, notes = self._records[index], sorted(self._signs[index])
         for slot in np.unique(record.slot_of_corner):
-            for graph in self._materials.graphs(record, int(slot)):
-                kinds = ("rough", "scatters", "tinted", "paths", "backs")
-                notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
-                notes += [("line", line) for line in _missing_images(graph)]
+            graph = self._materials.graph(record.slot(slot))
+            kinds = ("rough", "scatters", "tinted", "paths", "backs")
+            notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
+            notes += [("line", line) for line in _missing_images(graph)]
         if self._unseen[index]:
             notes.append(
                 ("line", f"{record.name}: Cycles did not see {self._unseen[index]} places; they "
@@ -337,14 +321,14 @@ def _missing_images(graph):
         lost = not image.size[0]
         if image.source == "TILED" and "<UDIM>" in path and not image.is_dirty:
             files = [path.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
-            lost = [file for file in files if not Path(file).is_file()]
+            lost = not all(Path(file).is_file() for file in files)
         if lost:
             yield (
-                f"image '{image.name}': no pixels; its file '{lost[0] if lost is not True else path}'"
-                f" is missing or unreadable; material '{graph.name}' shows what Cycles shows then"
+                f"image '{image.name}': no pixels; its file '{path}' is missing or unreadable; "
+                f"material '{graph.name}' shows what Cycles shows then"
             )
     for node in graph.without_image:
-        yield f"material '{graph.name}': node '{node}' has no image; it shows what Cycles shows then"
+        yield f"material '{graph.name}': node '{node}' has no image; Cycles decides what is shown"
 
 
 def _finer(levels, starts, samples):

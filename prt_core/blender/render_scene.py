@@ -1,0 +1,161 @@
+"""The scene as renders have it: a tiny render by an engine of our own, which reads its input.
+
+Blender evaluates a scene for renders (subdivision, modifiers, simplify, switches of visibility)
+only where something renders. What renders here is a copy of the scene, which shares its objects:
+the user's scene, its last picture and its evaluated state in the window stay as they are, nothing
+is written to disk and no undo step is made.
+"""
+
+from contextlib import ExitStack, contextmanager
+
+import bpy
+
+from prt_core.blender.casters import mark_temporary
+from prt_core.blender.stand_ins import originals_render
+from prt_core.errors import PRTError
+
+_RESULT = "Render Result"
+# What a render would do besides evaluating the scene.
+_RENDER = {
+    "resolution_x": 4,
+    "resolution_y": 4,
+    "resolution_percentage": 100,
+    "use_border": False,
+    "use_compositing": False,
+    "use_sequencer": False,
+    "use_freestyle": False,
+    "use_multiview": False,
+    "use_motion_blur": False,
+    "use_render_cache": False,
+    "use_single_layer": False,
+    "use_persistent_data": False,
+    "use_lock_interface": False,
+}
+# While a scene is read: its `session_uid`s, and those of the scenes made for that.
+_READING = set()
+
+
+def as_rendered(scene, read):
+    """Call a function with a scene as it is evaluated for renders.
+
+    It holds the window for as long as Blender takes to evaluate the scene anew, which is what a
+    render takes until its first pixel, and for as long as the function takes: so that should copy
+    what it needs and no more. A viewport in Rendered mode begins its picture again.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    read : callable(depsgraph, view_layer)
+        Is given the `bpy.types.Depsgraph` of mode RENDER and the view layer that is rendered.
+        Neither may be kept.
+
+    Returns
+    -------
+    object
+        What the function returns; what it raises is raised.
+
+    Raises
+    ------
+    PRTError
+        A render is under way, or Blender cannot render the scene.
+    """
+    if bpy.app.is_job_running("RENDER"):
+        raise PRTError(f"scene '{scene.name}': a render is under way; wait for its end")
+    outcome = []
+
+    class Engine(bpy.types.RenderEngine):
+        bl_idname, bl_label = "PRT_READ_SCENE", "PRT reads the scene"
+        bl_use_preview = False
+
+        def render(self, depsgraph):
+            try:
+                outcome.append((read(depsgraph, depsgraph.view_layer), None))
+            except BaseException as error:
+                # Blender would print it and go on.
+                outcome.append((None, error))
+
+    had_result = _RESULT in bpy.data.images
+    with ExitStack() as undo:
+        bpy.utils.register_class(Engine)
+        undo.callback(bpy.utils.unregister_class, Engine)
+        # The operator evaluates the scene that it is called from, before and after.
+        idle = undo.enter_context(_temporary(bpy.data.scenes, bpy.data.scenes.new("prt idle")))
+        undo.enter_context(originals_render(scene))
+        target = undo.enter_context(_renderable(scene, Engine.bl_idname))
+        _READING.update((scene.session_uid, target.session_uid, idle.session_uid))
+        undo.callback(_READING.clear)
+        layer = target.view_layers[rendered_layer(scene)[0].name]
+        try:
+            with bpy.context.temp_override(scene=idle, view_layer=idle.view_layers[0]):
+                bpy.ops.render.render(scene=target.name, layer=layer.name)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            raise PRTError(f"scene '{scene.name}': Blender cannot render it ({reason})") from error
+        finally:
+            if not had_result and _RESULT in bpy.data.images:
+                bpy.data.images.remove(bpy.data.images[_RESULT])
+    if not outcome:
+        raise PRTError(f"scene '{scene.name}': Blender did not render it")
+    result, error = outcome[0]
+    if error is not None:
+        raise error
+    return result
+
+
+def is_reading(scene):
+    """Whether what Blender says of a scene comes from `as_rendered`, not from the user."""
+    return scene.session_uid in _READING
+
+
+def rendered_layer(scene):
+    """The view layer of a scene that is baked, and the names of others that render as well.
+
+    The one that is looked at where it is used in renders, else the first that is, else the one
+    that is looked at.
+    """
+    shown = None
+    if scene == bpy.context.scene:
+        shown = bpy.context.view_layer
+    layers = [layer for layer in scene.view_layers if layer.use]
+    first = shown if shown is not None and (shown.use or not layers) else None
+    first = first or (layers or scene.view_layers)[0]
+    return first, [layer.name for layer in layers if layer != first]
+
+
+@contextmanager
+def _temporary(blocks, block):
+    """A data-block that is removed again."""
+    mark_temporary(block)
+    try:
+        yield block
+    finally:
+        blocks.remove(block)
+
+
+@contextmanager
+def _renderable(scene, engine):
+    """A scene that shows what `scene` does and renders four by four pixels with an engine."""
+    with ExitStack() as undo:
+        if scene.rigidbody_world is None:
+            target = scene.copy()
+            target.name = "prt render"
+            undo.enter_context(_temporary(bpy.data.scenes, target))
+        else:
+            # A copy would share its bodies, and take them along when it is removed.
+            target = scene
+        settings = [(target.render, "engine", engine)]
+        settings += [(target.render, name, value) for name, value in _RENDER.items()]
+        for layer in target.view_layers:
+            if hasattr(layer, "use_grease_pencil"):
+                settings.append((layer, "use_grease_pencil", False))
+        if target.camera is None:
+            camera = bpy.data.cameras.new("prt render")
+            undo.enter_context(_temporary(bpy.data.cameras, camera))
+            item = bpy.data.objects.new("prt render", camera)
+            undo.enter_context(_temporary(bpy.data.objects, item))
+            settings.append((target, "camera", item))
+        for holder, name, value in settings:
+            if target == scene:
+                undo.callback(setattr, holder, name, getattr(holder, name))
+            setattr(holder, name, value)
+        yield target

@@ -3,6 +3,7 @@
 | file | what |
 |---|---|
 | `surfaces.py` | `evaluate_surfaces`: the materials of meshes that were read; begin here |
+| `evaluation.py` | asks for those that are not known yet |
 | `records.py` | what is kept of an evaluated mesh until then |
 | `probe.py` | one render of many places: a camera whose rays go through portals |
 | `asking.py` | places of triangles, looked at until it was these that were seen |

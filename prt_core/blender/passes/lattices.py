@@ -7,6 +7,7 @@ lattice is made twice as fine, a few times.
 
 import numpy as np
 
+from prt_core.blender.passes.quantities import COLUMNS
 from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice_size
 from prt_core.scene.lattice_paint import lattice_starts
 
@@ -206,16 +207,67 @@ def unlike(level, values, coarse_level, coarse):
 
 
 class Lattices:
-    """The samples of families of triangles, kept by level.
+    """The samples of families of triangles.
 
     Attributes
     ----------
-    blocks : list of (level, families, values)
-        values (n_families, lattice_size, n_columns) float32.
+    blocks : list of (level, families, triangles, values)
+        triangles (n_families,) int: one of each family; values (n_families, lattice_size,
+        n_columns) float32.
+    cut : (n,) int
+        Triangles whose lattices were to be finer, for which there was no room.
     """
 
     def __init__(self):
         self.blocks = []
+        self._waiting, self._before, self.cut = [], {}, np.zeros(0, np.int64)
+
+    def add(self, level, families, triangles):
+        """Places of new lattices: triangles and weights."""
+        self._waiting.append((level, families, triangles))
+        weights = lattice_weights(level)
+        return np.repeat(triangles, len(weights)), np.tile(weights, (len(triangles), 1))
+
+    def take(self, values):
+        """The values of all places that were added, in order."""
+        first = 0
+        for level, families, triangles in self._waiting:
+            n = n_samples(level, len(families))
+            block = values[first : first + n].reshape(len(families), -1, values.shape[1])
+            self.blocks.append((level, families, triangles, block))
+            first += n
+        self._waiting = []
+
+    def finer(self, triangles, total):
+        """Places of lattices twice as fine where samples differ, and the samples there are then."""
+        more, kept = [], []
+        for level, families, first, values in self.blocks:
+            looks = _scaled(values)
+            differ = rough_ones(level, looks) > TOLERANCE
+            for number in np.flatnonzero(differ):
+                before = self._before.get(int(families[number]))
+                if before is not None:
+                    coarse_level, coarse = before
+                    off = unlike(level, looks[number][None], coarse_level, coarse[None])
+                    differ[number] = off[0] > TOLERANCE
+            # A texel is seen by four samples along its side, and no more are needed.
+            enough = level >= 4 * np.sqrt(2 * triangles.texels[first])
+            differ &= ~enough & (2 * level <= 256)
+            fine = np.flatnonzero(differ)
+            room = (MOST - total) // max(1, n_samples(2 * level, 1) - n_samples(level, 1))
+            if len(fine) > room:
+                self.cut = np.concatenate([self.cut, first[fine[max(0, room) :]]])
+                fine = fine[: max(0, room)]
+            total += (n_samples(2 * level, 1) - n_samples(level, 1)) * len(fine)
+            rest = np.setdiff1d(np.arange(len(families)), fine)
+            if len(rest):
+                kept.append((level, families[rest], first[rest], values[rest]))
+            if len(fine):
+                for number in fine:
+                    self._before[int(families[number])] = level, looks[number]
+                more.append(self.add(2 * level, families[fine], first[fine]))
+        self.blocks = kept
+        return more, total
 
     def packed(self, family):
         """Levels and starts of triangles' families, and all samples of these, one after another.
@@ -233,7 +285,7 @@ class Lattices:
         wanted = np.unique(family)
         level_of = np.ones(len(wanted), np.int64)
         parts = {}
-        for level, families, values in self.blocks:
+        for level, families, _, values in self.blocks:
             _, mine, theirs = np.intersect1d(wanted, families, return_indices=True)
             level_of[mine] = level
             parts |= {int(m): values[t] for m, t in zip(mine, theirs, strict=True)}
@@ -245,6 +297,15 @@ class Lattices:
         n_columns = samples[0].shape[1] if samples else 0
         joined = np.concatenate(samples) if samples else np.zeros((0, n_columns), np.float32)
         return level_of[at], start_of[at], joined
+
+
+def _scaled(values):
+    """Samples as they are compared: emission by its largest value, normals by a quarter."""
+    looks = values.copy()
+    emission = looks[..., COLUMNS["emission"]]
+    emission /= max(1.0, float(emission.max(initial=0)))
+    looks[..., COLUMNS["normal"]] = 0
+    return looks
 
 
 def n_samples(level, count):

@@ -18,6 +18,8 @@ _LAYERS = 4
 # How much light must go straight through for what lies behind to show.
 _CLEAR = 1e-4
 _NOISY_SAMPLES = 64
+# The name of what is shown where there is no material.
+_DEFAULT = "default_surface"
 
 
 class Asking:
@@ -43,6 +45,11 @@ class Asking:
         others = np.array([name_number(r.source_name) for r in all_records], np.uint32)
         self._others, first = np.unique(others, return_index=True)
         self._owner_of_name = np.array([r.owner for r in all_records])[first]
+        self._materials = np.zeros(len(triangles.mesh), np.uint32)
+        for mesh, slot in np.unique(np.stack([triangles.mesh, triangles.slot], axis=1), axis=0):
+            mine = (triangles.mesh == mesh) & (triangles.slot == slot)
+            name = graph_of_uid(records[mesh].slot(slot)).name
+            self._materials[mine] = name_number(name or _DEFAULT)
         self._owners = np.array([r.owner for r in records], np.int64)
         self._against = {}
         corners = triangles.corners.reshape(-1, 3)
@@ -119,7 +126,10 @@ class Asking:
             first = look(start[clear], -triangles.normal[mine[clear]], True)
             passes["emission"][clear] = first["emission"]
             empty[clear] = first["met"] & (passes["share"][clear] <= _CLEAR)
-        good = (near & ~other) | empty
+        # Faces of one mesh may lie in one place as well.
+        expected = self._materials[mine]
+        strange = np.isin(passes["material"], self._materials) & (passes["share"] > _CLEAR)
+        good = (near & ~other & ~(strange & (passes["material"] != expected))) | empty
         for name in ("diffuse", "glossy", "transmission"):
             passes[name][empty & ~near] = 0
         plain = self._without_translucent(look, mine, start, good, passes["diffuse"])

@@ -12,7 +12,7 @@ from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice
 from prt_core.scene.lattice_paint import lattice_starts
 
 # Samples of the first lattices, and of all; the finest lattice; and how often they are refined.
-FIRST, MOST = 80_000, 400_000
+FIRST, MOST = 20_000, 250_000
 _FINEST, ROUNDS = 256, 3
 # The longest edge without a lattice, in units of the receivers' size: from, to.
 _TARGET, _LEAST_TARGET = 1 / 24, 1 / 400
@@ -173,36 +173,19 @@ def lattice_weights(level):
     return np.column_stack([1 - uv.sum(axis=1), uv])
 
 
-def rough_ones(level, values):
-    """(n,) float: how far values differ between neighbours on lattices.
+def unlike(level, values):
+    """(n,) float: how far values on lattices are from what each second of them says in between.
 
     Parameters
     ----------
     level : int
+        Even.
     values : (n, lattice_size, n_columns) array
     """
-    i, j = lattice_coordinates(int(level)).T
-    place = {pair: k for k, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
-    first, second = [], []
-    for (x, y), k in place.items():
-        for neighbour in ((x + 1, y), (x, y + 1), (x + 1, y - 1)):
-            if neighbour in place:
-                first.append(k)
-                second.append(place[neighbour])
-    return np.abs(values[:, first] - values[:, second]).max(axis=(1, 2))
-
-
-def unlike(level, values, coarse_level, coarse):
-    """(n,) float: how far values on lattices are from what coarser ones say in between.
-
-    Parameters
-    ----------
-    level, coarse_level : int
-    values, coarse : (n, lattice_size, n_columns) array
-    """
+    coarse = np.flatnonzero((lattice_coordinates(level) % 2 == 0).all(axis=1))
     weights = lattice_weights(level)
-    cell, shares = lattice_of_hits(np.full(len(weights), coarse_level), weights[:, 1:])
-    between = np.einsum("mk,nmkc->nmc", shares, coarse[:, cell])
+    cell, shares = lattice_of_hits(np.full(len(weights), level // 2), weights[:, 1:])
+    between = np.einsum("mk,nmkc->nmc", shares, values[:, coarse][:, cell])
     return np.abs(values - between).max(axis=(1, 2))
 
 
@@ -220,7 +203,7 @@ class Lattices:
 
     def __init__(self):
         self.blocks = []
-        self._waiting, self._before, self.cut = [], {}, np.zeros(0, np.int64)
+        self._waiting, self.cut = [], np.zeros(0, np.int64)
 
     def add(self, level, families, triangles):
         """Places of new lattices: triangles and weights."""
@@ -243,13 +226,7 @@ class Lattices:
         more, kept = [], []
         for level, families, first, values in self.blocks:
             looks = _scaled(values)
-            differ = rough_ones(level, looks) > TOLERANCE
-            for number in np.flatnonzero(differ):
-                before = self._before.get(int(families[number]))
-                if before is not None:
-                    coarse_level, coarse = before
-                    off = unlike(level, looks[number][None], coarse_level, coarse[None])
-                    differ[number] = off[0] > TOLERANCE
+            differ = unlike(level, looks) > TOLERANCE
             # A texel is seen by four samples along its side, and no more are needed.
             enough = level >= 4 * np.sqrt(2 * triangles.texels[first])
             differ &= ~enough & (2 * level <= 256)
@@ -263,8 +240,6 @@ class Lattices:
             if len(rest):
                 kept.append((level, families[rest], first[rest], values[rest]))
             if len(fine):
-                for number in fine:
-                    self._before[int(families[number])] = level, looks[number]
                 more.append(self.add(2 * level, families[fine], first[fine]))
         self.blocks = kept
         return more, total

@@ -36,7 +36,8 @@ _PASSES = {
     "position": ("Position", "Position"),
 }
 _SWITCHES = (
-    "diffuse_color glossy_color transmission_color emit normal position cryptomatte_object".split()
+    "diffuse_color glossy_color transmission_color emit normal position cryptomatte_object "
+    "cryptomatte_material".split()
 )
 # How often Cycles lets a ray pass what is transparent: through the portal, and no further.
 _THROUGH_PORTAL = 2 if bpy.app.version >= (5, 0, 0) else 1
@@ -90,8 +91,8 @@ class Probe:
         -------
         dict of str -> array
             diffuse, glossy, transmission, emission, normal, position (n, 3) float32; share (n,):
-            of the light that does not go straight through; name (n,) uint32: `name_number` of
-            what was met; met (n,) bool (with `first_only`).
+            of the light that does not go straight through; name, material (n,) uint32:
+            `name_number` of the object and the material; met (n,) bool (with `first_only`).
 
         Raises
         ------
@@ -123,6 +124,7 @@ class Probe:
         }
         layer = values("CryptoObject00", "rgba")
         passes["name"] = np.ascontiguousarray(layer[:, 0]).view(np.uint32)
+        passes["material"] = values("CryptoMaterial00", "r").view(np.uint32)[:, 0]
         passes["share"] = layer[:, 1] + layer[:, 3]
         passes["met"] = values("Combined", "A")[:, 0] > 0.5
         return passes
@@ -363,7 +365,7 @@ def _no_output():
 
 
 def name_number(name):
-    """The number by which Cryptomatte knows an object: MurmurHash3 of its name, as a float's bits.
+    """The number by which Cryptomatte knows a block: MurmurHash3 of its name, as a float's bits.
 
     Source: Austin Appleby, MurmurHash3_x86_32 (public domain); Psyop's Cryptomatte specification.
     """

@@ -107,7 +107,7 @@ def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=T
             yield Progress("scene", number, len(reading.parts))
             start = time.perf_counter()
         reading.place(number)
-    yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages)
+    yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages, pace)
     return reading.whole()
 
 

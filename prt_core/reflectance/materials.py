@@ -73,6 +73,8 @@ QUANTITIES = {
     "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
     # Share of the light from behind that leaves the front evenly to all sides.
     "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
+    # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
+    "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),
 }
 
 

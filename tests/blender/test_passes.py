@@ -6,6 +6,7 @@ import pytest
 
 from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.passes.probe import name_number
+from prt_core.reflectance.bump import bump_mean
 
 
 def grid(name="grid", size=(5, 3), location=(0.3, -0.2, 0.1)):
@@ -399,7 +400,43 @@ def test_a_normal_map_bends_shading_normals():
     plate("even", principled(), 0, 3)
     meshes, _ = read()
     np.testing.assert_allclose(meshes["bent"].corner_normal, [[0.6, 0, 0.8]] * 4, atol=0.01)
+    strength = 0.125 * (0.6 / 0.8) ** 2
+    np.testing.assert_allclose(meshes["bent"].materials.bump, strength, rtol=0.05)
+    dimmed = 0.8 * bump_mean(strength)
+    np.testing.assert_allclose(meshes["bent"].materials.albedo[0], dimmed, rtol=0.01)
+    assert (meshes["even"].materials.bump == 0).all()
     np.testing.assert_array_equal(meshes["even"].corner_normal, [[0, 0, 1]] * 4)
+
+
+def test_bump_is_left_out_as_in_bakes_and_said():
+    def build(tree, shader):
+        noise = add(tree, "TexNoise", Scale=3.0)
+        bump = add(tree, "Bump", Height=noise.outputs[0], Strength=0.8)
+        tree.links.new(bump.outputs[0], shader.inputs["Normal"])
+        lift = add(tree, "Displacement", Height=noise.outputs[0])
+        tree.links.new(lift.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+
+    plate("rocky", build)
+    tree = bpy.data.materials["rocky"].node_tree
+    meshes, messages = read()
+    np.testing.assert_allclose(meshes["rocky"].corner_normal, [[0, 0, 1]] * 4, atol=1e-6)
+    assert any("'rocky'" in line and "bump" in line for line in messages)
+    assert tree.nodes["Bump"].inputs["Strength"].default_value == np.float32(0.8)
+    assert not any(link.is_muted for link in tree.links)
+
+
+def test_a_view_layer_may_override_all_materials():
+    plate("red", principled(Base_Color=(0.8, 0.1, 0.1, 1)))
+    override = material(plate("plain", None, 0.5), base(ramp), "override")
+    bpy.context.view_layer.material_override = override
+    meshes, messages = read()
+    alone = meshes["red"].materials.albedo
+    assert np.ptp(alone, axis=0).max() > 0.01
+    assert not any("did not see" in line for line in messages)
+    bpy.context.view_layer.material_override = None
+    bpy.data.objects["red"].data.materials[0] = override
+    meshes, _ = read()
+    np.testing.assert_allclose(meshes["red"].materials.albedo, alone, atol=1e-3)
 
 
 def test_a_fine_normal_map_is_said():

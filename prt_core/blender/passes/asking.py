@@ -68,7 +68,7 @@ class Asking:
 
         Returns
         -------
-        values : (n, 13) float32
+        values : (n, 14) float32
             See `COLUMNS`; NaN where Cycles did not see the place.
         signs : dict of str -> (n,) bool
         """
@@ -191,10 +191,16 @@ class Asking:
         centre = (self._low + self._high) / 2
         size = float(np.max(self._high - self._low))
         stack = ExitStack()
-        for uid, material in materials.items():
-            if self._graph(uid).moves:
-                # The mesh is baked as it is; what would move it bends its normals.
-                stack.enter_context(switched(material, "displacement_method", "BUMP"))
+        for uid in materials:
+            graph = self._graph(uid)
+            for link in graph.displaced:
+                stack.enter_context(switched(link, "is_muted", True))
+            for node in graph.bumps:
+                strength = node.inputs["Strength"]
+                if strength.is_linked:
+                    stack.enter_context(switched(node, "mute", True))
+                else:
+                    stack.enter_context(switched(strength, "default_value", 0.0))
         samples = _NOISY_SAMPLES if noisy else 1
         built = stack.enter_context(probe(scene, objects, centre, size, samples))
         return _Look(stack, built, every)

@@ -17,6 +17,7 @@ from prt_core.blender.passes.lattices import (
 )
 from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, settled
 from prt_core.reflectance import QUANTITIES
+from prt_core.reflectance.bump import bump_mean, bump_strength
 from prt_core.scene.lattice_paint import LatticePaint
 
 _GREY = 0.8
@@ -92,8 +93,9 @@ class Evaluation:
         for _ in range(ROUNDS):
             more, total = lattices.finer(self._triangles, total)
             if not more:
-                return
+                break
             lattices.take((yield from self._ask(more)))
+        lattices.drop_even()
         for owner in np.unique(self._triangles.mesh[lattices.cut]) if len(lattices.cut) else ():
             self._signs[owner].add(("coarse", self._name_of(lattices.cut, owner)))
 
@@ -150,6 +152,7 @@ class Evaluation:
                 samples, also = settled(samples)
                 cut |= also
                 corner = self._triangles.corner[mine[own]]
+                self._dim(record, mine[own], levels[own], starts[own], samples)
                 if normals is not None and _finer(levels[own], starts[own], samples):
                     notes.append(("fine normals", self._name_of(mine[own], index)))
                 paint = _paint(corners, corner, levels[own], starts[own], samples)
@@ -171,13 +174,28 @@ class Evaluation:
             return None
         normals = mesh.corner_normal.copy()
         normals[bent] = normal[bent] / length[bent][:, None]
+        softens = np.array([self._materials.graph(uid).softens for uid in record.slots])
+        dimmed = bent & softens[np.minimum(record.slot_of_corner, len(softens) - 1)]
+        cosine = np.einsum("nx,nx->n", normals[dimmed], mesh.corner_normal[dimmed])
+        strength = np.float32(bump_strength(cosine))
+        corners[dimmed, COLUMNS["bump"].start] = strength
+        corners[dimmed, COLUMNS["albedo"]] *= bump_mean(strength)[:, None]
         return normals
+
+    def _dim(self, record, triangles, levels, starts, samples):
+        """Albedo of samples on bent normals is what is left of even light (see `bump_mean`)."""
+        for level, start, triangle in zip(levels, starts, triangles, strict=True):
+            graph = self._materials.graph(record.slot(self._triangles.slot[triangle]))
+            if graph.bends and graph.softens:
+                part = samples[start : start + n_samples(level, 1)]
+                cosine = part[:, COLUMNS["normal"]] @ self._triangles.normal[triangle]
+                part[:, COLUMNS["albedo"]] *= bump_mean(bump_strength(cosine))[:, None]
 
     def _notes_of(self, index):
         record, notes = self._records[index], sorted(self._signs[index])
         for slot in np.unique(record.slot_of_corner):
             graph = self._materials.graph(record.slot(slot))
-            kinds = ("rough", "scatters", "tinted", "paths", "backs")
+            kinds = ("rough", "scatters", "tinted", "bumpy", "paths", "backs")
             notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
             notes += [("line", line) for line in _missing_images(graph)]
         if self._unseen[index]:
@@ -221,11 +239,16 @@ def _finer(levels, starts, samples):
 
 
 def _paint(corners, triangle_corners, levels, starts, samples):
-    """The `LatticePaint` of what is not its default."""
+    """The `LatticePaint` of what is not its default.
+
+    Normals between the corners are means of theirs, and so is what belongs to bent ones.
+    """
     names = []
     for name, quantity in QUANTITIES.items():
         columns = COLUMNS[name]
         both = corners[:, columns], samples[:, columns]
+        if name == "bump":
+            continue
         if quantity.default is None or any((v != np.float32(quantity.default)).any() for v in both):
             names.append(name)
     return LatticePaint(

@@ -40,32 +40,41 @@ class Graph:
         Whether all that differs comes from images laid on by UV maps.
     bends : bool
         Whether shading normals may differ from those of the mesh.
+    softens : bool
+        Whether light near the horizon is dimmed where they do.
     noisy : bool
     backs, paths : bool
         Whether it asks which side is seen, and by which kind of ray.
     rough, scatters, tinted : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
         may have a colour.
+    bumpy : bool
+        Whether there is bump that is left out; Cycles' bakes leave it out as well.
     translucent : list of bpy.types.Node
     images : list of bpy.types.Image
     without_image : list of str
         Nodes that have none.
-    moves : bool
-        Whether its displacement moves the surface.
+    bumps : list of bpy.types.Node
+        Bump nodes.
+    displaced : list of bpy.types.NodeLink
+        What moves the surface, or bends its normals as if it did.
     """
 
     name: str
     even: bool = True
     flat: bool = True
     bends: bool = False
+    softens: bool = True
     noisy: bool = False
     backs: bool = False
     paths: bool = False
     rough: bool = False
     scatters: bool = False
     tinted: bool = False
-    moves: bool = False
+    bumpy: bool = False
     translucent: list = field(default_factory=list)
+    bumps: list = field(default_factory=list)
+    displaced: list = field(default_factory=list)
     images: list = field(default_factory=list)
     without_image: list = field(default_factory=list)
 
@@ -75,25 +84,23 @@ def graph_of(material):
     graph = Graph(material.name if material is not None else "")
     if material is None or not has_nodes(material):
         return graph
+    cycles = getattr(material, "cycles", None)
+    graph.softens = getattr(cycles, "use_bump_map_correction", True)
     tree = material.node_tree
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None:
         return graph
-    if output.inputs["Displacement"].is_linked:
-        graph.bends, graph.flat = True, False
-        graph.moves = getattr(material, "displacement_method", "BUMP") != "BUMP"
-    sockets = [output.inputs["Surface"]]
-    if graph.bends:
-        sockets.append(output.inputs["Displacement"])
-    seen = set()
-    for node in _nodes_behind(sockets, seen):
+    graph.displaced = [link for link in output.inputs["Displacement"].links if not link.is_muted]
+    bends = getattr(material, "displacement_method", "BUMP") == "BUMP"
+    graph.bumpy = bool(graph.displaced) and bends
+    for node in _nodes_behind(output.inputs["Surface"]):
         _note(graph, node)
     return graph
 
 
-def _nodes_behind(sockets, seen):
-    """Every node that feeds sockets, those of groups as well."""
-    waiting = [link.from_node for socket in sockets for link in socket.links]
+def _nodes_behind(socket):
+    """Every node that feeds a socket, those of groups as well."""
+    seen, waiting = set(), [link.from_node for link in socket.links]
     while waiting:
         node = waiting.pop()
         key = node.as_pointer()
@@ -120,9 +127,13 @@ def _note(graph, node):
     graph.noisy |= kind in _NOISY
     graph.backs |= kind == "NEW_GEOMETRY" and node.outputs["Backfacing"].is_linked
     graph.paths |= kind == "LIGHT_PATH"
-    if any(s.is_linked for s in node.inputs if s.name == "Normal"):
+    before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
+    if any(other.type != "BUMP" for other in before):
         graph.bends, graph.flat = True, False
-    if kind == "BSDF_TRANSLUCENT":
+    if kind == "BUMP":
+        graph.bumps.append(node)
+        graph.bumpy = True
+    elif kind == "BSDF_TRANSLUCENT":
         graph.translucent.append(node)
     elif kind == "BSDF_DIFFUSE":
         graph.rough |= _may_be(node, "Roughness")

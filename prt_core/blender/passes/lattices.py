@@ -18,6 +18,8 @@ _FINEST, ROUNDS = 256, 3
 _TARGET, _LEAST_TARGET = 1 / 24, 1 / 400
 # Values that differ by less are taken to be the same.
 TOLERANCE = 1 / 96
+# And normals that differ by less.
+_BENT = 0.1
 
 
 class Triangles:
@@ -173,18 +175,19 @@ def lattice_weights(level):
     return np.column_stack([1 - uv.sum(axis=1), uv])
 
 
-def unlike(level, values):
-    """(n,) float: how far values on lattices are from what each second of them says in between.
+def unlike(level, values, step=2):
+    """(n,) float: how far values on lattices are from what some of them say in between.
 
     Parameters
     ----------
     level : int
-        Even.
     values : (n, lattice_size, n_columns) array
+    step : int
+        A divisor of the level: every second, ... one of them.
     """
-    coarse = np.flatnonzero((lattice_coordinates(level) % 2 == 0).all(axis=1))
+    coarse = np.flatnonzero((lattice_coordinates(level) % step == 0).all(axis=1))
     weights = lattice_weights(level)
-    cell, shares = lattice_of_hits(np.full(len(weights), level // 2), weights[:, 1:])
+    cell, shares = lattice_of_hits(np.full(len(weights), level // step), weights[:, 1:])
     between = np.einsum("mk,nmkc->nmc", shares, values[:, coarse][:, cell])
     return np.abs(values - between).max(axis=(1, 2))
 
@@ -243,6 +246,17 @@ class Lattices:
                 more.append(self.add(2 * level, families[fine], first[fine]))
         self.blocks = kept
         return more, total
+
+    def drop_even(self):
+        """Leave out lattices that say no more than their corners."""
+        kept = []
+        for level, families, first, values in self.blocks:
+            differ = unlike(level, _scaled(values), level) > TOLERANCE / 2
+            normals = values[..., COLUMNS["normal"]]
+            differ |= unlike(level, normals, level) > _BENT
+            if differ.any():
+                kept.append((level, families[differ], first[differ], values[differ]))
+        self.blocks = kept
 
     def packed(self, family):
         """Levels and starts of triangles' families, and all samples of these, one after another.

@@ -26,6 +26,8 @@ from prt_core.errors import PRTError
 # Places of one render: a second or less of a slow machine.
 MOST_PLACES = 1 << 16
 _LAYER = "prt"
+# An attribute that only the plate has.
+_PLATE = "prt plate"
 # The names of passes before 5.0, and since.
 _PASSES = {
     "diffuse": ("DiffCol", "Diffuse Color"),
@@ -122,22 +124,25 @@ class Probe:
             key: values(names[since_5], "XYZ" if key in {"normal", "position"} else "RGB")
             for key, names in _PASSES.items()
         }
-        layer = values("CryptoObject00", "rgba")
-        passes["name"] = np.ascontiguousarray(layer[:, 0]).view(np.uint32)
-        passes["material"] = values("CryptoMaterial00", "r").view(np.uint32)[:, 0]
-        passes["share"] = layer[:, 1] + layer[:, 3]
+        for key, name in (("name", "CryptoObject00"), ("material", "CryptoMaterial00")):
+            # Number and share of what was met, twice: the plate may have left a trace as well.
+            layer = values(name, "rgba")
+            passes[key] = np.where(layer[:, 1] >= layer[:, 3], layer[:, 0], layer[:, 2])
+            passes[key] = passes[key].view(np.uint32)
+            passes["share"] = np.maximum(layer[:, 1], layer[:, 3])
         passes["met"] = values("Combined", "A")[:, 0] > 0.5
         return passes
 
     def _screen(self, centre, size):
         """The camera, and before it the plate of portals, away from everything."""
-        material = bpy.data.materials.new("prt portals")
-        if material.node_tree is None:
-            material.use_nodes = True
+        layer = self.scene.view_layers[0]
+        material = self._material = _plain_material(layer.material_override)
+        if layer.material_override is not None:
+            # It lies on the plate as well.
+            layer.material_override = material
         nodes, links = material.node_tree.nodes, material.node_tree.links
-        nodes.clear()
-        output, portal = nodes.new("ShaderNodeOutputMaterial"), nodes.new("ShaderNodeBsdfRayPortal")
-        links.new(portal.outputs[0], output.inputs["Surface"])
+        portal = nodes.new("ShaderNodeBsdfRayPortal")
+        _onto_plate(material.node_tree, portal.outputs[0])
         uv = nodes.new("ShaderNodeUVMap")
         uv.uv_map = "UVMap"
         self._nodes = []
@@ -154,6 +159,7 @@ class Probe:
         layer = mesh.uv_layers.new(name="UVMap")
         layer.data.foreach_set("uv", np.float32([0, 0, 1, 0, 1, 1, 0, 1]))
         mesh.materials.append(material)
+        mesh.attributes.new(_PLATE, "FLOAT", "POINT").data.foreach_set("value", np.ones(4, "f"))
         self._plate = bpy.data.objects.new("prt portals", mesh)
         self._plate.location = centre + [0, 0, 3 * size]
         camera = bpy.data.cameras.new("prt camera")
@@ -201,12 +207,44 @@ class Probe:
     def remove(self):
         """Take away all that was made."""
         mesh, camera = self._plate.data, self._camera.data
-        material = mesh.materials[0]
         bpy.data.objects.remove(self._plate)
         bpy.data.objects.remove(self._camera)
         bpy.data.meshes.remove(mesh)
         bpy.data.cameras.remove(camera)
-        bpy.data.materials.remove(material)
+        bpy.data.materials.remove(self._material)
+
+
+def _plain_material(override):
+    """A material of nodes: a copy of the view layer's own for everything, or an empty one."""
+    if override is not None:
+        material = override.copy()
+        if material.node_tree is None:
+            material.use_nodes = True
+        return material
+    material = bpy.data.materials.new("prt portals")
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material
+
+
+def _onto_plate(tree, shader):
+    """Let the plate have a shader, and all else what it has."""
+    nodes, links = tree.nodes, tree.links
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None:
+        output = nodes.new("ShaderNodeOutputMaterial")
+    before = [link.from_socket for link in output.inputs["Surface"].links]
+    if not before:
+        links.new(shader, output.inputs["Surface"])
+        return
+    mix, plate = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeAttribute")
+    plate.attribute_name = _PLATE
+    links.new(plate.outputs["Fac"], mix.inputs[0])
+    for socket in before:
+        links.new(socket, mix.inputs[1])
+    links.new(shader, mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
 
 
 @contextmanager

@@ -13,8 +13,9 @@ COLUMNS = {
     "opacity": slice(6, 7),
     "translucency": slice(7, 10),
     "normal": slice(10, 13),
+    "bump": slice(13, 14),
 }
-N_COLUMNS = 13
+N_COLUMNS = 14
 # Specular reflection seen from straight on: no more than a dielectric's, and metal for certain.
 _DIELECTRIC, _METAL = 0.085, 0.17
 # Below this a pass is taken to be empty.
@@ -29,6 +30,7 @@ LINES = {
     "tinted": "coloured transparency lets light of all colours through alike",
     "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
     "scatters": "subsurface scattering counts as diffuse",
+    "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
     "paths": "Light Path nodes answer as for rays of the camera",
     "backs": "what asks for Backfacing is answered for the front",
     "fine normals": "the normal map is finer than the mesh and counts at its points only; "
@@ -38,7 +40,7 @@ LINES = {
 
 
 def quantities_of(passes, plain=None):
-    """(n, 13) float32 of what was rendered, by `COLUMNS`.
+    """(n, 14) float32 of what was rendered, by `COLUMNS`.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ def quantities_of(passes, plain=None):
 
     Returns
     -------
-    values : (n, 13) float32
+    values : (n, 14) float32
     signs : dict of str -> (n,) bool
         Where there is metal, specular reflection and glass, by the keys of `LINES`.
     """

@@ -5,6 +5,7 @@ scene that has not changed is not rendered again.
 """
 
 import hashlib
+import time
 from collections import OrderedDict
 
 import bpy
@@ -18,11 +19,12 @@ from prt_core.blender.passes.lattices import Triangles, first_levels
 from prt_core.blender.passes.quantities import COLUMNS, lines_of
 from prt_core.errors import PRTError
 from prt_core.reflectance import QUANTITIES, Materials
+from prt_core.runtime.progress import Progress
 
 _KEPT, _MOST_BYTES = OrderedDict(), 256 << 20
 
 
-def evaluate_surfaces(uid, meshes, records, messages):
+def evaluate_surfaces(uid, meshes, records, messages, pace=None):
     """Give meshes their materials, as a generator of `Progress`.
 
     Parameters
@@ -35,6 +37,10 @@ def evaluate_surfaces(uid, meshes, records, messages):
         Of the meshes; those with None keep the materials that they have.
     messages : list of str
         Told what was left out.
+    pace : float, optional
+        Seconds a step may take where a window waits; a render of a second or so cannot be cut. It
+        comes after steps of the stage `materials` that are as long as two of these together, so
+        that the window can say what it will wait for.
 
     Raises
     ------
@@ -59,6 +65,9 @@ def evaluate_surfaces(uid, meshes, records, messages):
     missing = [i for i, key in enumerate(keys) if key not in _KEPT]
     surfaces = {}
     if missing:
+        start = time.perf_counter()
+        while pace is not None and time.perf_counter() - start < 2 * pace:
+            yield Progress("materials", 0, 0)
         some = [meshes[i] for i in missing], [records[i] for i in missing]
         chosen = np.isin(triangles.mesh, missing)
         asked = Evaluation(uid, *some, records, materials, levels[chosen])

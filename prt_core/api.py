@@ -1,6 +1,5 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
-import warnings
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,7 +22,9 @@ from prt_core.relight.environments import Environments
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
-from prt_core.runtime.progress import Errands, beside, beside_each, run, steps_beside
+from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thread, steps_in_thread
+from prt_core.runtime.progress import run
+from prt_core.runtime.renamed import renamed_keyword, warn_renamed
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
@@ -84,7 +85,7 @@ def bake(
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
-    output = expect_output("output", output, ".prt", folder=True, made=True)
+    output = expect_output("output", output, ".prt", folder=True, create=True)
     image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
@@ -134,13 +135,19 @@ def bake_blend_steps(
     messages = []
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
-    lamps, camera = read_lamps(scene, messages), read_camera(scene)
+    camera, lamps = read_camera(scene), []
     try:
         world = yield from read_world_steps(CubeMap(settings.resolution), scene)
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
         world = None
-    meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace)
+
+    def lamps_too(depsgraph):
+        lamps.extend(read_lamps(depsgraph.scene, messages, depsgraph))
+
+    meshes = yield from read_meshes_steps(
+        uid, objects, two_sided, messages, strict, pace, lamps_too
+    )
     say_copies(meshes, messages)
     cube_map = CubeMap(settings.resolution)
 
@@ -151,11 +158,11 @@ def bake_blend_steps(
     calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
     if certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
-    built, source, *probes = yield from beside_each("scene", *calls)
+    built, source, *probes = yield from each_in_thread("scene", *calls)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image)
     if not probes and certified(len(built.points)):
-        probes = yield from beside_each("scene", (studio_lights, studio_images(), cube_map))
+        probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace,
         probes[0] if probes else None, origin,
@@ -218,9 +225,7 @@ def compress(
 
 def compress_bake(bake, **keywords):
     """As `compress`: its old name, for one release."""
-    warnings.warn(
-        "prt_core.compress_bake is prt_core.compress now", DeprecationWarning, stacklevel=2
-    )
+    warn_renamed("prt_core.compress_bake", "prt_core.compress")
     return compress(bake, **keywords)
 
 
@@ -248,16 +253,17 @@ def compress_bake_steps(
     if lights is not None and not isinstance(lights, dict):
         lights = named_images(lights)
     if not isinstance(bake, Bake):
-        bake = yield from beside("load", load, expect_path("bake", bake))
+        bake = yield from in_thread("load", load, expect_path("bake", bake))
     if lights is None:
         with suppress(PRTError):  # without Blender plain skies stand in
             lights = studio_lights()
     steps = compress_steps(bake, settings, lights)
-    result = yield from steps_beside(steps, Errands(), "compress")
+    result = yield from steps_in_thread(steps, MainThreadCalls(), "compress")
     return result
 
 
-def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
+@renamed_keyword(transport="form")
+def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
     """Colours of a baked scene under a light.
 
     Parameters
@@ -269,7 +275,7 @@ def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
         own world.
     caster : str
         For the shadow rays of lamps and sharp suns.
-    transport : {"auto", "exact", "compressed"}
+    form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
     **keywords
@@ -282,14 +288,15 @@ def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
         Linear Rec.709 radiance in Blender's loop order, for each object that receives.
     """
     bake = _loaded(bake)
-    asked = {"caster": caster, "transport": transport, **keywords}
+    asked = {"caster": caster, "form": form, **keywords}
     return bake.colours(relight_points(bake, light, **asked))
 
 
-def relight_points(bake, light=None, *, caster="auto", transport="auto", **keywords):
+@renamed_keyword(transport="form")
+def relight_points(bake, light=None, *, caster="auto", form="auto", **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
     lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, transport)
+    relighter = Relighter(_loaded(bake), caster, form)
     try:
         return run(relighter.steps(lighting))
     finally:

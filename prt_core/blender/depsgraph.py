@@ -62,7 +62,9 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
     return run(read_meshes_steps(uid, receivers, two_sided, messages, strict))
 
 
-def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=True, pace=None):
+def read_meshes_steps(
+    uid, receivers=None, two_sided=(), messages=None, strict=True, pace=None, read_too=None
+):
     """`read_meshes` as a generator of `Progress`.
 
     One step, of the stage `evaluate`, is as long as Blender takes to evaluate the scene for a
@@ -76,6 +78,8 @@ def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=T
         next, and names may change.
     pace : float, optional
         Seconds a step may take; an object is never cut.
+    read_too : callable(depsgraph), optional
+        Reads more from the same evaluation (see `as_rendered`).
     """
     messages = [] if messages is None else messages
     start = time.perf_counter()
@@ -87,7 +91,13 @@ def read_meshes_steps(uid, receivers=None, two_sided=(), messages=None, strict=T
     if scene is None:
         raise PRTError("scene: it was removed while it was read")
     reading = _Reading(scene, receivers, two_sided, messages)
-    as_rendered(scene, reading.copy)
+
+    def read(depsgraph):
+        reading.copy(depsgraph)
+        if read_too is not None:
+            read_too(depsgraph)
+
+    as_rendered(scene, read)
     for wanted in (receivers, two_sided):
         missing = sorted(set(wanted or ()) - reading.asked)
         if missing and strict:
@@ -162,8 +172,9 @@ class _Reading:
         self.parts, self.meshes, self.asked = [], [], set()
         self.named, self.instancers, self.raw = set(), set(), {}
 
-    def copy(self, depsgraph, view_layer):
+    def copy(self, depsgraph):
         """Copy all that renders, while Blender has it evaluated (see `as_rendered`)."""
+        view_layer = depsgraph.view_layer
         # A curve or text comes twice: as itself, and as the mesh that it evaluates to.
         as_mesh = {
             _key(i) for i in depsgraph.object_instances
@@ -259,6 +270,10 @@ class _Reading:
                 raw = raw.without_slots(clear)
                 if not len(raw.triangles):
                     return raw, "volume"
+                slots = [
+                    SimpleNamespace(material=None if n in clear else s.material)
+                    for n, s in enumerate(slots)
+                ]
             raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
             of_slot = [s.material.original.session_uid if s.material else 0 for s in slots]
             raw.surface = surface_of(data, source.original.data, of_slot, raw)

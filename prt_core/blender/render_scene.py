@@ -45,9 +45,9 @@ def as_rendered(scene, read):
     Parameters
     ----------
     scene : bpy.types.Scene
-    read : callable(depsgraph, view_layer)
-        Is given the `bpy.types.Depsgraph` of mode RENDER and the view layer that is rendered.
-        Neither may be kept.
+    read : callable(depsgraph)
+        Is given the `bpy.types.Depsgraph` of mode RENDER, of which nothing may be kept. Its scene
+        may be a copy of the user's, its view layer then as well.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def as_rendered(scene, read):
 
         def render(self, depsgraph):
             try:
-                outcome.append((read(depsgraph, depsgraph.view_layer), None))
+                outcome.append((read(depsgraph), None))
             except BaseException as error:
                 # Blender would print it and go on.
                 outcome.append((None, error))
@@ -78,16 +78,19 @@ def as_rendered(scene, read):
     with ExitStack() as undo:
         bpy.utils.register_class(Engine)
         undo.callback(bpy.utils.unregister_class, Engine)
-        # The operator evaluates the scene that it is called from, before and after.
-        idle = undo.enter_context(_temporary(bpy.data.scenes, bpy.data.scenes.new("prt idle")))
         undo.enter_context(originals_render(scene))
         target = undo.enter_context(_renderable(scene, Engine.bl_idname))
-        _READING.update((scene.session_uid, target.session_uid, idle.session_uid))
+        # The operator evaluates the scene that it is called from, before and after.
+        start = scene
+        if target != scene:
+            start = undo.enter_context(_temporary(bpy.data.scenes, bpy.data.scenes.new("prt idle")))
+            # It also renders the frame of that scene.
+            start.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+        _READING.update((scene.session_uid, target.session_uid, start.session_uid))
         undo.callback(_READING.clear)
-        layer = target.view_layers[rendered_layer(scene)[0].name]
         try:
-            with bpy.context.temp_override(scene=idle, view_layer=idle.view_layers[0]):
-                bpy.ops.render.render(scene=target.name, layer=layer.name)
+            with bpy.context.temp_override(scene=start, view_layer=start.view_layers[0]):
+                bpy.ops.render.render(scene=target.name)
         except RuntimeError as error:
             reason = " ".join(str(error).split())
             raise PRTError(f"scene '{scene.name}': Blender cannot render it ({reason})") from error
@@ -141,11 +144,13 @@ def _renderable(scene, engine):
             target.name = "prt render"
             undo.enter_context(_temporary(bpy.data.scenes, target))
         else:
-            # A copy would share its bodies, and take them along when it is removed.
+            # Of a copy Blender would begin the simulation anew.
             target = scene
         settings = [(target.render, "engine", engine)]
         settings += [(target.render, name, value) for name, value in _RENDER.items()]
+        wanted = rendered_layer(scene)[0].name
         for layer in target.view_layers:
+            settings.append((layer, "use", layer.name == wanted))
             if hasattr(layer, "use_grease_pencil"):
                 settings.append((layer, "use_grease_pencil", False))
         if target.camera is None:

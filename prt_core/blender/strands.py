@@ -5,16 +5,17 @@ for, in the mean over all directions that they are seen from. Where there are to
 stand for all and are as much wider.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from prt_core.blender.raw_mesh import RawMesh
 
 # Vertices of all strands, or all points, of one object at most; keys that Blender is asked for.
-MOST_VERTICES, _MOST_ASKED = 30_000, 200_000
-# Keys that are kept of a strand, and how far it may leave the line between them, in radii.
-_MOST_KEYS, _STRAIGHT = 9, 0.5
+MOST_VERTICES, _MOST_ASKED = 20_000, 200_000
+# Keys that are kept of a strand; how many should be, for light along it is not even; how far it may
+# leave the line between them, and how much thinner or thicker it may be than in between, in radii.
+_MOST_KEYS, _ENOUGH_KEYS, _STRAIGHT, _EVEN = 9, 4, 0.5, 0.1
 # Of what has no radius of its own.
 RADIUS = 0.01
 # Circumradii: a triangle whose perimeter is pi times the diameter of a circle, as seen from all
@@ -47,6 +48,11 @@ class Strands:
 
     def __len__(self):
         return len(self.first) - 1
+
+    @property
+    def number(self):
+        """(n_keys,) int: which strand each key belongs to."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first))
 
 
 def particle_strands(source, system):
@@ -104,13 +110,17 @@ def point_octahedra(data, most=MOST_VERTICES // 6):
 
 def tubes(strands):
     """`Strands` as a `RawMesh`, and how many of the object's strands each tube stands for."""
-    share = max(1, -(-int(_bends(strands).sum()) * _SIDES // MOST_VERTICES))
+    strands = _only(strands, _bends(strands))
+    share = max(1, -(-len(strands.keys) * _SIDES // MOST_VERTICES))
     if share > 1:
-        strands = _every(strands, share)
-    share, kept = share * strands.share, _bends(strands)
-    keys, radii = strands.keys[kept], strands.radii[kept] * share
-    number = np.repeat(np.arange(len(strands)), np.diff(strands.first))[kept]
-    first = np.searchsorted(number, np.arange(len(strands) + 1))
+        strands = _only(strands, strands.number % share == 0)
+    while len(strands.keys) < _ENOUGH_KEYS * len(strands):
+        halved = _halved(strands)
+        if len(halved.keys) * _SIDES > MOST_VERTICES or len(halved.keys) == len(strands.keys):
+            break
+        strands = halved
+    keys, radii = strands.keys, strands.radii * strands.share * share
+    share, number, first = strands.share * share, strands.number, strands.first
     next_key = np.minimum(np.arange(len(keys)) + 1, first[number + 1] - 1)
     before = np.maximum(np.arange(len(keys)) - 1, first[number])
     along = _unit(keys[next_key] - keys[before])
@@ -153,8 +163,8 @@ def _bends(strands):
         distance = np.linalg.norm(offset - share * chord, axis=1)
         # Or where it grows thinner otherwise than evenly.
         between = strands.radii[start] * (1 - share[:, 0]) + strands.radii[end] * share[:, 0]
-        distance = np.maximum(distance, np.abs(strands.radii - between))
-        far = (distance > _STRAIGHT * strands.radii.max(initial=0)) & ~kept
+        distance = np.maximum(distance / _STRAIGHT, np.abs(strands.radii - between) / _EVEN)
+        far = (distance > strands.radii.max(initial=0)) & ~kept
         if not far.any():
             break
         candidates = np.flatnonzero(far)
@@ -164,12 +174,25 @@ def _bends(strands):
     return kept
 
 
-def _every(strands, share):
-    """Every `share`-th of the strands."""
-    number = np.repeat(np.arange(len(strands)), np.diff(strands.first))
-    kept = number % share == 0
-    first = np.concatenate([[0], np.cumsum(np.diff(strands.first)[::share])])
-    return Strands(strands.keys[kept], strands.radii[kept], first, strands.slot, strands.share)
+def _only(strands, kept):
+    """`Strands` of some keys; those that have none left are gone."""
+    _, lengths = np.unique(strands.number[kept], return_counts=True)
+    first = np.concatenate([[0], np.cumsum(lengths)])
+    return replace(strands, keys=strands.keys[kept], radii=strands.radii[kept], first=first)
+
+
+def _halved(strands):
+    """The same `Strands` with a key in the middle between any two."""
+    inner = np.flatnonzero(np.diff(strands.number) == 0)
+    keys = (strands.keys[inner] + strands.keys[inner + 1]) / 2
+    radii = (strands.radii[inner] + strands.radii[inner + 1]) / 2
+    number = np.insert(strands.number, inner + 1, strands.number[inner])
+    return replace(
+        strands,
+        keys=np.insert(strands.keys, inner + 1, keys, axis=0),
+        radii=np.insert(strands.radii, inner + 1, radii),
+        first=np.searchsorted(number, np.arange(len(strands) + 1)),
+    )
 
 
 def _smooth(vertices, normals, faces, slot=0):

@@ -13,8 +13,8 @@ from prt_core.cli.arguments import (
     bounces,
     caster_argument,
     expect_used,
+    form_argument,
     size,
-    transport_argument,
 )
 from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
@@ -75,7 +75,7 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
-    transport_argument(relight)
+    form_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
 
@@ -99,9 +99,9 @@ def _relight(options):
         return _relight_turn(baked, lighting, options)
     _bpy_for(options)
     start = time.perf_counter()
-    relighter, of = Relighter(baked, options.caster, options.transport), _of(options)
+    relighter, of = Relighter(baked, options.caster, options.form), _of(options)
     try:
-        radiance = relighter.relight(lighting, of=of)
+        radiance = relighter.radiance(lighting, of=of)
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
         sky = relighter.sky(lighting) if options.png else None
     finally:
@@ -144,12 +144,12 @@ def _expect_request(options):
     _fill_in(options)
     lighting = _lighting(options)
     expect(
-        options.transport == "auto" or options.light is not None,
-        "--transport: lamps are always exact; it changes nothing without --light",
+        options.form == "auto" or options.light is not None,
+        "--form: lamps are always exact; it changes nothing without --light",
     )
     expect(
-        not options.progressive or options.transport != "exact",
-        "--progressive: adds to a compressed form; leave out --transport exact",
+        not options.progressive or options.form != "exact",
+        "--progressive: adds to a compressed form; leave out --form exact",
     )
     expect(
         options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
@@ -216,8 +216,8 @@ def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
     _bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
-    transport = "compressed" if options.progressive else options.transport
-    relighter = Relighter(baked, options.caster, transport, options.progressive)
+    form = "compressed" if options.progressive else options.form
+    relighter = Relighter(baked, options.caster, form, options.progressive)
     of = _of(options)
     pictures = PictureWriter(baked, options.size, options.caster)
     start, spent = time.perf_counter(), []
@@ -225,7 +225,7 @@ def _relight_turn(baked, lighting, options):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
         begun = time.perf_counter()
-        radiance = relighter.relight(lighting, of=of)
+        radiance = relighter.radiance(lighting, of=of)
         spent.append(time.perf_counter() - begun)
         if options.image:
             shown = radiance if of == "image" else baked.image(radiance)
@@ -250,8 +250,8 @@ def _how(relighter):
     """How colours were made, for the line that reports them."""
     if relighter.used == "exact":
         return "exactly"
-    facts = relighter.compressed().facts
-    return f"compressed ({facts['method']}, error {facts['error']:.2%})"
+    attributes = relighter.compressed().attributes
+    return f"compressed ({attributes['method']}, error {attributes['error']:.2%})"
 
 
 def _print_notes(baked, options, notes):
@@ -338,5 +338,5 @@ def _differs(baked):
     for mesh in meshes:
         item = baked_as.get(mesh.name, mesh)
         mesh.receives, mesh.two_sided = item.receives, item.two_sided
-    found = changes(baked.source, mesh_digests(meshes))
-    return "" if found.fresh else str(found)
+    differences = changes(baked.source, mesh_digests(meshes))
+    return "" if differences.fresh else str(differences)

@@ -22,7 +22,7 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.runtime.seeds import Stage, generator
-from prt_core.sampling.asking import Asking
+from prt_core.sampling.agreement_state import AgreementState
 from prt_core.sampling.neighbours import surface_levels
 from prt_core.sampling.sampled import expect_sampled, register_sampler
 
@@ -119,13 +119,13 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     Returns
     -------
     Sampled
-        `facts`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
-        entries traced by reason: first, disagree, check, follow, rest; given_up (points that
+        `attributes`: levels (points of each), open_points, open_entries, hemisphere_entries, and
+        the entries traced by reason: first, disagree, check, follow, rest; given_up (points that
         were traced whole because neighbours know nothing of them).
     """
     settings = AgreementSettings() if settings is None else settings
     expect_kind("settings", settings, AgreementSettings)
-    work = Asking(scene, cube_map, caster, tally, pace, settings.seed)
+    work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed)
     yield from work.begin()
     rng = generator(settings.seed, Stage.AGREEMENT)
     # Details stand where little agrees: they come last, when all around them is known.
@@ -154,9 +154,9 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     known = np.union1d(known, whole)
     details = ordered[(is_detail & ~work.open & ~work.given_up)[ordered]]
     careful = replace(settings, **_FOR_DETAILS)
-    for turn, some in enumerate(_interleaved(details)):
-        yield from work.ask(some, known, careful, careful.edge_halvings, (_DETAILS + turn,))
-        known = np.concatenate([known, some])
+    for turn, level_points in enumerate(_interleaved(details)):
+        yield from work.ask(level_points, known, careful, careful.edge_halvings, (_DETAILS + turn,))
+        known = np.concatenate([known, level_points])
     most = settings.look_neighbours
     look = replace(settings, neighbours=most, candidates=most, checks=0)
     for turn in range(settings.looks):
@@ -192,13 +192,13 @@ def refine_agreement(
     expect_kind("settings", settings, AgreementSettings)
     turn = expect_whole("turn", turn, 0)
     expect_sampled(sampled, scene, cube_map)
-    work = Asking(scene, cube_map, caster, tally, pace, settings.seed, sampled)
+    work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed, sampled)
     points = expect_mask("points", points, len(scene.points))
     yield from work.begin()
     ordered = work.in_order()
     level = ordered[points[ordered] & ~work.open[ordered]]
     yield from work.ask(level, ordered, settings, settings.edge_halvings, (_REFINE + turn,))
-    return work.result(sampled.facts.get("levels", []))
+    return work.result(sampled.attributes.get("levels", []))
 
 
 def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
@@ -220,17 +220,17 @@ def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
     Sampled
     """
     expect_sampled(sampled, scene, cube_map)
-    work = Asking(scene, cube_map, caster, tally, pace, 0, sampled)
+    work = AgreementState(scene, cube_map, caster, tally, pace, 0, sampled)
     points = expect_mask("points", points, len(scene.points))
     yield from work.begin()
     # Open points as well: what is asked for whole is judged by rays alone.
     yield from work.trace_whole("rest", np.flatnonzero(points))
-    return work.result(sampled.facts.get("levels", []))
+    return work.result(sampled.attributes.get("levels", []))
 
 
 def _interleaved(ordered):
     """Points in an order along a curve in three levels, each among those before it."""
-    return [some for some in (ordered[::4], ordered[2::4], ordered[1::2]) if len(some)]
+    return [part for part in (ordered[::4], ordered[2::4], ordered[1::2]) if len(part)]
 
 
 register_sampler("agreement", sample_agreement, AgreementSettings)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.errors import expect, expect_kind
+from prt_core.runtime.renamed import renamed
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport.visibility import expect_bits
@@ -27,7 +28,7 @@ class Sampled:
     rays : int
     seconds : dict of str -> float
         By stage.
-    facts : dict
+    attributes : dict
         What a report tells: levels, counts, what was skipped. Plain numbers, strings, lists.
     """
 
@@ -35,7 +36,9 @@ class Sampled:
     traced: np.ndarray
     rays: int
     seconds: dict = field(default_factory=dict)
-    facts: dict = field(default_factory=dict)
+    attributes: dict = field(default_factory=dict)
+
+    facts = renamed("facts", "attributes")
 
 
 def expect_sampled(sampled, scene, cube_map):

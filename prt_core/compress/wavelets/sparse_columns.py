@@ -117,17 +117,17 @@ class SparseColumns:
         low = -(-counts // 2) * 2 * self.word // 8
         return tuple(np.concatenate([[0], np.cumsum(n)]) for n in (high, low, counts))
 
-    def matrix(self, some):
+    def matrix(self, columns):
         """Columns `some` (sorted) as (n_rows, len(some)) CSC float32, without their sizes."""
         high_starts, low_starts, term_starts = self.starts()
-        counts = self.counts[some].astype(np.int64)
+        counts = self.counts[columns].astype(np.int64)
         indptr = np.concatenate([[0], np.cumsum(counts)])
-        n_bytes = np.diff(high_starts)[some]
+        n_bytes = np.diff(high_starts)[columns]
         first_bit = 8 * (np.cumsum(n_bytes) - n_bytes)
-        bits = np.unpackbits(_pieces(self.high, high_starts, some)).view(bool)
+        bits = np.unpackbits(_pieces(self.high, high_starts, columns)).view(bool)
         places = np.flatnonzero(bits) - np.repeat(first_bit - indptr[:-1], counts)
         places -= np.arange(len(places))
-        words = _from_bytes(_pieces(self.low, low_starts, some), self.word)
+        words = _from_bytes(_pieces(self.low, low_starts, columns), self.word)
         if (counts & 1).any():
             # Words come in pairs; the odd one at a column's end is none.
             pairs = np.concatenate([[0], np.cumsum(-(-counts // 2) * 2)])
@@ -137,10 +137,10 @@ class SparseColumns:
         shift = self.word - (self.bits or 0)
         places = (places << shift).astype(np.int32) | (words & ((1 << shift) - 1)).astype(np.int32)
         if self.bits is None:
-            values = _pieces(self.values, term_starts, some)
+            values = _pieces(self.values, term_starts, columns)
         else:
             values = (words >> shift).astype(np.float32) - np.float32(1 << (self.bits - 1))
-        shape = self.n_rows, len(some)
+        shape = self.n_rows, len(columns)
         return sp.csc_matrix((values, places, indptr.astype(np.int32)), shape=shape)
 
 
@@ -185,9 +185,9 @@ def unpack_groups(state, n_rows, n_names, bits):
 
     number = heads[:, 2]
     expect((number >= 0).all() and number.sum() == len(state["names"]), "groups: other names")
-    for word, some in groupby(heads, key=lambda head: head[1]):
+    for word, same_head in groupby(heads, key=lambda head: head[1]):
         expect(word in _WORDS and word > (bits or 0), f"word: {word} bits")
-        depths = np.concatenate([np.full(count, depth) for depth, _, count in some])
+        depths = np.concatenate([np.full(count, depth) for depth, _, count in same_head])
         expect((np.diff(depths) >= 0).all(), "groups: columns do not lie by depth")
         n_columns = len(depths)
         own = {name: take(name, n_columns) for name in ("names", "counts", "sizes")}
@@ -203,10 +203,10 @@ def unpack_groups(state, n_rows, n_names, bits):
             values=take("values", terms if bits is None else 0),
         )  # fmt: skip
         expect(len(packed.high) == high and len(packed.low) == low, "words: some are missing")
-        for some in parts_of_terms(np.arange(n_columns), counts):
-            matrix = packed.matrix(some)
+        for same_head in parts_of_terms(np.arange(n_columns), counts):
+            matrix = packed.matrix(same_head)
             expect(
-                len(matrix.indices) == counts[some].sum()
+                len(matrix.indices) == counts[same_head].sum()
                 and matrix.indices.min(initial=0) >= 0
                 and matrix.indices.max(initial=-1) < n_rows,
                 "places: some are outside the rows",
@@ -215,20 +215,20 @@ def unpack_groups(state, n_rows, n_names, bits):
     return groups
 
 
-def parts_of_terms(some, counts):
+def parts_of_terms(columns, counts):
     """Pieces of columns `some` of about 2^18 terms each, for the cache."""
     ends = np.searchsorted(np.cumsum(counts), np.arange(_TERMS, counts.sum(), _TERMS))
-    return [part for part in np.split(some, np.unique(ends)) if len(part)]
+    return [part for part in np.split(columns, np.unique(ends)) if len(part)]
 
 
 def _buckets(n_rows, shift):
     return ((n_rows - 1) >> shift) + 1
 
 
-def _pieces(array, starts, some):
-    if len(some) == len(starts) - 1:
+def _pieces(array, starts, columns):
+    if len(columns) == len(starts) - 1:
         return array
-    return np.concatenate([array[starts[i] : starts[i + 1]] for i in some] or [array[:0]])
+    return np.concatenate([array[starts[i] : starts[i + 1]] for i in columns] or [array[:0]])
 
 
 def _to_bytes(words, word):

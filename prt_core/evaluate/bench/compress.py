@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.compress import Irradiance, Task, border_pairs, method_asked, neighbour_pairs, seam
+from prt_core.compress import (
+    Irradiance,
+    Task,
+    border_pairs,
+    method_from_text,
+    neighbour_pairs,
+    seam,
+)
 from prt_core.compress.choice.choose import FAILURES, radiance_of, reason_of, relative_l2
 from prt_core.compress.choice.methods import describe, settings_of
 from prt_core.errors import expect
@@ -48,7 +55,7 @@ class Truth:
     seconds: list
 
 
-def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=None):
+def bench_compress_steps(bake, name, methods, lights, budget_numbers=None, seed=0, evaluators=None):
     """Fit and measure methods; a generator of `Progress`.
 
     Parameters
@@ -57,12 +64,12 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     name : str
         Of the scene, for the rows.
     methods : sequence of str
-        NAME or NAME:key=value,key=value (see `method_asked`).
+        NAME or NAME:key=value,key=value (see `method_from_text`).
     lights : dict of str -> (n_directions, 3) float32
-    rungs : sequence of int, optional
-        Of each method's ladder (its budgets); default: all.
+    budget_numbers : sequence of int, optional
+        Which of each method's budgets; default: all.
     seed : int
-    made : dict, optional
+    evaluators : dict, optional
         Filled with what gives products, by the label of its row (for pictures).
 
     Returns
@@ -75,7 +82,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
         relighting reads; seconds count what all methods of a bake share. A method that failed
         has None for all that was to be measured, and `failure` says why.
     """
-    chosen = [method_asked(method) for method in methods]
+    chosen = [method_from_text(method) for method in methods]
     expect(lights, "light: give at least one")
     task = Task.of(bake.transport, bake.scene.points, seed, bake.dense)
     began = time.perf_counter()
@@ -86,11 +93,11 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     head = {"scene": name, "points": task.n_points, "directions": bake.transport.n_directions}
     rows = [{**head, **row} for row in _references(task, truth)]
     for method in chosen:
-        ladder = method.ladder(task)
-        for rung in range(len(ladder)) if rungs is None else rungs:
-            if rung >= len(ladder):
+        budgets = method.budgets(task)
+        for budget in range(len(budgets)) if budget_numbers is None else budget_numbers:
+            if budget >= len(budgets):
                 continue
-            model = ladder[rung]
+            model = budgets[budget]
             label = f"{method.name} ({describe(model)})"
             row = {
                 **head,
@@ -98,18 +105,20 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
                 "method": method.name,
                 "label": label,
                 "settings": settings_of(model),
-                "rung": rung,
+                "budget": budget,
             }
             try:
-                found = yield from _measured(method, model, task, truth, pairs, label, made)
-                found["seconds"] += prepared
+                measured = yield from _measured(
+                    method, model, task, truth, pairs, label, evaluators
+                )
+                measured["seconds"] += prepared
             except FAILURES as error:
-                found = {"failure": reason_of(error)}
-            rows.append({**row, **found})
+                measured = {"failure": reason_of(error)}
+            rows.append({**row, **measured})
     return rows
 
 
-def _measured(method, model, task, truth, pairs, label, made):
+def _measured(method, model, task, truth, pairs, label, evaluators):
     """Fit a model and measure it; a generator of `Progress` that returns its figures."""
     reset_peak()
     began = time.perf_counter()
@@ -118,16 +127,16 @@ def _measured(method, model, task, truth, pairs, label, made):
         method.finish(model, task)
     seconds = time.perf_counter() - began
     peak = peak_bytes()
-    quick = method.relighter(model, task.subject.read_bits)
+    evaluator = method.evaluator(model, task.subject.read_bits)
     figures = {
         **_size(model.nbytes, task),
         "seconds": seconds,
         "peak_bytes": peak,
         **_matrix(model, truth, task),
-        **(yield from _relit(quick, model, truth, task, pairs, label)),
+        **(yield from _relit(evaluator, model, truth, task, pairs, label)),
     }
-    if made is not None:
-        made[label] = quick
+    if evaluators is not None:
+        evaluators[label] = evaluator
     return figures
 
 
@@ -135,17 +144,17 @@ def _truth(transport, lights, seed):
     colours, seconds = {}, []
     for index, (name, light) in enumerate(lights.items()):
         start = time.perf_counter()
-        colours[name] = transport.relight(light)
+        colours[name] = transport.radiance(light)
         seconds.append(time.perf_counter() - start)
         yield Progress("exact", index + 1, len(lights))
     rng = generator(seed, Stage.BENCH_MATRIX)
     shape = transport.n_directions, 3
     white = [rng.standard_normal(shape).astype(np.float32) for _ in range(_WHITE)]
-    some = np.sort(rng.choice(transport.n_points, min(64, transport.n_points), replace=False))
-    largest = float(np.abs(transport.rows(some)).max())
+    sample = np.sort(rng.choice(transport.n_points, min(64, transport.n_points), replace=False))
+    largest = float(np.abs(transport.rows(sample)).max())
     # Received light is cut at zero: each half of the noise by itself.
     sides = [
-        transport.relight(np.maximum(w, 0)) - transport.relight(np.maximum(-w, 0)) for w in white
+        transport.radiance(np.maximum(w, 0)) - transport.radiance(np.maximum(-w, 0)) for w in white
     ]
     return Truth(lights, colours, white, sides, largest, seconds)
 
@@ -154,17 +163,17 @@ def _references(task, truth):
     """The dense product, the exact bake and irradiance."""
     transport = task.transport
     n_entries = 3 * task.n_points * task.rows.n_directions
-    some = np.arange(min(_DENSE_POINTS, task.n_points))
-    dense = [np.ascontiguousarray(transport.direct(some)) for _ in range(3)]
+    sample = np.arange(min(_DENSE_POINTS, task.n_points))
+    dense = [np.ascontiguousarray(transport.direct(sample)) for _ in range(3)]
     spent = []
     for light in list(truth.lights.values())[:8]:
         start = time.perf_counter()
         for matrix, channel in zip(dense, np.ascontiguousarray(light.T), strict=True):
             matrix @ channel
-        spent.append((time.perf_counter() - start) * task.n_points / len(some))
+        spent.append((time.perf_counter() - start) * task.n_points / len(sample))
     exact = {"matrix_l2": 0.0, "relit_l2_mean": 0.0, "relit_l2_worst": 0.0, "seam": None}
     yield {
-        "method": "dense", "label": "dense product", "settings": {"of_points": len(some)},
+        "method": "dense", "label": "dense product", "settings": {"of_points": len(sample)},
         **_size(4 * n_entries, task), "seconds": None, "peak_bytes": None, **exact,
         "ms_median": 1e3 * float(np.median(spent)), "ms_worst": 1e3 * max(spent),
     }  # fmt: skip
@@ -183,9 +192,9 @@ def _references(task, truth):
     errors, spent = [], []
     for name, light in truth.lights.items():
         start = time.perf_counter()
-        found = radiance_of(model, task.subject, light)
+        radiance = radiance_of(model, task.subject, light)
         spent.append(time.perf_counter() - start)
-        errors.append(relative_l2(found, truth.colours[name]))
+        errors.append(relative_l2(radiance, truth.colours[name]))
     yield {
         "method": "irradiance", "label": "irradiance", "settings": {},
         **_size(model.nbytes, task), "seconds": seconds, "peak_bytes": None, "matrix_l2": None,
@@ -207,8 +216,8 @@ def _matrix(model, truth, task):
     model = model.uncut()
     lost = kept = 0.0
     for light, wanted in zip(truth.white, truth.white_colours, strict=True):
-        found = radiance_of(model, task.subject, light).astype(np.float64)
-        lost += float(((found - wanted) ** 2).sum())
+        radiance = radiance_of(model, task.subject, light).astype(np.float64)
+        lost += float(((radiance - wanted) ** 2).sum())
         kept += float((wanted.astype(np.float64) ** 2).sum())
     entries = 3 * task.n_points * task.rows.n_directions
     rms = np.sqrt(lost / (len(truth.white) * entries))
@@ -218,23 +227,23 @@ def _matrix(model, truth, task):
     return {"matrix_l2": float(share), "matrix_psnr": psnr and float(psnr)}
 
 
-def _relit(quick, model, truth, task, pairs, label):
+def _relit(evaluator, model, truth, task, pairs, label):
     labels = getattr(model, "labels_", None)
     border = None if labels is None else border_pairs(labels, pairs)
-    radiance_of(quick, task.subject, next(iter(truth.lights.values())))
+    radiance_of(evaluator, task.subject, next(iter(truth.lights.values())))
     errors, spent, psnr, seams = {}, [], [], []
     for index, (name, light) in enumerate(truth.lights.items()):
         start = time.perf_counter()
-        found = radiance_of(quick, task.subject, light)
+        radiance = radiance_of(evaluator, task.subject, light)
         spent.append(time.perf_counter() - start)
         wanted = truth.colours[name]
-        errors[name] = relative_l2(found, wanted)
+        errors[name] = relative_l2(radiance, wanted)
         expect(np.isfinite(errors[name]), f"its colours are not finite under {name}")
-        rms = max(float(np.sqrt(((found - wanted).astype(np.float64) ** 2).mean())), 1e-30)
+        rms = max(float(np.sqrt(((radiance - wanted).astype(np.float64) ** 2).mean())), 1e-30)
         if wanted.any():
             psnr.append(20 * np.log10(float(wanted.max()) / rms))
         if border is not None:
-            seams.append(seam(found, wanted, border))
+            seams.append(seam(radiance, wanted, border))
         yield Progress(label.split(" ")[0], index + 1, len(truth.lights))
     worst = max(errors, key=errors.get)
     return {

@@ -38,12 +38,12 @@ def lights(bake):
 def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
     made = {}
     names = candidate_names()
-    rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], made=made))
+    rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], evaluators=made))
     assert [row["method"] for row in rows[:3]] == ["dense", "exact", "irradiance"]
     assert all(KEYS <= set(row) for row in rows)
     for name in names:
         own = [row for row in rows if row["method"] == name]
-        assert [row["rung"] for row in own] == [0, 1]
+        assert [row["budget"] for row in own] == [0, 1]
         assert own[0]["bytes"] < own[1]["bytes"]
         assert own[0]["matrix_l2"] > own[1]["matrix_l2"] > 0
         assert own[0]["relit_l2_mean"] > own[1]["relit_l2_mean"]

@@ -22,7 +22,7 @@ _MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
 _FEWEST_WRONG = 12
 
 
-class Asking:
+class AgreementState:
     """What is known so far of the visibility, and the ways to know more.
 
     Parameters
@@ -64,10 +64,10 @@ class Asking:
         self.bits = self.traced = None
         if sampled:
             self.bits, self.traced = sampled.bits.copy(), sampled.traced.copy()
-            self._counts.update({k: sampled.facts.get(k, 0) for k in self._counts})
+            self._counts.update({k: sampled.attributes.get(k, 0) for k in self._counts})
             self._tracer.done = len(scene.points)
             self._rays_before = sampled.rays
-            self._given_up_before = sampled.facts.get("given_up", 0)
+            self._given_up_before = sampled.attributes.get("given_up", 0)
 
     def begin(self):
         """Horizons, and the points from which nothing can be in the way."""
@@ -108,10 +108,10 @@ class Asking:
         """Trace all that is left in some points."""
         start, before = time.perf_counter(), self._tracer.rays
         for first in range(0, len(points), _BLOCK):
-            some = points[first : first + _BLOCK]
-            wanted = self.above[some] & ~self.traced[some]
+            block = points[first : first + _BLOCK]
+            wanted = self.above[block] & ~self.traced[block]
             yield from self._tracer.trace_into(
-                np.arange(len(self.bits)), some, wanted, self.bits, self.traced
+                np.arange(len(self.bits)), block, wanted, self.bits, self.traced
             )
         self._counts[reason] += self._tracer.rays - before
         self._spent("rays", start)
@@ -148,27 +148,27 @@ class Asking:
         self._counts["check"] += n_checks
         seen, said = (of.reshape(-1)[places] for of in (asked.bits, asked.said))
         group = self.groups[points[places // checks.shape[1]]]
-        for total, found in zip(self._checked, (seen ^ said, seen), strict=True):
-            counts = count_bits((checked & found)[:, None], axis=1)
+        for total, wrong in zip(self._checked, (seen ^ said, seen), strict=True):
+            counts = count_bits((checked & wrong)[:, None], axis=1)
             total += np.bincount(group, counts, len(total)).astype(np.int64)
         self._timed(on_rows, asked.settle, n_points)
         yield from self.trace("disagree", asked, everyone, asked.contested)
-        rows, fresh, reason, some = everyone, None, "follow", None
+        rows, fresh, reason, subset = everyone, None, "follow", None
         if halvings is not None:
-            some, reason = coin(rng, checks.shape, halvings), "check"
+            subset, reason = coin(rng, checks.shape, halvings), "check"
         for step in range(_MOST_STEPS):
             reach = 1 if step < _NEAR_STEPS else _FAR
             mask = np.empty((len(rows), checks.shape[1]), np.uint8)
             self._timed(
                 on_rows, asked.follow, len(rows),
-                rows, fresh, some, reach, settings.boundaries, mask,
+                rows, fresh, subset, reach, settings.boundaries, mask,
             )  # fmt: skip
-            found = mask.any(axis=1)
-            rows, fresh = rows[found], mask[found]
+            wrong = mask.any(axis=1)
+            rows, fresh = rows[wrong], mask[wrong]
             if not len(rows):
                 break
             yield from self.trace(reason, asked, rows, fresh)
-            some, reason = None, "follow"
+            subset, reason = None, "follow"
         self.bits[points], self.traced[points] = asked.bits, asked.traced
 
     def trace(self, reason, asked, rows, mask):
@@ -202,7 +202,7 @@ class Asking:
     def result(self, levels):
         """The `Sampled` so far; `levels` are the points of each."""
         rays = self._rays_before + self._tracer.rays
-        facts = {
+        attributes = {
             "levels": levels,
             "open_points": int(self.open.sum()),
             "open_entries": int(count_bits(self.above[self.open])),
@@ -210,4 +210,4 @@ class Asking:
             "given_up": self._given_up_before + int(self.given_up.sum()),
             **self._counts,
         }
-        return Sampled(self.bits, self.traced, rays, self._seconds, facts)
+        return Sampled(self.bits, self.traced, rays, self._seconds, attributes)

@@ -326,6 +326,12 @@ def test_what_lets_light_through():
     plate("leaf", surface(leaf), 0.4)
     plate("metal", principled(Base_Color=(0.8, 0.4, 0.2, 1), Metallic=1.0), 0.5)
     plate("plastic", principled(Specular_IOR_Level=0.5), 0.6)
+    plate(
+        "diamond", principled(Base_Color=(0.8, 0.3, 0.2, 1), Specular_IOR_Level=0.5, IOR=2.4), 0.7
+    )
+    plate("half metal", principled(Base_Color=(0.8, 0.3, 0.2, 1), Metallic=0.5), 0.8)
+    plate("iron", principled(Base_Color=(0.12, 0.12, 0.12, 1), Metallic=1.0), 0.9)
+    plate("hole", surface(lambda tree: add(tree, "Holdout")), 1.0)
     meshes, messages = read()
     looks = {
         name: {k: v[0] for k, v in mesh.materials.arrays().items()} for name, mesh in meshes.items()
@@ -341,6 +347,10 @@ def test_what_lets_light_through():
         "leaf": {"albedo": [0.3, 0.2, 0.05], "opacity": [1], "translucency": [0.1, 0.45, 0.15]},
         "metal": {"albedo": [0.786, 0.38, 0.187], "opacity": [1], "translucency": [0, 0, 0]},
         "plastic": {"albedo": [0.77, 0.77, 0.77], "opacity": [1]},
+        "diamond": {"albedo": [0.673, 0.252, 0.168], "opacity": [1]},
+        "half metal": {"albedo": [0.773, 0.29, 0.193], "opacity": [1]},
+        "iron": {"albedo": [0.12, 0.12, 0.12], "opacity": [1]},
+        "hole": {"albedo": [0, 0, 0], "opacity": [1]},
     }
     for name, quantities in wanted.items():
         for quantity, value in quantities.items():

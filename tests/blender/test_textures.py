@@ -34,7 +34,7 @@ def textured(image, name="painting", metallic=0.0):
     return material, node
 
 
-@pytest.mark.parametrize("metallic", [0.0, 0.25])
+@pytest.mark.parametrize("metallic", [0.0, 0.5])
 def test_a_one_quad_painting_is_red_inside_and_bounces_red(metallic):
     bpy.ops.mesh.primitive_plane_add(size=2)
     bpy.context.object.data.materials.append(textured(picture(), metallic=metallic)[0])

@@ -195,6 +195,8 @@ class Asking:
             graph = self._graph(uid)
             for link in graph.displaced:
                 stack.enter_context(switched(link, "is_muted", True))
+            for node in graph.holdouts:
+                stack.enter_context(switched(node, "mute", True))
             for node in graph.bumps:
                 strength = node.inputs["Strength"]
                 if strength.is_linked:

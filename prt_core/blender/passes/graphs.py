@@ -56,6 +56,8 @@ class Graph:
         Nodes that have none.
     bumps : list of bpy.types.Node
         Bump nodes.
+    holdouts : list of bpy.types.Node
+        Holes in pictures; to light they are black.
     displaced : list of bpy.types.NodeLink
         What moves the surface, or bends its normals as if it did.
     """
@@ -74,6 +76,7 @@ class Graph:
     bumpy: bool = False
     translucent: list = field(default_factory=list)
     bumps: list = field(default_factory=list)
+    holdouts: list = field(default_factory=list)
     displaced: list = field(default_factory=list)
     images: list = field(default_factory=list)
     without_image: list = field(default_factory=list)
@@ -133,6 +136,8 @@ def _note(graph, node):
     if kind == "BUMP":
         graph.bumps.append(node)
         graph.bumpy = True
+    elif kind == "HOLDOUT":
+        graph.holdouts.append(node)
     elif kind == "BSDF_TRANSLUCENT":
         graph.translucent.append(node)
     elif kind == "BSDF_DIFFUSE":

@@ -16,8 +16,9 @@ COLUMNS = {
     "bump": slice(13, 14),
 }
 N_COLUMNS = 14
-# Specular reflection seen from straight on: no more than a dielectric's, and metal for certain.
-_DIELECTRIC, _METAL = 0.085, 0.17
+# Colourless specular reflection seen from straight on, over a diffuse colour and over none: as a
+# dielectric may have it, and for certain more.
+_OVER, _BARE = (0.2, 0.3), (0.085, 0.1)
 # Below this a pass is taken to be empty.
 _NOTHING = 2e-3
 # A thousandth of what an eye tells apart: another machine's last bits shall not be another surface.
@@ -59,10 +60,9 @@ def quantities_of(passes, plain=None):
     diffuse, glossy, through = (
         np.nan_to_num(passes[k]) for k in ("diffuse", "glossy", "transmission")
     )
-    peak = glossy.max(axis=1)
-    metal = np.clip((peak - _DIELECTRIC) / (_METAL - _DIELECTRIC), 0, 1)
+    metal = _metal(diffuse, glossy, through)
     translucency = np.zeros_like(diffuse) if plain is None else np.maximum(diffuse - plain, 0)
-    values[:, COLUMNS["albedo"]] = diffuse - translucency + metal[:, None] * glossy
+    values[:, COLUMNS["albedo"]] = diffuse - translucency + metal
     values[:, COLUMNS["translucency"]] = translucency
     values[:, COLUMNS["opacity"]] = (passes["share"] - through.mean(axis=1))[:, None]
     values[:, COLUMNS["normal"]] = passes["normal"]
@@ -71,11 +71,31 @@ def quantities_of(passes, plain=None):
     mantissa, exponent = np.frexp(emission)
     steps[:, COLUMNS["emission"]] = np.ldexp(np.round(mantissa * _STEPS) / _STEPS, exponent)
     return steps, {
-        "metal": metal > 0,
-        "specular": (peak > _NOTHING) & (metal == 0),
+        "metal": metal.max(axis=1) > _NOTHING,
+        "specular": (glossy - metal).max(axis=1) > 5 * _NOTHING,
         "glass": through.max(axis=1) > _NOTHING,
         "tinted": np.ptp(through, axis=1) > 0.05,
     }
+
+
+def _metal(diffuse, glossy, through):
+    """(n, 3) what metal has of the glossy pass.
+
+    Metal reflects in the base colour, which the diffuse pass shows where there is less than all of
+    it; the rest is colourless, and a dielectric's unless there is too much of it.
+    """
+    most = diffuse.max(axis=1, keepdims=True)
+    colour = np.where(most > 0.01, diffuse / np.maximum(most, 1e-9), glossy)
+    spread = np.ptp(colour, axis=1)
+    coloured = (most[:, 0] > 0.01) & (spread > 0.1)
+    share = np.where(coloured, np.ptp(glossy, axis=1) / np.maximum(spread, 1e-9), 0)
+    # It must be the same colour, or there is no such metal.
+    share = np.minimum(share, (glossy / np.maximum(colour, 1e-3)).min(axis=1))[:, None]
+    rest = glossy - share * colour
+    bare = (most[:, 0] < 0.01) & (through.max(axis=1) < _NOTHING)
+    low, high = np.where(bare[:, None], _BARE, _OVER).T
+    weight = np.clip((rest.max(axis=1) - low) / (high - low), 0, 1)
+    return share * colour + weight[:, None] * rest
 
 
 def settled(values):

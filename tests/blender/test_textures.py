@@ -45,7 +45,7 @@ def test_a_one_quad_painting_is_red_inside_and_bounces_red(metallic):
     assert hidden.sum() > 100
     np.testing.assert_allclose(points.albedo[~hidden], share, atol=0.02)
     np.testing.assert_allclose(np.median(points.albedo[hidden], axis=0),
-                               np.array([0.8, 0.02, 0.02]) * share, atol=0.02)  # fmt: skip
+                               np.array([0.8, 0.02, 0.02]) * share, atol=0.035)  # fmt: skip
     mean = points.mean_albedo.mean(axis=0)
     assert mean[0] > 0.75 * share and mean[1] < 0.1
 

@@ -15,7 +15,7 @@ from prt_core.blender.left_out import (
     surface_kind,
     surface_shader,
 )
-from prt_core.blender.materials import corner_materials
+from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.raw_mesh import RawMesh
 from prt_core.blender.render_scene import as_rendered, rendered_layer
@@ -115,6 +115,7 @@ def read_meshes_steps(
             yield Progress("scene", number, len(reading.parts))
             start = time.perf_counter()
         reading.place(number)
+    yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages, pace)
     return reading.whole()
 
 
@@ -149,6 +150,7 @@ class _Part:
     place: tuple = ("", "")
     source: str = ""
     is_instance: bool = False
+    record: SurfaceRecord | None = None
     # Of strands and points, which have no materials yet: a colour, or the mesh to take it from.
     colour: tuple | None = None
     emitter: str | None = None
@@ -166,7 +168,6 @@ class _Reading:
         self.local = {item.name for item in there if item.library is None}
         self.parts, self.meshes, self.asked = [], [], set()
         self.named, self.instancers, self.raw = set(), set(), {}
-        self.pictures = {}
 
     def copy(self, depsgraph):
         """Copy all that renders, while Blender has it evaluated (see `as_rendered`)."""
@@ -194,17 +195,22 @@ class _Reading:
     def place(self, number):
         """Place a part in the world."""
         part = self.parts[number]
-        if part.raw.materials is None:
-            part.raw.materials = self._strand_materials(part)
+        part.raw.materials = Materials(albedo=np.tile(_NO_MATERIAL, (len(part.raw.corner_slot), 1)))
         mesh = part.raw.placed(part.name, part.matrix, self.messages)
         mesh.receives, mesh.two_sided, mesh.own_mesh = part.receives, part.two_sided, part.own_mesh
         mesh.owner, mesh.library = part.place
         mesh.source = part.source
         self.meshes.append(mesh)
 
+    def records(self):
+        """The `SurfaceRecord` of each mesh; None of strands and points."""
+        return [part.record for part in self.parts]
+
     def whole(self):
-        """All meshes, when all are placed."""
-        for mesh in self.meshes:
+        """All meshes, when all are placed and have their materials."""
+        for part, mesh in zip(self.parts, self.meshes, strict=True):
+            if part.record is None:
+                mesh.materials = self._strand_materials(part)
             # It hides behind the realised copies of what it instances, and its own part with it.
             if (mesh.owner, mesh.library) in self.instancers:
                 mesh.own_mesh = False
@@ -235,6 +241,8 @@ class _Reading:
         part.place = place_of(owner)
         part.source = source.original.name if owner != source.original else ""
         part.own_mesh = parent is None and _own_mesh(source, raw)
+        random_id = 0 if parent is None else instance.random_id
+        part.record = raw.surface.placed(part.name, owner, source, part.matrix, random_id)
         if parent is not None and part.receives:
             self.instancers.add(part.place)
         self.parts.append(part)
@@ -266,10 +274,8 @@ class _Reading:
                     for n, s in enumerate(slots)
                 ]
             raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
-            raw.materials, raw.paint = corner_materials(
-                SimpleNamespace(name=source.name, material_slots=slots),
-                data, raw.corner_slot, raw.corner_vertex, self.messages, self.pictures,
-            )  # fmt: skip
+            of_slot = [s.material.original.session_uid if s.material else 0 for s in slots]
+            raw.surface = surface_of(data, source.original.data, of_slot, raw)
             return raw, None
         finally:
             if source.type != "MESH":

@@ -27,6 +27,8 @@ class RawMesh:
         See `Mesh`.
     material_names : tuple of str
         By slot.
+    surface : RawSurface or None
+        What its materials may read from it.
     """
 
     vertices: np.ndarray
@@ -39,6 +41,7 @@ class RawMesh:
     materials: object = None
     paint: object = None
     material_names: tuple = ()
+    surface: object = None
 
     @classmethod
     def of(cls, data, slots_of):

@@ -67,6 +67,14 @@ class Quantity:
 QUANTITIES = {
     # Diffuse albedo: the share of the received light that leaves evenly to all sides.
     "albedo": Quantity(3, 0, 1, step=1 / 32),
+    # Radiance that the surface sends out of its own, evenly to all sides of both its faces.
+    "emission": Quantity(3, 0, 1e15, step=1 / 32, default=0.0),
+    # Share of the light that does not go straight through. What goes through is no part of albedo.
+    "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
+    # Share of the light from behind that leaves the front evenly to all sides.
+    "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
+    # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
+    "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),
 }
 
 

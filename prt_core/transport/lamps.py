@@ -5,6 +5,7 @@ import numpy as np
 from prt_core.errors import expect_all, expect_caster, expect_kind, expect_seed, expect_whole
 from prt_core.light.bright import BrightPixels
 from prt_core.light.local import Lamp, lamp_samples
+from prt_core.reflectance.bump import bump_mean, bump_shadowing
 from prt_core.runtime.progress import Pace, Progress, run
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
@@ -142,5 +143,9 @@ def _before_the_lamp(starts, directions, distances):
 def _unshaded(points, which, direction, irradiance):
     """(n, 3) what each sample would bring if nothing were in the way; 0 behind the surface."""
     cosine = np.einsum("ij,ij->i", points.normals[which], direction)
-    above = np.einsum("ij,ij->i", points.geometric_normals[which], direction) > 0
-    return np.where((cosine > 0) & above, cosine, 0)[:, None] * irradiance
+    above = np.einsum("ij,ij->i", points.geometric_normals[which], direction)
+    strength = points.materials.bump[:, 0]
+    if strength.any():
+        strength = strength[which]
+        cosine = cosine * bump_shadowing(strength, above) / bump_mean(strength)
+    return np.where((cosine > 0) & (above > 0), cosine, 0)[:, None] * irradiance

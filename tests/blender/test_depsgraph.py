@@ -124,7 +124,8 @@ def test_principled_colour_from_an_attribute():
         data.data.foreach_set("color", np.repeat(np.float32([0.1, 0.2, 0.3, 0.4]), 4))
 
     albedo, messages = material_with(tree)
-    np.testing.assert_allclose(albedo[:, 0], [0.1, 0.2, 0.3, 0.4], rtol=1e-6)
+    # A dielectric reflects some of the light before it comes to its colour.
+    np.testing.assert_allclose(albedo[:, 0], np.float64([0.1, 0.2, 0.3, 0.4]) * 0.9625, rtol=5e-3)
     assert any("specular reflection" in m and "ignored" in m for m in messages)
 
 
@@ -144,13 +145,13 @@ def test_principled_colour_from_an_image():
     uv = np.empty(8, np.float32)
     bpy.context.object.data.uv_layers.active.data.foreach_get("uv", uv)
     wanted = np.array([[0.1, 0.2], [0.3, 0.4]])[uv[1::2].astype(int), uv[::2].astype(int)]
-    np.testing.assert_allclose(albedo[:, 0], wanted, rtol=1e-5)
+    np.testing.assert_allclose(albedo[:, 0], wanted * 0.9625, rtol=5e-3)
 
 
-def test_what_is_not_understood_is_reported():
+def test_glass_is_taken_as_thin_and_said():
     def tree(t):
         glass = t.nodes.new("ShaderNodeBsdfGlass")
         t.links.new(glass.outputs[0], t.nodes["Material Output"].inputs["Surface"])
 
     _, messages = material_with(tree)
-    assert any("'Glass BSDF' is not understood" in m for m in messages)
+    assert any("material 'm': glass is taken as thin" in m for m in messages)

@@ -1,0 +1,21 @@
+"""What Cycles says of surfaces, at any places of any meshes, whatever their materials' nodes are.
+
+| file | what |
+|---|---|
+| `surfaces.py` | `evaluate_surfaces`: the materials of meshes that were read; begin here |
+| `evaluation.py` | asks for those that are not known yet |
+| `records.py` | what is kept of an evaluated mesh until then |
+| `probe.py` | one render of many places: a camera whose rays go through portals |
+| `asking.py` | places of triangles, looked at until it was these that were seen |
+| `openexr.py` | reads what was rendered |
+| `quantities.py` | albedo, emission, opacity, translucency of what was rendered, and what to say |
+| `corners.py` | which corners are sampled |
+| `lattices.py` | places between the corners, more where they differ |
+| `graphs.py` | what there is to know of a material's nodes without understanding them |
+| `digests.py` | whether a material is what it was |
+"""
+
+from prt_core.blender.passes.records import SurfaceRecord, surface_of
+from prt_core.blender.passes.surfaces import evaluate_surfaces
+
+__all__ = ["SurfaceRecord", "evaluate_surfaces", "surface_of"]

@@ -1,0 +1,229 @@
+"""Asks Cycles for surfaces at many places of triangles, and sees to it that it was these it saw."""
+
+from contextlib import ExitStack
+
+import bpy
+import numpy as np
+
+from prt_core.blender.identity import by_uid
+from prt_core.blender.passes.probe import MOST_PLACES, name_number, probe, switched
+from prt_core.blender.passes.quantities import N_COLUMNS, quantities_of
+from prt_core.errors import PRTError
+from prt_core.runtime.progress import Progress
+
+# How far a place is pulled inwards, one try after the other.
+_PULLS = (1e-3, 0.04, 0.3)
+# How many surfaces may lie in one place.
+_LAYERS = 4
+# How much light must go straight through for what lies behind to show.
+_CLEAR = 1e-4
+_NOISY_SAMPLES = 64
+# The name of what is shown where there is no material.
+_DEFAULT = "default_surface"
+
+
+class Asking:
+    """Asks for the surfaces of some triangles.
+
+    Parameters
+    ----------
+    uid : int
+        `session_uid` of the scene.
+    triangles : Triangles
+    records : list of SurfaceRecord
+        By the mesh of the triangles.
+    all_records : list of SurfaceRecord
+        Of everything that may stand in the way.
+    graph_of_uid : function
+        `Graph` of a material by its `session_uid`.
+    """
+
+    def __init__(self, uid, triangles, records, all_records, graph_of_uid):
+        self._uid, self._triangles, self._records = uid, triangles, records
+        self._all, self._graph = all_records, graph_of_uid
+        self._names = np.array([name_number(r.source_name) for r in records], np.uint32)
+        others = np.array([name_number(r.source_name) for r in all_records], np.uint32)
+        self._others, first = np.unique(others, return_index=True)
+        self._owner_of_name = np.array([r.owner for r in all_records])[first]
+        self._materials = np.zeros(len(triangles.mesh), np.uint32)
+        for mesh, slot in np.unique(np.stack([triangles.mesh, triangles.slot], axis=1), axis=0):
+            mine = (triangles.mesh == mesh) & (triangles.slot == slot)
+            name = graph_of_uid(records[mesh].slot(slot)).name
+            self._materials[mine] = name_number(name or _DEFAULT)
+        self._owners = np.array([r.owner for r in records], np.int64)
+        self._against = {}
+        corners = triangles.corners.reshape(-1, 3)
+        self._low, self._high = corners.min(axis=0), corners.max(axis=0)
+        # What float32 can tell apart out here.
+        self._grain = 4e-6 * float(np.abs(corners).max(initial=0)) + 1e-12
+        self.n_asked = 0
+
+    def values(self, triangle, weights):
+        """What is at places, as a generator of `Progress`.
+
+        Parameters
+        ----------
+        triangle : (n,) int
+        weights : (n, 3) float
+
+        Returns
+        -------
+        values : (n, 14) float32
+            See `COLUMNS`; NaN where Cycles did not see the place.
+        signs : dict of str -> (n,) bool
+        """
+        values = np.full((len(triangle), N_COLUMNS), np.nan, np.float32)
+        signs = {}
+        for first in range(0, len(triangle), MOST_PLACES):
+            yield Progress("materials", first, len(triangle))
+            part = slice(first, first + MOST_PLACES)
+            values[part], more = self._some(triangle[part], weights[part])
+            for name, where in more.items():
+                signs.setdefault(name, np.zeros(len(triangle), bool))[part] = where
+        self.n_asked += len(triangle)
+        return values, signs
+
+    def _some(self, triangle, weights):
+        """Those of as many places as one render has."""
+        values = np.full((len(triangle), N_COLUMNS), np.nan, np.float32)
+        signs = {}
+        left = np.arange(len(triangle))
+        with self._open() as look:
+            for pull in _PULLS:
+                if len(left):
+                    left = self._try(look, triangle, weights, left, pull, values, signs)
+            # Something else lies in the same place: each is looked at without the other. Behind it
+            # a third may come to light, so that takes more than one time.
+            for _ in range(_LAYERS):
+                rest = [
+                    self._try(look.show(owners), triangle, weights, mine, _PULLS[1], values, signs)
+                    for owners, mine in self._apart(triangle, left)
+                ]
+                left = np.concatenate([*rest, np.zeros(0, np.int64)])
+        return values, signs
+
+    def _try(self, look, triangle, weights, which, pull, values, signs):
+        """Look at some places; the numbers of those that were not seen."""
+        mine = triangle[which]
+        triangles = self._triangles
+        lift = np.maximum(0.3 * pull * triangles.radius[mine], self._grain)
+        start, target = triangles.places(mine, weights[which], pull, lift)
+        passes = look(start, -triangles.normal[mine])
+        near = np.linalg.norm(passes["position"] - target, axis=1)
+        near = near <= np.maximum(4 * lift, 0.02 * triangles.radius[mine])
+        own = passes["name"] == self._names[triangles.mesh[mine]]
+        other = ~own & np.isin(passes["name"], self._others) & (passes["share"] > _CLEAR)
+        row = np.searchsorted(self._others, passes["name"][other])
+        mine_of = self._owners[triangles.mesh[mine[other]]]
+        pairs = np.stack([mine_of, self._owner_of_name[row]], axis=1)
+        for one, two in np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).tolist():
+            self._against.setdefault(one, set()).add(two)
+            self._against.setdefault(two, set()).add(one)
+        # Rays that go on pass on what lies behind: emission is asked for once more.
+        clear = np.flatnonzero(passes["share"] < 1 - _CLEAR)
+        empty = np.zeros(len(which), bool)
+        if len(clear):
+            first = look(start[clear], -triangles.normal[mine[clear]], True)
+            passes["emission"][clear] = first["emission"]
+            empty[clear] = first["met"] & (passes["share"][clear] <= _CLEAR)
+        # Faces of one mesh may lie in one place as well.
+        expected = self._materials[mine]
+        strange = np.isin(passes["material"], self._materials) & (passes["share"] > _CLEAR)
+        good = (near & ~other & ~(strange & (passes["material"] != expected))) | empty
+        for name in ("diffuse", "glossy", "transmission"):
+            passes[name][empty & ~near] = 0
+        plain = self._without_translucent(look, mine, start, good, passes["diffuse"])
+        asked, more = quantities_of(passes, plain)
+        values[which[good]] = asked[good]
+        for name, where in more.items():
+            signs.setdefault(name, np.zeros(len(triangle), bool))[which[good]] = where[good]
+        return which[~good]
+
+    def _without_translucent(self, look, triangle, start, good, diffuse):
+        """The diffuse pass without translucent shaders, where there are some; else None."""
+        triangles, nodes = self._triangles, {}
+        letting = np.zeros(len(triangle), bool)
+        pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
+        for mesh, slot in np.unique(pairs, axis=0):
+            found = self._graph(self._records[mesh].slot(slot)).translucent
+            if found:
+                letting |= (pairs == [mesh, slot]).all(axis=1)
+                nodes |= {node.as_pointer(): node for node in found}
+        letting = np.flatnonzero(letting & good)
+        if not len(letting):
+            return None
+        plain = diffuse.copy()
+        with ExitStack() as stack:
+            for node in nodes.values():
+                stack.enter_context(switched(node, "mute", True))
+            plain[letting] = look(start[letting], -triangles.normal[triangle[letting]])["diffuse"]
+        return plain
+
+    def _apart(self, triangle, left):
+        """Which objects to show together, and which places to look at then."""
+        owner = self._owners[self._triangles.mesh[triangle[left]]]
+        groups = []
+        for uid in sorted(self._against):
+            group = next((g for g in groups if not self._against[uid] & g), None)
+            if group is None:
+                groups.append({uid})
+            else:
+                group.add(uid)
+        for group in groups:
+            mine = left[np.isin(owner, sorted(group))]
+            if len(mine):
+                yield group, mine
+
+    def _open(self):
+        """A `_Look` into the scene as it is now."""
+        scene = by_uid(bpy.data.scenes, self._uid)
+        if scene is None:
+            raise PRTError("scene: it was removed while its materials were read")
+        every = {item.session_uid: item for item in bpy.data.objects}
+        owners = {r.owner for r in self._all}
+        wanted = owners | {r.source for r in self._all}
+        if wanted - set(every):
+            raise PRTError("scene: objects were removed while their materials were read")
+        objects = {every[uid]: uid in owners for uid in sorted(wanted)}
+        uids = {uid for r in self._all for uid in r.slots}
+        materials = {m.session_uid: m for m in bpy.data.materials if m.session_uid in uids}
+        noisy = any(self._graph(uid).noisy for uid in uids)
+        centre = (self._low + self._high) / 2
+        size = float(np.max(self._high - self._low))
+        stack = ExitStack()
+        for uid in materials:
+            graph = self._graph(uid)
+            for link in graph.displaced:
+                stack.enter_context(switched(link, "is_muted", True))
+            for node in graph.holdouts:
+                stack.enter_context(switched(node, "mute", True))
+            for node in graph.bumps:
+                strength = node.inputs["Strength"]
+                if strength.is_linked:
+                    stack.enter_context(switched(node, "mute", True))
+                else:
+                    stack.enter_context(switched(strength, "default_value", 0.0))
+        samples = _NOISY_SAMPLES if noisy else 1
+        built = stack.enter_context(probe(scene, objects, centre, size, samples))
+        return _Look(stack, built, every)
+
+
+class _Look:
+    """An open probe."""
+
+    def __init__(self, stack, built, every):
+        self._stack, self._probe, self._every = stack, built, every
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *raised):
+        return self._stack.__exit__(*raised)
+
+    def __call__(self, places, directions, first_only=False):
+        return self._probe.look(places, directions, first_only)
+
+    def show(self, owners):
+        """Only these objects, by their `session_uid`."""
+        self._probe.show_only([self._every[uid] for uid in sorted(owners)])
+        return self

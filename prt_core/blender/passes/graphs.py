@@ -1,0 +1,173 @@
+"""What there is to know of a material without understanding its nodes.
+
+Cycles says what a surface is. But whether it can differ from place to place, what Cycles' passes do
+not tell apart, and which files are missing, is seen from which nodes there are.
+"""
+
+from dataclasses import dataclass, field
+
+import bpy
+
+from prt_core.blender.compat import has_nodes
+
+# Nodes that give the same everywhere on one object, when what goes into them does.
+_EVEN = {
+    "BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_TRANSPARENT",
+    "BSDF_TRANSLUCENT", "BSDF_GLASS", "BSDF_REFRACTION", "BSDF_SHEEN", "BSDF_TOON", "BSDF_METALLIC",
+    "BSDF_VELVET", "SUBSURFACE_SCATTERING", "EMISSION", "HOLDOUT", "BACKGROUND", "MIX_SHADER",
+    "ADD_SHADER", "RGB", "VALUE", "MATH", "VECT_MATH", "MIX", "MIX_RGB", "VALTORGB", "CURVE_RGB",
+    "CURVE_FLOAT", "CURVE_VEC", "HUE_SAT", "GAMMA", "INVERT", "BRIGHTCONTRAST", "SEPARATE_COLOR",
+    "COMBINE_COLOR", "SEPRGB", "COMBRGB", "SEPHSV", "COMBHSV", "SEPXYZ", "COMBXYZ", "MAP_RANGE",
+    "CLAMP", "BLACKBODY", "WAVELENGTH", "RGBTOBW", "SHADERTORGB", "GROUP_INPUT", "GROUP_OUTPUT",
+    "REROUTE", "FRAME", "OUTPUT_MATERIAL", "OBJECT_INFO", "LIGHT_PATH",
+}  # fmt: skip
+# Nodes that depend on UV maps alone, if they do (see `_by_uv`).
+_LAID_ON = {"TEX_IMAGE", "UVMAP", "TEX_COORD"}
+# Nodes that ask Cycles for rays of their own, whose answer is noisy.
+_NOISY = {"AMBIENT_OCCLUSION", "BEVEL"}
+
+
+@dataclass
+class Graph:
+    """What the nodes of a material tell.
+
+    Attributes
+    ----------
+    name : str
+    even : bool
+        Whether it is the same everywhere on one object.
+    flat : bool
+        Whether all that differs comes from images laid on by UV maps.
+    bends : bool
+        Whether shading normals may differ from those of the mesh.
+    softens : bool
+        Whether light near the horizon is dimmed where they do.
+    noisy : bool
+    backs, paths : bool
+        Whether it asks which side is seen, and by which kind of ray.
+    rough, scatters, tinted : bool
+        Whether diffuse reflection is rough; light scatters below the surface; what is transparent
+        may have a colour.
+    bumpy : bool
+        Whether there is bump that is left out; Cycles' bakes leave it out as well.
+    translucent : list of bpy.types.Node
+    images : list of bpy.types.Image
+    without_image : list of str
+        Nodes that have none.
+    bumps : list of bpy.types.Node
+        Bump nodes.
+    holdouts : list of bpy.types.Node
+        Holes in pictures; to light they are black.
+    displaced : list of bpy.types.NodeLink
+        What moves the surface, or bends its normals as if it did.
+    """
+
+    name: str
+    even: bool = True
+    flat: bool = True
+    bends: bool = False
+    softens: bool = True
+    noisy: bool = False
+    backs: bool = False
+    paths: bool = False
+    rough: bool = False
+    scatters: bool = False
+    tinted: bool = False
+    bumpy: bool = False
+    translucent: list = field(default_factory=list)
+    bumps: list = field(default_factory=list)
+    holdouts: list = field(default_factory=list)
+    displaced: list = field(default_factory=list)
+    images: list = field(default_factory=list)
+    without_image: list = field(default_factory=list)
+
+
+def graph_of(material):
+    """The `Graph` of a material; None is Blender's default surface."""
+    graph = Graph(material.name if material is not None else "")
+    if material is None or not has_nodes(material):
+        return graph
+    cycles = getattr(material, "cycles", None)
+    graph.softens = getattr(cycles, "use_bump_map_correction", True)
+    tree = material.node_tree
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None:
+        return graph
+    graph.displaced = [link for link in output.inputs["Displacement"].links if not link.is_muted]
+    bends = getattr(material, "displacement_method", "BUMP") == "BUMP"
+    graph.bumpy = bool(graph.displaced) and bends
+    for node in _nodes_behind(output.inputs["Surface"]):
+        _note(graph, node)
+    return graph
+
+
+def _nodes_behind(socket):
+    """Every node that feeds a socket, those of groups as well."""
+    seen, waiting = set(), [link.from_node for link in socket.links]
+    while waiting:
+        node = waiting.pop()
+        key = node.as_pointer()
+        if key in seen:
+            continue
+        seen.add(key)
+        yield node
+        waiting += [link.from_node for socket in node.inputs for link in socket.links]
+        inner = getattr(node, "node_tree", None)
+        if isinstance(inner, bpy.types.NodeTree):
+            waiting += [n for n in inner.nodes if n.type == "GROUP_OUTPUT"]
+
+
+def _note(graph, node):
+    if node.mute:
+        return
+    kind = node.type
+    if kind == "GROUP":
+        graph.even &= node.node_tree is not None
+    elif kind not in _EVEN:
+        graph.even = False
+        graph.flat &= kind in _LAID_ON and _by_uv(node)
+    graph.flat &= kind != "OBJECT_INFO"
+    graph.noisy |= kind in _NOISY
+    graph.backs |= kind == "NEW_GEOMETRY" and node.outputs["Backfacing"].is_linked
+    graph.paths |= kind == "LIGHT_PATH"
+    before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
+    if any(other.type != "BUMP" for other in before):
+        graph.bends, graph.flat = True, False
+    if kind == "BUMP":
+        graph.bumps.append(node)
+        graph.bumpy = True
+    elif kind == "HOLDOUT":
+        graph.holdouts.append(node)
+    elif kind == "BSDF_TRANSLUCENT":
+        graph.translucent.append(node)
+    elif kind == "BSDF_DIFFUSE":
+        graph.rough |= _may_be(node, "Roughness")
+    elif kind == "BSDF_PRINCIPLED":
+        graph.rough |= _may_be(node, "Diffuse Roughness")
+        graph.scatters |= _may_be(node, "Subsurface Weight")
+    elif kind == "SUBSURFACE_SCATTERING":
+        graph.scatters = True
+    elif kind == "BSDF_TRANSPARENT":
+        socket = node.inputs["Color"]
+        red, green, blue = socket.default_value[:3]
+        graph.tinted |= socket.is_linked or not red == green == blue
+    elif kind == "TEX_IMAGE":
+        if node.image is None:
+            graph.without_image.append(node.name)
+        else:
+            graph.images.append(node.image)
+
+
+def _by_uv(node):
+    """Whether a node gives what UV maps and images say, and nothing else of the object."""
+    if node.type == "TEX_COORD":
+        return not any(s.is_linked for s in node.outputs if s.name != "UV")
+    if node.type == "UVMAP":
+        return not node.from_instancer
+    return node.projection == "FLAT" and node.image is not None and node.image.size[0] > 0
+
+
+def _may_be(node, name):
+    """Whether an input of a node is there and may be other than 0."""
+    socket = node.inputs.get(name)
+    return socket is not None and (socket.is_linked or socket.default_value > 0)

@@ -1,0 +1,428 @@
+"""Cycles' light passes at any places of a scene, in one render.
+
+A square screen before an orthographic camera carries a Ray Portal: through each pixel the ray goes
+on from a place of its own in a direction of its own, both read from an image of floats. So real
+objects are evaluated with all the coordinates and attributes that they have. Portals count as
+transparent, hence passes hold the first surface behind them, and rays are still camera rays.
+"""
+
+import os
+import struct
+import sys
+import tempfile
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from prt_core.blender.casters import mark_temporary
+from prt_core.blender.colours import ACTIVE_BEFORE
+from prt_core.blender.passes.openexr import read_channels
+from prt_core.blender.preview_look import PREVIEW
+from prt_core.blender.render_scene import rendered_layer
+from prt_core.errors import PRTError
+
+# Places of one render: a second or less of a slow machine.
+MOST_PLACES = 1 << 16
+_LAYER = "prt"
+# An attribute that only the plate has.
+_PLATE = "prt plate"
+# The names of passes before 5.0, and since.
+_PASSES = {
+    "diffuse": ("DiffCol", "Diffuse Color"),
+    "glossy": ("GlossCol", "Glossy Color"),
+    "transmission": ("TransCol", "Transmission Color"),
+    "emission": ("Emit", "Emission"),
+    "normal": ("Normal", "Normal"),
+    "position": ("Position", "Position"),
+}
+_SWITCHES = (
+    "diffuse_color glossy_color transmission_color emit normal position cryptomatte_object "
+    "cryptomatte_material".split()
+)
+# How often Cycles lets a ray pass what is transparent: through the portal, and no further.
+_THROUGH_PORTAL = 2 if bpy.app.version >= (5, 0, 0) else 1
+# Of objects: that rays of the camera meet their own surfaces.
+_SEEN = {
+    "hide_render": False,
+    "visible_camera": True,
+    "is_holdout": False,
+    "is_shadow_catcher": False,
+}
+
+
+class Probe:
+    """A scene of some objects of another scene, and a screen of portals; see `probe`.
+
+    Parameters
+    ----------
+    scene, idle : bpy.types.Scene
+        The temporary one, and an empty one: the operator evaluates that which it is called from.
+    centre : (3,) float
+    size : float
+        Of what is looked at.
+    samples : int
+        Of each place.
+    """
+
+    def __init__(self, scene, idle, centre, size, samples):
+        self.scene, self._idle, self.samples = scene, idle, samples
+        self._screen(np.asarray(centre, np.float64), max(float(size), 1e-6))
+
+    def show_only(self, objects):
+        """Let these objects render, and no others."""
+        collection = self.scene.collection
+        for item in list(collection.objects):
+            if item not in (self._plate, self._camera):
+                collection.objects.unlink(item)
+        for item in objects:
+            collection.objects.link(item)
+
+    def look(self, places, directions, first_only=False):
+        """What rays from places meet first.
+
+        Parameters
+        ----------
+        places, directions : (n, 3) float
+            Directions have length 1. At most `MOST_PLACES`.
+        first_only : bool
+            Only whether something is met and what it emits, be it quite transparent.
+
+        Returns
+        -------
+        dict of str -> array
+            diffuse, glossy, transmission, emission, normal, position (n, 3) float32; share (n,):
+            of the light that does not go straight through; name, material (n,) uint32:
+            `name_number` of the object and the material; met (n,) bool (with `first_only`).
+
+        Raises
+        ------
+        PRTError
+            Cycles did not render.
+        """
+        n = len(places)
+        side = max(4, int(np.ceil(np.sqrt(n))))
+        images = [self._table(side, values) for values in (places, directions)]
+        try:
+            for node, image in zip(self._nodes, images, strict=True):
+                node.image = image
+            cycles = self.scene.cycles
+            cycles.transparent_max_bounces = 0 if first_only else _THROUGH_PORTAL
+            channels = self._render(side)
+        finally:
+            for node, image in zip(self._nodes, images, strict=True):
+                node.image = None
+                bpy.data.images.remove(image)
+
+        def values(name, axes):
+            planes = [channels[f"{_LAYER}.{name}.{axis}"][::-1].ravel()[:n] for axis in axes]
+            return np.stack(planes, axis=-1)
+
+        since_5 = bpy.app.version >= (5, 0, 0)
+        passes = {
+            key: values(names[since_5], "XYZ" if key in {"normal", "position"} else "RGB")
+            for key, names in _PASSES.items()
+        }
+        for key, name in (("name", "CryptoObject00"), ("material", "CryptoMaterial00")):
+            # Number and share of what was met, twice: the plate may have left a trace as well.
+            layer = values(name, "rgba")
+            passes[key] = np.where(layer[:, 1] >= layer[:, 3], layer[:, 0], layer[:, 2])
+            passes[key] = passes[key].view(np.uint32)
+            passes["share"] = np.maximum(layer[:, 1], layer[:, 3])
+        passes["met"] = values("Combined", "A")[:, 0] > 0.5
+        return passes
+
+    def _screen(self, centre, size):
+        """The camera, and before it the plate of portals, away from everything."""
+        layer = self.scene.view_layers[0]
+        material = self._material = _plain_material(layer.material_override)
+        if layer.material_override is not None:
+            # It lies on the plate as well.
+            layer.material_override = material
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        portal = nodes.new("ShaderNodeBsdfRayPortal")
+        _onto_plate(material.node_tree, portal.outputs[0])
+        uv = nodes.new("ShaderNodeUVMap")
+        uv.uv_map = "UVMap"
+        self._nodes = []
+        for name in ("Position", "Direction"):
+            node = nodes.new("ShaderNodeTexImage")
+            node.interpolation, node.extension = "Closest", "EXTEND"
+            links.new(uv.outputs[0], node.inputs["Vector"])
+            links.new(node.outputs["Color"], portal.inputs[name])
+            self._nodes.append(node)
+        mesh = bpy.data.meshes.new("prt portals")
+        half = size / 2
+        corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
+        mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+        layer = mesh.uv_layers.new(name="UVMap")
+        layer.data.foreach_set("uv", np.float32([0, 0, 1, 0, 1, 1, 0, 1]))
+        mesh.materials.append(material)
+        mesh.attributes.new(_PLATE, "FLOAT", "POINT").data.foreach_set("value", np.ones(4, "f"))
+        self._plate = bpy.data.objects.new("prt portals", mesh)
+        self._plate.location = centre + [0, 0, 3 * size]
+        camera = bpy.data.cameras.new("prt camera")
+        camera.type, camera.ortho_scale = "ORTHO", size
+        camera.clip_start, camera.clip_end = 0.1 * size, 2 * size
+        self._camera = bpy.data.objects.new("prt camera", camera)
+        self._camera.location = centre + [0, 0, 4 * size]
+        for item in (self._plate, self._camera):
+            self.scene.collection.objects.link(item)
+        self.scene.camera = self._camera
+
+    def _table(self, side, values):
+        """An image of floats, a pixel a place, as they are."""
+        image = bpy.data.images.new("prt table", side, side, float_buffer=True, is_data=True)
+        # Else Cycles keeps sixteen bits of each.
+        image.use_half_precision = False
+        pixels = np.ones((side * side, 4), np.float32)
+        pixels[: len(values), :3] = values
+        # Pixels without a place of their own repeat the last.
+        pixels[len(values) :, :3] = values[-1]
+        image.pixels.foreach_set(pixels.ravel())
+        image.update()
+        return image
+
+    def _render(self, side):
+        if bpy.app.is_job_running("RENDER"):
+            raise PRTError("materials: a render is under way; wait for its end")
+        self.scene.render.resolution_x = self.scene.render.resolution_y = side
+        with tempfile.TemporaryDirectory(prefix="prt-passes-") as folder:
+            path = Path(folder) / "passes.exr"
+            self.scene.render.filepath = str(path)
+            try:
+                here = {"scene": self._idle, "view_layer": self._idle.view_layers[0]}
+                with _no_handlers(), _no_output(), bpy.context.temp_override(**here):
+                    bpy.ops.render.render(write_still=True, scene=self.scene.name)
+            except RuntimeError as error:
+                raise PRTError(f"materials: Cycles did not evaluate them: {error}") from error
+            if not path.is_file():
+                raise PRTError(
+                    "materials: Cycles did not evaluate them; is a render running? "
+                    "Wait for its end, then try again"
+                )
+            return read_channels(path)
+
+    def remove(self):
+        """Take away all that was made."""
+        mesh, camera = self._plate.data, self._camera.data
+        bpy.data.objects.remove(self._plate)
+        bpy.data.objects.remove(self._camera)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.cameras.remove(camera)
+        bpy.data.materials.remove(self._material)
+
+
+def _plain_material(override):
+    """A material of nodes: a copy of the view layer's own for everything, or an empty one."""
+    if override is not None:
+        material = override.copy()
+        if material.node_tree is None:
+            material.use_nodes = True
+        return material
+    material = bpy.data.materials.new("prt portals")
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material
+
+
+def _onto_plate(tree, shader):
+    """Let the plate have a shader, and all else what it has."""
+    nodes, links = tree.nodes, tree.links
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None:
+        output = nodes.new("ShaderNodeOutputMaterial")
+    before = [link.from_socket for link in output.inputs["Surface"].links]
+    if not before:
+        links.new(shader, output.inputs["Surface"])
+        return
+    mix, plate = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeAttribute")
+    plate.attribute_name = _PLATE
+    links.new(plate.outputs["Fac"], mix.inputs[0])
+    for socket in before:
+        links.new(socket, mix.inputs[1])
+    links.new(shader, mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
+
+
+@contextmanager
+def probe(scene, objects, centre, size, samples=1):
+    """A `Probe` of some objects of a scene; afterwards all is as it was.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    objects : dict
+        bpy.types.Object -> whether it is put into the temporary scene (else something instances
+        it there).
+    centre : (3,) float
+    size : float
+        A box around everything.
+    samples : int
+
+    Raises
+    ------
+    PRTError
+        Cycles is not there.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(_same_images())
+        for item in objects:
+            for name, value in _SEEN.items():
+                stack.enter_context(switched(item, name, value))
+            # The preview's material covers the object's own.
+            if PREVIEW in item.modifiers:
+                stack.enter_context(switched(item.modifiers[PREVIEW], "show_render", False))
+            before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
+            if before is not None:
+                stack.enter_context(switched(item.data.attributes, "default_color_name", before))
+        own_layer = rendered_layer(scene)[0].name
+        temporary = scene.copy()
+        stack.callback(bpy.data.scenes.remove, temporary)
+        temporary.name = "prt passes"
+        mark_temporary(temporary)
+        idle = bpy.data.scenes.new("prt idle")
+        stack.callback(bpy.data.scenes.remove, idle)
+        mark_temporary(idle)
+        _settings(temporary, own_layer, samples)
+        built = Probe(temporary, idle, centre, size, samples)
+        stack.callback(built.remove)
+        built.show_only([item for item, own in objects.items() if own])
+        yield built
+
+
+@contextmanager
+def _same_images():
+    """Without the image that Blender shows renders in, where there was none."""
+    before = {image.session_uid for image in bpy.data.images}
+    try:
+        yield
+    finally:
+        for image in [image for image in bpy.data.images if image.session_uid not in before]:
+            bpy.data.images.remove(image)
+
+
+@contextmanager
+def switched(item, name, value):
+    """An attribute of something of Blender's has another value for as long as it lasts."""
+    before = getattr(item, name)
+    if before == value:
+        yield
+        return
+    setattr(item, name, value)
+    try:
+        yield
+    finally:
+        setattr(item, name, before)
+
+
+def _settings(scene, own_layer, samples):
+    """Everything about the render of places that the user's scene may have otherwise."""
+    scene.animation_data_clear()
+    for child in list(scene.collection.children):
+        scene.collection.children.unlink(child)
+    scene.world = None
+    render = scene.render
+    try:
+        render.engine = "CYCLES"
+    except TypeError as error:
+        raise PRTError(
+            "materials: Cycles evaluates them and is switched off; enable the add-on "
+            "'Cycles Render Engine' in the preferences"
+        ) from error
+    for name in ("use_compositing use_sequencer use_border use_motion_blur use_multiview "
+                 "use_freestyle use_stamp use_persistent_data use_placeholder "
+                 "use_lock_interface").split():  # fmt: skip
+        setattr(render, name, False)
+    render.use_overwrite, render.film_transparent = True, True
+    render.resolution_percentage = 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1
+    picture = render.image_settings
+    if hasattr(picture, "media_type"):
+        picture.media_type = "MULTI_LAYER_IMAGE"
+    picture.file_format, picture.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    picture.exr_codec, picture.color_management = "NONE", "FOLLOW_SCENE"
+    for name, value in {
+        "device": "CPU", "samples": samples, "use_adaptive_sampling": False, "use_denoising": False,
+        "pixel_filter_type": "BOX", "filter_width": 0.01, "film_exposure": 1.0,
+        "max_bounces": 0, "min_transparent_bounces": 0, "sample_clamp_direct": 0,
+        "sample_clamp_indirect": 0, "blur_glossy": 0, "use_auto_tile": False, "time_limit": 0,
+        "use_camera_cull": False, "use_distance_cull": False, "sample_offset": 0,
+        "use_sample_subset": False, "use_guiding": False, "seed": 0,
+    }.items():  # fmt: skip
+        if hasattr(scene.cycles, name):
+            setattr(scene.cycles, name, value)
+    for layer in list(scene.view_layers):
+        if layer.name != own_layer:
+            scene.view_layers.remove(layer)
+    layer = scene.view_layers[0]
+    layer.name, layer.use, layer.samples = _LAYER, True, 0
+    for name in [p.identifier for p in layer.bl_rna.properties]:
+        if name.startswith("use_pass_"):
+            setattr(layer, name, name[len("use_pass_") :] in {*_SWITCHES, "combined"})
+    layer.cycles.denoising_store_passes = False
+    for aov in list(layer.aovs):
+        layer.aovs.remove(aov)
+    # Above that of portals, or they would be what is looked at; below that of all else.
+    layer.pass_alpha_threshold, layer.pass_cryptomatte_depth = 1e-6, 2
+
+
+@contextmanager
+def _no_handlers():
+    """Other add-ons are not called as if the user rendered."""
+    lists = [getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)
+             if name.startswith("render_")]  # fmt: skip
+    kept = [list(handlers) for handlers in lists]
+    for handlers in lists:
+        handlers.clear()
+    try:
+        yield
+    finally:
+        for handlers, before in zip(lists, kept, strict=True):
+            handlers[:] = before
+
+
+@contextmanager
+def _no_output():
+    """Without the lines that Blender prints of each render."""
+    sys.stdout.flush()
+    try:
+        kept = os.dup(1)
+    except OSError:  # a window without a terminal
+        yield
+        return
+    try:
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+def name_number(name):
+    """The number by which Cryptomatte knows a block: MurmurHash3 of its name, as a float's bits.
+
+    Source: Austin Appleby, MurmurHash3_x86_32 (public domain); Psyop's Cryptomatte specification.
+    """
+    data, mask = name.encode(), 0xFFFFFFFF
+
+    def turned(value, by):
+        return (value << by | value >> (32 - by)) & mask
+
+    def scrambled(block):
+        return turned(block * 0xCC9E2D51 & mask, 15) * 0x1B873593 & mask
+
+    number, whole = 0, len(data) & ~3
+    for (block,) in struct.iter_unpack("<I", data[:whole]):
+        number = (turned(number ^ scrambled(block), 13) * 5 + 0xE6546B64) & mask
+    if len(data) > whole:
+        number ^= scrambled(int.from_bytes(data[whole:], "little"))
+    number ^= len(data)
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
+        number = (number ^ number >> shift) * factor & mask
+    # A float that is neither zero-like nor infinite.
+    exponent = min(max(number >> 23 & 255, 1), 254)
+    return number & 0x807FFFFF | exponent << 23

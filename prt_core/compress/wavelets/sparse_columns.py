@@ -118,30 +118,34 @@ class SparseColumns:
         return tuple(np.concatenate([[0], np.cumsum(n)]) for n in (high, low, counts))
 
     def matrix(self, columns):
-        """Columns `some` (sorted) as (n_rows, len(some)) CSC float32, without their sizes."""
+        """`columns` (sorted) as (n_rows, len(columns)) CSC float32, without their sizes."""
         high_starts, low_starts, term_starts = self.starts()
-        counts = self.counts[columns].astype(np.int64)
-        indptr = np.concatenate([[0], np.cumsum(counts)])
+        counts = self.counts[columns]
+        indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
         n_bytes = np.diff(high_starts)[columns]
         first_bit = 8 * (np.cumsum(n_bytes) - n_bytes)
         bits = np.unpackbits(_pieces(self.high, high_starts, columns)).view(bool)
-        places = np.flatnonzero(bits) - np.repeat(first_bit - indptr[:-1], counts)
-        places -= np.arange(len(places))
+        places = np.flatnonzero(bits).astype(np.int32)
+        places -= np.repeat((first_bit - indptr[:-1]).astype(np.int32), counts)
+        places -= np.arange(len(places), dtype=np.int32)
         words = _from_bytes(_pieces(self.low, low_starts, columns), self.word)
-        if (counts & 1).any():
+        odd = (counts & 1).astype(bool)
+        if odd.any():
             # Words come in pairs; the odd one at a column's end is none.
-            pairs = np.concatenate([[0], np.cumsum(-(-counts // 2) * 2)])
+            pairs = np.cumsum(counts + odd)
             real = np.ones(pairs[-1], bool)
-            real[(pairs[1:] - 1)[counts & 1 == 1]] = False
+            real[pairs[odd] - 1] = False
             words = words[real]
-        shift = self.word - (self.bits or 0)
-        places = (places << shift).astype(np.int32) | (words & ((1 << shift) - 1)).astype(np.int32)
+        # In the words' own type: what is narrow is quick to go through.
+        shift = words.dtype.type(self.word - (self.bits or 0))
+        places <<= int(shift)
+        places |= (words & words.dtype.type((1 << int(shift)) - 1)).astype(np.int32)
         if self.bits is None:
             values = _pieces(self.values, term_starts, columns)
         else:
-            values = (words >> shift).astype(np.float32) - np.float32(1 << (self.bits - 1))
-        shape = self.n_rows, len(columns)
-        return sp.csc_matrix((values, places, indptr.astype(np.int32)), shape=shape)
+            values = (words >> shift).astype(np.float32)
+            values -= np.float32(1 << (self.bits - 1))
+        return sp.csc_matrix((values, places, indptr), shape=(self.n_rows, len(columns)))
 
 
 _ARRAYS = {"names": "int32", "counts": "int32", "sizes": "float32", "high": "uint8",

@@ -204,7 +204,12 @@ class _Reading:
 
     def whole(self):
         """All meshes, when all are placed."""
-        for mesh in self.meshes:
+        for part, mesh in zip(self.parts, self.meshes, strict=True):
+            if np.linalg.det(part.matrix[:3, :3]) == 0:
+                mesh.materials, mesh.paint = (
+                    Materials(albedo=np.zeros((len(mesh.materials), 3))),
+                    None,
+                )
             # It hides behind the realised copies of what it instances, and its own part with it.
             if (mesh.owner, mesh.library) in self.instancers:
                 mesh.own_mesh = False

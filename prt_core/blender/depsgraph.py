@@ -149,7 +149,6 @@ class _Part:
     two_sided: bool = False
     own_mesh: bool = False
     place: tuple = ("", "")
-    is_instance: bool = False
     # Of strands and points, which have no materials yet: a colour, or the mesh to take it from.
     colour: tuple | None = None
     emitter: str | None = None

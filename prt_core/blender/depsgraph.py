@@ -9,17 +9,18 @@ import numpy as np
 
 from prt_core.blender.identity import display_names, place_of, scene_of
 from prt_core.blender.left_out import (
+    NO_MATERIAL,
     culling_remarks,
     layer_remarks,
     material_remarks,
+    plain_colour,
     surface_kind,
-    surface_shader,
 )
 from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.raw_mesh import RawMesh
 from prt_core.blender.render_scene import as_rendered, rendered_layer
-from prt_core.blender.stand_ins import is_copy, renders, stands_in
+from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
 from prt_core.blender.strands import curve_strands, particle_strands, point_octahedra, tubes
 from prt_core.errors import PRTError
 from prt_core.reflectance import Materials
@@ -28,8 +29,6 @@ from prt_core.scene import Scene
 
 _MESHES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 _GEOMETRY = _MESHES | {"CURVES", "POINTCLOUD", "VOLUME"}
-# What Blender shows for a face without material.
-_NO_MATERIAL = (0.8, 0.8, 0.8)
 
 
 def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=True):
@@ -120,7 +119,7 @@ def read_meshes_steps(
 
 
 def _say_left_out(scene, messages):
-    rendered = _rendered_objects(scene)
+    rendered = rendered_objects(scene)
     kept = [
         item.name
         for item in scene.objects
@@ -149,7 +148,6 @@ class _Part:
     own_mesh: bool = False
     place: tuple = ("", "")
     source: str = ""
-    is_instance: bool = False
     record: SurfaceRecord | None = None
     # Of strands and points, which have no materials yet: a colour, or the mesh to take it from.
     colour: tuple | None = None
@@ -162,7 +160,7 @@ class _Reading:
     def __init__(self, scene, receivers, two_sided, messages):
         self.receivers = None if receivers is None else set(receivers)
         self.two_sided, self.messages = set(two_sided), messages
-        self.rendered = _rendered_objects(scene)
+        self.rendered = rendered_objects(scene)
         there = [item for item in scene.objects if not stands_in(item, self.rendered)]
         self.display, self.names = display_names(there)
         self.local = {item.name for item in there if item.library is None}
@@ -211,6 +209,9 @@ class _Reading:
         for part, mesh in zip(self.parts, self.meshes, strict=True):
             if part.record is None:
                 mesh.materials = self._strand_materials(part)
+            if np.linalg.det(part.matrix[:3, :3]) == 0:
+                black = Materials(albedo=np.zeros((len(mesh.materials), 3)))
+                mesh.materials, mesh.paint = black, None
             # It hides behind the realised copies of what it instances, and its own part with it.
             if (mesh.owner, mesh.library) in self.instancers:
                 mesh.own_mesh = False
@@ -327,7 +328,7 @@ class _Reading:
         name = self.names.give(f"{self.display.get(owner.session_uid, owner.name)}/{kind}")
         part = _Part(name, raw, _matrix(instance), place=place, emitter=emitter)
         raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
-        part.colour = _plain_colour(material)
+        part.colour = plain_colour(material)
         self.parts.append(part)
         many = "" if share == 1 else f", one of each {share} and so much wider,"
         self.messages.append(
@@ -342,7 +343,7 @@ class _Reading:
             emitter = next((m for m in self.meshes if m.name == part.emitter), None)
             slot = int(part.raw.corner_slot[0])
             mine = emitter.corner_material == slot if emitter is not None else np.zeros(0, bool)
-            colour = emitter.materials.albedo[mine].mean(axis=0) if mine.any() else _NO_MATERIAL
+            colour = emitter.materials.albedo[mine].mean(axis=0) if mine.any() else NO_MATERIAL
         return Materials(albedo=np.tile(np.asarray(colour, float), (len(part.raw.corner_slot), 1)))
 
     def _called(self, item):
@@ -376,33 +377,6 @@ def _slots(source, view_layer):
     if override is not None:
         return [SimpleNamespace(material=override)]
     return list(source.material_slots)
-
-
-def _plain_colour(material):
-    """The first colour of a material's shader where nothing is linked to it; None where it is."""
-    if material is None:
-        return _NO_MATERIAL
-    shader = surface_shader(material)
-    if shader is None:
-        return tuple(material.diffuse_color[:3])
-    colour = next((s for s in shader.inputs if s.type == "RGBA"), None)
-    if colour is None or colour.is_linked:
-        return None
-    return tuple(np.clip(colour.default_value[:3], 0, 1))
-
-
-def _rendered_objects(scene):
-    """`session_uid` of the objects whose collections and own switch let them render."""
-    found = set()
-
-    def visit(collection):
-        if not collection.hide_render:
-            found.update(o.session_uid for o in collection.objects if renders(o))
-            for child in collection.children:
-                visit(child)
-
-    visit(scene.collection)
-    return found
 
 
 def _own_mesh(evaluated, raw):

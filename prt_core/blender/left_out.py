@@ -1,8 +1,13 @@
-"""What renders but is not baked: volumes, true displacement, view layers; a line each."""
+"""What renders but is not baked, or not in full: volumes, true displacement, view layers, hair's
+materials; a line each."""
+
+import numpy as np
 
 from prt_core.blender.compat import has_nodes
 
 _DISPLACED = {"DISPLACEMENT", "BOTH"}
+# What Blender shows for a face without material.
+NO_MATERIAL = (0.8, 0.8, 0.8)
 
 
 def surface_kind(material):
@@ -25,6 +30,19 @@ def surface_shader(material):
             return node
         socket = node.inputs[0]
     return None
+
+
+def plain_colour(material):
+    """The first colour of a material's shader where nothing is linked to it; None where it is."""
+    if material is None:
+        return NO_MATERIAL
+    shader = surface_shader(material)
+    if shader is None:
+        return tuple(material.diffuse_color[:3])
+    colour = next((s for s in shader.inputs if s.type == "RGBA"), None)
+    if colour is None or colour.is_linked:
+        return None
+    return tuple(np.clip(colour.default_value[:3], 0, 1))
 
 
 def material_remarks(name, materials):

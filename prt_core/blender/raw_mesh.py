@@ -105,8 +105,10 @@ class RawMesh:
             world[bad] = 0
         determinant = np.linalg.det(linear)
         if determinant == 0:
-            messages.append(f"{name}: scaled to nothing in one direction; faces ignored")
-            triangles = triangles[:0]
+            messages.append(
+                f"{name}: scaled to nothing in one direction; what is flat of it casts shadows and "
+                "is black, as in Cycles"
+            )
             turned = np.zeros_like(self.corner_normal)
         else:
             turned = self.corner_normal @ np.linalg.inv(linear)

@@ -89,7 +89,7 @@ def as_rendered(scene, read):
         if target != scene:
             start = undo.enter_context(_temporary(bpy.data.scenes, bpy.data.scenes.new("prt idle")))
             # It also renders the frame of that scene.
-            start.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+            start.frame_set(scene.frame_current)
         _READING.update((target.session_uid, start.session_uid))
         try:
             with bpy.context.temp_override(scene=start, view_layer=start.view_layers[0]):

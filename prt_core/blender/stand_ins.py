@@ -35,6 +35,20 @@ def renders(item):
     return not item.hide_render or item.get(_HIDDEN) == _RENDERED
 
 
+def rendered_objects(scene):
+    """`session_uid` of the objects whose collections and own switch let them render."""
+    found = set()
+
+    def visit(collection):
+        if not collection.hide_render:
+            found.update(o.session_uid for o in collection.objects if renders(o))
+            for child in collection.children:
+                visit(child)
+
+    visit(scene.collection)
+    return found
+
+
 def stands_in(item, rendered):
     """Whether an object stands in for another, which renders itself.
 

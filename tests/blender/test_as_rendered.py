@@ -250,6 +250,15 @@ def test_a_view_layer_may_override_all_materials(scene):
     np.testing.assert_allclose(mesh.materials.albedo[0], [0.9, 0.1, 0.3], rtol=1e-6)
 
 
+def test_what_is_scaled_to_nothing_is_flat_and_black(scene):
+    cube("slab", scene.collection).scale = 2, 3, 0
+    messages = []
+    (mesh,) = read_meshes(messages=messages)
+    assert (mesh.vertices[:, 2] == 0).all() and not mesh.materials.albedo.any()
+    assert len(mesh.solid_triangles()) == 4
+    assert "slab: scaled to nothing in one direction" in messages[0]
+
+
 def test_the_uv_map_is_that_of_renders(scene):
     mesh = cube("box", scene.collection).data
     for number, name in enumerate(("edited", "rendered")):

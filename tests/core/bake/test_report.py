@@ -42,3 +42,15 @@ def test_objects_are_summed_up():
         some = [item["n_corners"] for item in others if item["receives"] == receives]
         assert f"  object  and {len(some):,} more: {sum(some):,} corners, {kind}" in lines
     assert len(list(object_lines(objects[:3]))) == 3
+
+
+def test_what_is_to_be_said_is_counted():
+    lines = list(report_lines("a.prt", report(5) | {"messages": ["one", "two", "three"]}))
+    assert lines[-4:] == [
+        "  notes   3, those that concern most of the scene first",
+        "  note    one",
+        "  note    two",
+        "  note    three",
+    ]
+    silent = report_lines("a.prt", report(5) | {"messages": []})
+    assert not any("note" in line for line in silent)

@@ -101,6 +101,26 @@ def test_the_world_has_its_suns_and_the_lamps_have_them_else(bake):
         bake.world = kept
 
 
+def test_the_sun_of_a_sky_shines_with_the_world_and_with_its_strength(bake):
+    sky_sun = Lamp("sun", (5.0, 4.0, 3.0), of_world=True)
+    linked = Lamp("sun", (1.0, 2.0, 3.0), receivers=["nothing"])
+    plain = lit(bake, "world"), lit(bake, WORLD, lamps=[LAMP], lamp_samples=5)
+    bake.lamps += [sky_sun, linked]
+    try:
+        alone = lit(bake, WORLD, lamps=[sky_sun]) - lit(bake, WORLD)
+        assert alone.max() > 0.1
+        np.testing.assert_allclose(lit(bake, "world"), plain[0] + alone, rtol=1e-3)
+        # Bounces end within their tolerance. A sun that the texels of the world cannot hold is a lamp, and gives nothing here.
+        both = lit(bake, "world", lamps=True, lamp_samples=5)
+        np.testing.assert_allclose(both, plain[1] + alone, rtol=1e-3)
+        twice = lit(bake, "world", strength=2, lamps=True, lamp_strength=0, lamp_samples=5)
+        np.testing.assert_allclose(twice, 2 * (plain[0] + alone), rtol=1e-3)
+        lamps = lit(bake, None, lamps=True, lamp_samples=5)
+    finally:
+        del bake.lamps[-2:]
+    np.testing.assert_allclose(lamps, lit(bake, None, lamps=True, lamp_samples=5), rtol=1e-6)
+
+
 def test_the_sky_behind_a_picture_is_the_light_that_was_asked_for(bake):
     lighting = Lighting(SKY, rotation=90, strength=3, exposure=1)
     relighter = Relighter(bake, "brute")

@@ -104,21 +104,23 @@ def test_the_world_has_its_suns_and_the_lamps_have_them_else(bake):
 def test_the_sun_of_a_sky_shines_with_the_world_and_with_its_strength(bake):
     sky_sun = Lamp("sun", (5.0, 4.0, 3.0), of_world=True)
     linked = Lamp("sun", (1.0, 2.0, 3.0), receivers=["nothing"])
-    plain = lit(bake, "world"), lit(bake, WORLD, lamps=[LAMP], lamp_samples=5)
+
+    def seen(light=None, **keywords):
+        return lit(bake, light, lamp_samples=5, bounces=0, **keywords)
+
+    world, with_lamps, lamps = seen("world"), seen("world", lamps=True), seen(lamps=True)
     bake.lamps += [sky_sun, linked]
     try:
-        alone = lit(bake, WORLD, lamps=[sky_sun]) - lit(bake, WORLD)
+        alone = seen(WORLD, lamps=[sky_sun]) - seen(WORLD)
         assert alone.max() > 0.1
-        np.testing.assert_allclose(lit(bake, "world"), plain[0] + alone, rtol=1e-3)
-        # Bounces end within their tolerance. A sun that the texels of the world cannot hold is a lamp, and gives nothing here.
-        both = lit(bake, "world", lamps=True, lamp_samples=5)
-        np.testing.assert_allclose(both, plain[1] + alone, rtol=1e-3)
-        twice = lit(bake, "world", strength=2, lamps=True, lamp_strength=0, lamp_samples=5)
-        np.testing.assert_allclose(twice, 2 * (plain[0] + alone), rtol=1e-3)
-        lamps = lit(bake, None, lamps=True, lamp_samples=5)
+        np.testing.assert_allclose(seen("world"), world + alone, rtol=1e-5)
+        # A sun that the texels of the world cannot hold is a lamp, and gives nothing here.
+        np.testing.assert_allclose(seen("world", lamps=True), with_lamps + alone, rtol=1e-5)
+        twice = seen("world", strength=2, lamps=True, lamp_strength=0)
+        np.testing.assert_allclose(twice, 2 * (world + alone), rtol=1e-5)
+        np.testing.assert_allclose(seen(lamps=True), lamps, rtol=1e-6)
     finally:
         del bake.lamps[-2:]
-    np.testing.assert_allclose(lamps, lit(bake, None, lamps=True, lamp_samples=5), rtol=1e-6)
 
 
 def test_the_sky_behind_a_picture_is_the_light_that_was_asked_for(bake):

@@ -20,6 +20,9 @@ from prt_core.errors import expect
 _BY_DIRECTION, _BY_PLACE = (180, 90), (64, 64)
 # What changes by less than this share of the greatest value is the same everywhere.
 _SAME = 2e-3
+# Edges of a pattern: a step between pixels of this share of the greatest value, and which share of
+# the pixels may have one before it is said.
+_STEP, _STEPS = 0.3, 0.01
 # Distances at which a falloff is seen, relative to that of the pattern.
 _DISTANCES = 10.0 ** np.arange(-2, 3.01, 0.25)
 # Nodes whose values do not depend on where the lamp is or how it is turned.
@@ -125,6 +128,8 @@ def _rendered(render, light, matrix):
         if not separable:
             notes.append("that its nodes change with distance otherwise in each direction")
     factor, table = _summary(seen)
+    if kind != "AREA" and _has_edges(seen):
+        notes.append("how sharp the edges are that its nodes show")
     if kind != "AREA":
         return Emission(factor, table, None, falloff), notes
     if look.is_alike_from_aside():
@@ -148,6 +153,11 @@ def _unit_lamp(render, light, kind=None):
         if hasattr(data, name):
             setattr(data, name, value)
     return data
+
+
+def _has_edges(seen):
+    steps = [np.abs(np.diff(seen, axis=axis)).max(axis=-1).ravel() for axis in (0, 1)]
+    return np.mean(np.concatenate(steps) > _STEP * np.abs(seen).max()) > _STEPS
 
 
 def _summary(seen):

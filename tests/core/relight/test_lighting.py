@@ -101,6 +101,28 @@ def test_the_world_has_its_suns_and_the_lamps_have_them_else(bake):
         bake.world = kept
 
 
+def test_the_sun_of_a_sky_shines_with_the_world_and_with_its_strength(bake):
+    sky_sun = Lamp("sun", (5.0, 4.0, 3.0), of_world=True)
+    linked = Lamp("sun", (1.0, 2.0, 3.0), receivers=["nothing"])
+
+    def seen(light=None, **keywords):
+        return lit(bake, light, lamp_samples=5, bounces=0, **keywords)
+
+    world, with_lamps, lamps = seen("world"), seen("world", lamps=True), seen(lamps=True)
+    bake.lamps += [sky_sun, linked]
+    try:
+        alone = seen(WORLD, lamps=[sky_sun]) - seen(WORLD)
+        assert alone.max() > 0.1
+        np.testing.assert_allclose(seen("world"), world + alone, rtol=1e-5)
+        # A sun that the texels of the world cannot hold is a lamp, and gives nothing here.
+        np.testing.assert_allclose(seen("world", lamps=True), with_lamps + alone, rtol=1e-5)
+        twice = seen("world", strength=2, lamps=True, lamp_strength=0)
+        np.testing.assert_allclose(twice, 2 * (world + alone), rtol=1e-5)
+        np.testing.assert_allclose(seen(lamps=True), lamps, rtol=1e-6)
+    finally:
+        del bake.lamps[-2:]
+
+
 def test_the_sky_behind_a_picture_is_the_light_that_was_asked_for(bake):
     lighting = Lighting(SKY, rotation=90, strength=3, exposure=1)
     relighter = Relighter(bake, "brute")

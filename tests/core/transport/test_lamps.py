@@ -137,24 +137,24 @@ def test_lamps_that_share_their_blockers_share_a_caster(monkeypatch):
     from prt_core.runtime.progress import run
 
     scene = Scene.from_meshes([plane(3, name="floor"), plane(2, name="lid", z=0.5)], max_hidden=0)
-    made, make = [], scene.make_caster
+    blockers, make = [], scene.make_caster
 
     def counted(name="auto", *kind, objects=None):
-        made.append(None if objects is None else objects.tolist())
+        blockers.append(None if objects is None else objects.tolist())
         return make("brute", *kind, objects=objects)
 
     monkeypatch.setattr(scene, "make_caster", counted)
     light = LampLight(SimpleNamespace(scene=scene, make_caster=counted), "brute")
-    some = Lamp("sun", POWER, blockers=("floor",)), Lamp("sun", POWER, blockers=("floor", "sky"))
+    linked = Lamp("sun", POWER, blockers=("floor",)), Lamp("sun", POWER, blockers=("floor", "sky"))
     every = Lamp("sun", POWER), Lamp("sun", POWER, blockers=("lid", "floor"))
     none = Lamp("sun", POWER, casts_shadow=False), Lamp("sun", POWER, blockers=())
-    parts = run(light.steps([*some, *every, *none], 1))
-    assert made == [[True, False], None]
+    parts = run(light.steps([*linked, *every, *none], 1))
+    assert blockers == [[True, False], None]
     floor = [part[scene.points.object_index == 0].max() > 0 for part in parts]
     assert floor == [True, True, False, False, True, True]
     run(light.steps([*every], 1))
-    run(light.steps([*some], 2))
-    assert made == [[True, False], None, [True, False]]
+    run(light.steps([*linked], 2))
+    assert blockers == [[True, False], None, [True, False]]
     light.close()
 
 

@@ -184,7 +184,11 @@ class Asking:
         wanted = owners | {r.source for r in self._all}
         if wanted - set(every):
             raise PRTError("scene: objects were removed while their materials were read")
-        objects = {every[uid]: uid in owners for uid in sorted(wanted)}
+        # What is instanced on vertices and faces must be there as well; it shows there only.
+        on_mesh = {
+            r.source for r in self._all if every[r.owner].instance_type in {"VERTS", "FACES"}
+        }
+        objects = {every[uid]: uid in owners | on_mesh for uid in sorted(wanted)}
         uids = {uid for r in self._all for uid in r.slots}
         materials = {m.session_uid: m for m in bpy.data.materials if m.session_uid in uids}
         noisy = any(self._graph(uid).noisy for uid in uids)

@@ -45,9 +45,9 @@ class Graph:
     noisy : bool
     backs, paths : bool
         Whether it asks which side is seen, and by which kind of ray.
-    rough, scatters, tinted : bool
+    rough, scatters, tinted, toon : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
-        may have a colour.
+        may have a colour; light leaves in steps.
     bumpy : bool
         Whether there is bump that is left out; Cycles' bakes leave it out as well.
     translucent : list of bpy.types.Node
@@ -73,6 +73,7 @@ class Graph:
     rough: bool = False
     scatters: bool = False
     tinted: bool = False
+    toon: bool = False
     bumpy: bool = False
     translucent: list = field(default_factory=list)
     bumps: list = field(default_factory=list)
@@ -130,6 +131,7 @@ def _note(graph, node):
     graph.noisy |= kind in _NOISY
     graph.backs |= kind == "NEW_GEOMETRY" and node.outputs["Backfacing"].is_linked
     graph.paths |= kind == "LIGHT_PATH"
+    graph.toon |= kind == "BSDF_TOON"
     before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
     if any(other.type != "BUMP" for other in before):
         graph.bends, graph.flat = True, False

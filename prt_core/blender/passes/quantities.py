@@ -31,6 +31,7 @@ LINES = {
     "tinted": "coloured transparency lets light of all colours through alike",
     "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
     "scatters": "subsurface scattering counts as diffuse",
+    "toon": "toon shading is ignored, light leaves evenly to all sides",
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
     "paths": "Light Path nodes answer as for rays of the camera",
     "backs": "what asks for Backfacing is answered for the front",

@@ -9,13 +9,21 @@ from pathlib import Path
 import bpy
 
 from prt_core import PRTError
+from prt_core.blender.render_scene import is_rendering
+from prt_core.scene import Changes
 
 from . import plan, preview, work
 
 
 def check_steps(scene, held, pace=None):
-    """How the scene differs from a bake (`Changes`): all its meshes are read."""
+    """How the scene differs from a bake (`Changes`): all its meshes are read.
+
+    While something renders that cannot be; then it is as when last read.
+    """
     uid = scene.session_uid
+    if is_rendering():
+        read = plan.reading_of(uid)
+        return Changes({}, (), (), ()) if read is None else held.compare(read)[0]
     try:
         yield from plan.read_steps(scene, pace=pace)
     except PRTError:
@@ -34,8 +42,8 @@ def warn_steps(operator, scene, held, pace=None):
 def frame_steps(scene, held, depsgraph=None, aloud=False):
     """Say what is not as it was baked in a frame: by what has moved since it was last read.
 
-    The first frame without a window is read in full. In a window the timer has done so; there the
-    thread that renders may not.
+    The first frame without a window is read in full, before its render begins. In a window the
+    timer has done so.
     """
     if bpy.app.background and plan.reading(scene)[0] is None:
         yield from check_steps(scene, held)

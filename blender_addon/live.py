@@ -289,6 +289,8 @@ def _updated(scene, depsgraph):
     if _NOW.writing or bpy.app.background or _is_ours(scene):
         return
     light, geometry = _what_changed(depsgraph)
+    if not geometry and any(isinstance(u.id, bpy.types.Collection) for u in depsgraph.updates):
+        geometry = plan.regrouped(scene)
     _NOW.rearrange |= any(isinstance(u.id, bpy.types.Collection | bpy.types.Scene)
                           for u in depsgraph.updates)  # fmt: skip
     if geometry:
@@ -309,7 +311,7 @@ def _what_changed(depsgraph):
                 light = True
             elif changed.type in plan.GEOMETRY or changed.instance_type != "NONE":
                 geometry |= update.is_updated_transform or update.is_updated_geometry
-        elif isinstance(changed, bpy.types.Material | bpy.types.Collection):
+        elif isinstance(changed, bpy.types.Material):
             geometry = True
         elif isinstance(changed, bpy.types.NodeTree):
             light = True
@@ -353,7 +355,7 @@ def _render_begins(scene, *_):
         return
     stop()
     _NOW.rendering = True
-    if scene.prt.loaded and scene.prt.live and not bpy.app.background:
+    if scene.prt.loaded and scene.prt.live:
         _frame_changed(scene)
 
 

@@ -49,7 +49,8 @@ class Reading:
     uids : dict of str -> int
         `session_uid` of these objects, where they are in the file.
     shape : dict of int -> tuple
-        What can be compared quickly (see `shape_of`).
+    groups : tuple
+        What can be compared quickly (see `shape_of` and `groups_of`).
     seconds, held : float
         How long it took, and its longest step: Blender evaluates the scene for renders.
     """
@@ -58,6 +59,7 @@ class Reading:
     places: dict
     uids: dict
     shape: dict
+    groups: tuple = ()
     seconds: float = 0.0
     held: float = 0.0
 
@@ -172,7 +174,8 @@ def read_steps(scene, messages=None, pace=None):
         meshes, held = yield from _timed(steps)
         digests = yield from in_thread("scene", mesh_digests, meshes)
     except PRTError:
-        _READINGS[uid] = Reading({}, {}, {}, shape_of(by_uid(bpy.data.scenes, uid)))
+        scene = by_uid(bpy.data.scenes, uid)
+        _READINGS[uid] = Reading({}, {}, {}, shape_of(scene), groups_of(scene))
         raise
     except GeneratorExit:
         _OLD_READINGS.add(uid)
@@ -182,7 +185,8 @@ def read_steps(scene, messages=None, pace=None):
     uid_at = {} if scene is None else {place_of(o): o.session_uid for o in scene.objects}
     uids = {name: uid_at[place] for name, place in places.items() if place in uid_at}
     seconds = time.perf_counter() - start
-    _READINGS[uid] = Reading(digests, places, uids, shape_of(scene), seconds, held)
+    quick = shape_of(scene), groups_of(scene)
+    _READINGS[uid] = Reading(digests, places, uids, *quick, seconds, held)
     return meshes
 
 
@@ -223,6 +227,32 @@ def shape_of(scene, depsgraph=None):
         corners = len(item.data.loops) if item.type == "MESH" else 0
         shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners
     return shapes
+
+
+def groups_of(scene):
+    """A scene's collections, what renders of them, and what is in them: quick to compare."""
+    found = []
+
+    def visit(layer):
+        group = layer.collection
+        switches = layer.exclude, layer.holdout, layer.indirect_only, group.hide_render
+        found.append((group.name, switches, tuple(o.session_uid for o in group.objects)))
+        for child in layer.children:
+            visit(child)
+
+    for layer in scene.view_layers if scene is not None else ():
+        found.append((layer.name, layer.use))
+        visit(layer.layer_collection)
+    return tuple(found)
+
+
+def regrouped(scene):
+    """Whether what is in a scene, or renders of it, is not as it was when last read.
+
+    Blender says that all collections have changed whenever a scene comes or goes, also one of ours.
+    """
+    read = _READINGS.get(scene.session_uid)
+    return read is None or read.groups != groups_of(scene) or bool(moved(scene))
 
 
 def moved(scene, depsgraph=None):

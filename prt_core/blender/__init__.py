@@ -6,7 +6,7 @@ image reader Blender's own for .exr, inside the program Blender.
 
 import bpy  # noqa: F401  (must come before mathutils)
 
-from prt_core.blender import casters, images
+from prt_core.blender import casters, images, render_scene
 from prt_core.blender.colours import write_colours
 from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.lamps import read_lamps
@@ -15,5 +15,6 @@ from prt_core.blender.world import read_world
 
 casters.register()
 images.register()
+render_scene.register()
 
 __all__ = ["build_objects", "read_lamps", "read_meshes", "read_world", "write_colours"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from prt_core.blender.identity import by_uid, display_names, place_of
 from prt_core.blender.left_out import (
-    culling_remark,
+    culling_remarks,
     layer_remarks,
     material_remarks,
     surface_kind,
@@ -136,9 +136,7 @@ def _say_left_out(scene, messages):
             "they were made of are baked"
         )
     messages += layer_remarks(*rendered_layer(scene))
-    culled = culling_remark(scene)
-    if culled:
-        messages.append(culled)
+    messages += culling_remarks(scene)
 
 
 @dataclass

@@ -68,18 +68,17 @@ def layer_remarks(layer, others):
         yield f"view layer '{layer.name}' is baked; {names} render as well and are not"
 
 
-def culling_remark(scene):
-    """A line where Cycles leaves out objects by where the camera is, else None."""
+def culling_remarks(scene):
+    """Lines on objects that Cycles leaves out by where the camera is."""
     cycles = getattr(scene, "cycles", None)
     if not scene.render.use_simplify or cycles is None:
-        return None
-    kinds = [k for k in ("camera", "distance") if getattr(cycles, f"use_{k}_cull", False)]
-    return (
-        f"scene '{scene.name}': simplify culls objects by {' and '.join(kinds)} in renders; "
-        "they are baked all the same"
-        if kinds
-        else None
-    )
+        return
+    for kind in ("camera", "distance"):
+        if not getattr(cycles, f"use_{kind}_cull", False):
+            continue
+        for item in scene.objects:
+            if getattr(getattr(item, "cycles", None), f"use_{kind}_cull", False):
+                yield f"{item.name}: is baked, though renders may cull it by {kind}"
 
 
 def _output(material):

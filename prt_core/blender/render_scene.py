@@ -9,8 +9,9 @@ is written to disk and no undo step is made.
 from contextlib import ExitStack, contextmanager
 
 import bpy
+from bpy.app.handlers import persistent
 
-from prt_core.blender.casters import mark_temporary
+from prt_core.blender.casters import is_temporary, mark_temporary
 from prt_core.blender.stand_ins import originals_render
 from prt_core.errors import PRTError
 
@@ -31,8 +32,9 @@ _RENDER = {
     "use_persistent_data": False,
     "use_lock_interface": False,
 }
-# While a scene is read: its `session_uid`s, and those of the scenes made for that.
-_READING = set()
+# While a scene is read: its `session_uid`s, and those of the scenes made for that. And the scenes
+# that are being rendered, also without a window, where no job tells of it.
+_READING, _RENDERED = set(), set()
 
 
 def as_rendered(scene, read):
@@ -59,7 +61,7 @@ def as_rendered(scene, read):
     PRTError
         A render is under way, or Blender cannot render the scene.
     """
-    if bpy.app.is_job_running("RENDER"):
+    if is_rendering():
         raise PRTError(f"scene '{scene.name}': a render is under way; wait for its end")
     outcome = []
 
@@ -76,6 +78,8 @@ def as_rendered(scene, read):
 
     had_result = _RESULT in bpy.data.images
     with ExitStack() as undo:
+        _READING.add(scene.session_uid)
+        undo.callback(_READING.clear)
         bpy.utils.register_class(Engine)
         undo.callback(bpy.utils.unregister_class, Engine)
         undo.enter_context(originals_render(scene))
@@ -85,9 +89,8 @@ def as_rendered(scene, read):
         if target != scene:
             start = undo.enter_context(_temporary(bpy.data.scenes, bpy.data.scenes.new("prt idle")))
             # It also renders the frame of that scene.
-            start.frame_set(scene.frame_current, subframe=scene.frame_subframe)
-        _READING.update((scene.session_uid, target.session_uid, start.session_uid))
-        undo.callback(_READING.clear)
+            start.frame_set(scene.frame_current)
+        _READING.update((target.session_uid, start.session_uid))
         try:
             with bpy.context.temp_override(scene=start, view_layer=start.view_layers[0]):
                 bpy.ops.render.render(scene=target.name)
@@ -103,6 +106,31 @@ def as_rendered(scene, read):
     if error is not None:
         raise error
     return result
+
+
+def is_rendering():
+    """Whether something renders, so that no scene can be read, and Cycles not be asked."""
+    _RENDERED.intersection_update(scene.session_uid for scene in bpy.data.scenes)
+    return bool(_RENDERED or _READING) or bpy.app.is_job_running("RENDER")
+
+
+def register():
+    """Listen for the user's renders: to begin another within one would crash Blender."""
+    handlers = bpy.app.handlers
+    handlers.render_pre.append(_render_begins)
+    for ends in (handlers.render_complete, handlers.render_cancel):
+        ends.append(_render_ends)
+
+
+@persistent
+def _render_begins(scene, *_):
+    if not (is_reading(scene) or is_temporary(scene)):
+        _RENDERED.add(scene.session_uid)
+
+
+@persistent
+def _render_ends(*_):
+    _RENDERED.clear()
 
 
 def is_reading(scene):

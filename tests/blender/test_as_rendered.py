@@ -398,10 +398,11 @@ def test_true_displacement_is_named(scene):
 
 
 def test_culling_by_the_camera_is_said(scene):
-    cube("box", scene.collection)
+    item = cube("box", scene.collection)
     scene.render.use_simplify = scene.cycles.use_distance_cull = True
-    (message,) = read()[1]
-    assert "culls objects by distance" in message
+    assert not read()[1]
+    item.cycles.use_distance_cull = item.cycles.use_camera_cull = True
+    assert read()[1] == ["box: is baked, though renders may cull it by distance"]
 
 
 # What stays as it is
@@ -487,3 +488,32 @@ def test_the_first_step_says_what_the_window_waits_for(scene):
     assert next(steps).stage == "evaluate"
     stages = {progress.stage for progress in steps}
     assert stages <= {"evaluate", "scene"}
+
+
+def test_a_render_without_a_window_reads_the_scene_before_its_frames(baked_floor, tmp_path, capsys):
+    bpy.data.objects["ball"].modifiers.new("smooth", "SUBSURF").show_viewport = False
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    scene = bpy.context.scene
+    assert scene.prt.loaded
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = scene.frame_start = 1
+    scene.frame_end = 2
+    scene.render.resolution_x = scene.render.resolution_y = 4
+    scene.render.filepath = str(tmp_path / "frame")
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    refused = []
+
+    def read_in_frame(*_):
+        with pytest.raises(PRTError, match="a render is under way"):
+            read_meshes(scene)
+        refused.append(scene.frame_current)
+
+    bpy.app.handlers.frame_change_post.append(read_in_frame)
+    bpy.ops.render.render(animation=True)
+    bpy.app.handlers.frame_change_post.remove(read_in_frame)
+    assert set(refused) == {1, 2} and len(list(tmp_path.glob("frame*"))) == 2
+    assert "the scene is not the one that was baked (ball" in capsys.readouterr().out
+    read_meshes(scene)

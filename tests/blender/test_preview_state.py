@@ -227,10 +227,10 @@ def test_what_the_preview_hides_is_not_said_to_be_hidden(floor_scene):
     cube("away", scene.collection).hide_set(True)
     bpy.ops.prt.bake()
     bpy.ops.prt.refresh()
+    cube("gone", scene.collection).hide_render = True
     texts = [text for text, *_ in plan.warnings(scene)]
-    assert [text for text in texts if "hidden" in text] == [
-        "away: hidden in the viewport, so it was not baked"
-    ]
+    assert [text for text in texts if "hidden" in text] == ["gone: hidden in renders, not baked"]
+    assert colours_on("away").any()
 
 
 def test_fields_of_paths_take_relative_ones():

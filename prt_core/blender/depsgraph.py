@@ -193,7 +193,7 @@ class _Reading:
     def place(self, number):
         """Place a part in the world."""
         part = self.parts[number]
-        part.raw.materials = Materials(albedo=np.tile(_NO_MATERIAL, (len(part.raw.corner_slot), 1)))
+        part.raw.materials = Materials(albedo=np.tile(NO_MATERIAL, (len(part.raw.corner_slot), 1)))
         mesh = part.raw.placed(part.name, part.matrix, self.messages)
         mesh.receives, mesh.two_sided, mesh.own_mesh = part.receives, part.two_sided, part.own_mesh
         mesh.owner, mesh.library = part.place

@@ -366,6 +366,34 @@ def test_what_lets_light_through():
     assert not bpy.data.materials["leaf"].node_tree.nodes["Translucent BSDF"].mute
 
 
+def test_light_path_nodes_answer_for_light():
+    """Glass that shadow rays pass, and a lamp that only the camera sees: as architects do."""
+
+    def glass(tree):
+        mix = add(tree, "MixShader", Fac=add(tree, "LightPath").outputs["Is Shadow Ray"])
+        tree.links.new(add(tree, "BsdfDiffuse", Color=(0.1, 0.5, 0.2, 1)).outputs[0], mix.inputs[1])
+        tree.links.new(add(tree, "BsdfTransparent").outputs[0], mix.inputs[2])
+        return mix
+
+    def lamp(tree):
+        return add(tree, "Emission", Strength=add(tree, "LightPath").outputs["Is Camera Ray"])
+
+    plate("window", surface(glass))
+    plate("sign", surface(lamp), 1.0)
+    links = {m.name: len(m.node_tree.links) for m in bpy.data.materials}
+    nodes = {m.name: len(m.node_tree.nodes) for m in bpy.data.materials}
+    meshes, messages = read()
+    window = meshes["window"].materials
+    np.testing.assert_allclose(window.albedo, [[0.1, 0.5, 0.2]] * 4, atol=1e-3)
+    np.testing.assert_allclose(window.opacity, 0, atol=1e-3)
+    np.testing.assert_allclose(meshes["sign"].materials.emission, 0, atol=1e-6)
+    assert any("'window'" in line and "Light Path" in line for line in messages)
+    for m in bpy.data.materials:
+        assert (len(m.node_tree.links), len(m.node_tree.nodes)) == (links[m.name], nodes[m.name])
+    sockets = {link.from_socket.name for link in bpy.data.materials["window"].node_tree.links}
+    assert "Is Shadow Ray" in sockets
+
+
 def test_what_lies_in_one_plane_is_not_mixed_up():
     colours = {"red": (0.8, 0.1, 0.1), "green": (0.1, 0.8, 0.1), "blue": (0.1, 0.1, 0.8)}
     for number, (name, colour) in enumerate(colours.items()):

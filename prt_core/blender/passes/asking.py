@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from prt_core.blender.identity import by_uid
+from prt_core.blender.passes.light_paths import answering
 from prt_core.blender.passes.probe import MOST_PLACES, name_number, probe, switched
 from prt_core.blender.passes.quantities import N_COLUMNS, quantities_of
 from prt_core.errors import PRTError
@@ -129,6 +130,7 @@ class Asking:
         # Faces of one mesh may lie in one place as well.
         expected = self._materials[mine]
         strange = np.isin(passes["material"], self._materials) & (passes["share"] > _CLEAR)
+        self._as_light(look, mine, start, passes)
         good = (near & ~other & ~(strange & (passes["material"] != expected))) | empty
         for name in ("diffuse", "glossy", "transmission"):
             passes[name][empty & ~near] = 0
@@ -138,6 +140,28 @@ class Asking:
         for name, where in more.items():
             signs.setdefault(name, np.zeros(len(triangle), bool))[which[good]] = where[good]
         return which[~good]
+
+    def _as_light(self, look, triangle, start, passes):
+        """Opacity and emission as rays of light meet them, where Light Path nodes are asked."""
+        triangles, nodes = self._triangles, {}
+        pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
+        asking = np.zeros(len(triangle), bool)
+        for mesh, slot in np.unique(pairs, axis=0):
+            found = self._graph(self._records[mesh].slot(slot)).paths
+            if found:
+                asking |= (pairs == [mesh, slot]).all(axis=1)
+                nodes |= {node.as_pointer(): node for node in found}
+        asking = np.flatnonzero(asking)
+        if not len(asking):
+            return
+        with ExitStack() as stack:
+            for node in nodes.values():
+                stack.enter_context(answering(node))
+            towards = -triangles.normal[triangle[asking]]
+            seen, first = (look(start[asking], towards, only) for only in (False, True))
+        for name in ("share", "transmission"):
+            passes[name][asking] = seen[name]
+        passes["emission"][asking] = first["emission"]
 
     def _without_translucent(self, look, triangle, start, good, diffuse):
         """The diffuse pass without translucent shaders, where there are some; else None."""
@@ -184,7 +208,11 @@ class Asking:
         wanted = owners | {r.source for r in self._all}
         if wanted - set(every):
             raise PRTError("scene: objects were removed while their materials were read")
-        objects = {every[uid]: uid in owners for uid in sorted(wanted)}
+        # What is instanced on vertices and faces must be there as well; it shows there only.
+        on_mesh = {
+            r.source for r in self._all if every[r.owner].instance_type in {"VERTS", "FACES"}
+        }
+        objects = {every[uid]: uid in owners | on_mesh for uid in sorted(wanted)}
         uids = {uid for r in self._all for uid in r.slots}
         materials = {m.session_uid: m for m in bpy.data.materials if m.session_uid in uids}
         noisy = any(self._graph(uid).noisy for uid in uids)

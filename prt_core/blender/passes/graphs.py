@@ -43,11 +43,13 @@ class Graph:
     softens : bool
         Whether light near the horizon is dimmed where they do.
     noisy : bool
-    backs, paths : bool
-        Whether it asks which side is seen, and by which kind of ray.
-    rough, scatters, tinted : bool
+    backs : bool
+        Whether it asks which side is seen.
+    paths : list of bpy.types.Node
+        Light Path nodes, which ask by which kind of ray.
+    rough, scatters, tinted, toon : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
-        may have a colour.
+        may have a colour; light leaves in steps.
     bumpy : bool
         Whether there is bump that is left out; Cycles' bakes leave it out as well.
     translucent : list of bpy.types.Node
@@ -69,12 +71,13 @@ class Graph:
     softens: bool = True
     noisy: bool = False
     backs: bool = False
-    paths: bool = False
     rough: bool = False
     scatters: bool = False
     tinted: bool = False
+    toon: bool = False
     bumpy: bool = False
     translucent: list = field(default_factory=list)
+    paths: list = field(default_factory=list)
     bumps: list = field(default_factory=list)
     holdouts: list = field(default_factory=list)
     displaced: list = field(default_factory=list)
@@ -129,13 +132,15 @@ def _note(graph, node):
     graph.flat &= kind != "OBJECT_INFO"
     graph.noisy |= kind in _NOISY
     graph.backs |= kind == "NEW_GEOMETRY" and node.outputs["Backfacing"].is_linked
-    graph.paths |= kind == "LIGHT_PATH"
+    graph.toon |= kind == "BSDF_TOON"
     before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
     if any(other.type != "BUMP" for other in before):
         graph.bends, graph.flat = True, False
     if kind == "BUMP":
         graph.bumps.append(node)
         graph.bumpy = True
+    elif kind == "LIGHT_PATH":
+        graph.paths.append(node)
     elif kind == "HOLDOUT":
         graph.holdouts.append(node)
     elif kind == "BSDF_TRANSLUCENT":

@@ -286,6 +286,7 @@ def probe(scene, objects, centre, size, samples=1):
         idle = bpy.data.scenes.new("prt idle")
         stack.callback(bpy.data.scenes.remove, idle)
         mark_temporary(idle)
+        idle.frame_set(scene.frame_current, subframe=scene.frame_subframe)
         _settings(temporary, own_layer, samples)
         built = Probe(temporary, idle, centre, size, samples)
         stack.callback(built.remove)

@@ -31,8 +31,10 @@ LINES = {
     "tinted": "coloured transparency lets light of all colours through alike",
     "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
     "scatters": "subsurface scattering counts as diffuse",
+    "toon": "toon shading is ignored, light leaves evenly to all sides",
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
-    "paths": "Light Path nodes answer as for rays of the camera",
+    "paths": "Light Path: its colour is that of rays of the camera, its opacity and emission are "
+    "those of diffuse and shadow rays",
     "backs": "what asks for Backfacing is answered for the front",
     "fine normals": "the normal map is finer than the mesh and counts at its points only; "
     "subdivide the mesh to see it",

@@ -94,7 +94,7 @@ def image_steps(scene, meshes, camera, caster, settings):
         expect(
             camera is not None, "camera pixels: the scene has no perspective camera; add one to it"
         )
-        tracer = scene.make_caster(caster)
+        tracer = scene.make_caster(caster, "camera")
         try:
             scene = with_camera_image(scene, tracer, camera, *size, samples)
         finally:

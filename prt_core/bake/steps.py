@@ -89,7 +89,7 @@ def bake_steps(
     made = []
 
     def caster():
-        made.append(scene.make_caster(settings.caster))
+        made.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return made[0]
 
     parts = (lamps, world, camera, source, origin)

@@ -67,6 +67,8 @@ class Quantity:
 QUANTITIES = {
     # Diffuse albedo: the share of the received light that leaves evenly to all sides.
     "albedo": Quantity(3, 0, 1, step=1 / 32),
+    # Share of the light that does not go straight through. What goes through is no part of albedo.
+    "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
 }
 
 
@@ -83,6 +85,7 @@ class Materials:
     Attributes
     ----------
     albedo : (n, 3) array
+    opacity : (n, 1) array
 
     Raises
     ------
@@ -206,6 +209,18 @@ class Materials:
                 arrays.append(np.frombuffer(name.encode(), np.uint8))
             arrays.append(getattr(self, name))
         return arrays
+
+    def of_what_is_met(self):
+        """`Materials` of the light that does not go straight through: the same where all does not.
+
+        A ray that goes through has met nothing; of those that end here, more leave evenly than of
+        all that arrive.
+        """
+        if (self.opacity == 1).all():
+            return self
+        share = np.asarray(self.opacity, np.float64)
+        albedo = np.where(share > 0, self.albedo / np.maximum(share, 1e-12), 0)
+        return self.replaced(albedo=np.clip(albedo, 0, 1).astype(self.albedo.dtype))
 
     def equals(self, other):
         """Whether all quantities are those of `other`, value by value."""

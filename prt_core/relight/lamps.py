@@ -57,7 +57,7 @@ class LampLight:
 
     def _rays(self):
         if self._caster is None:
-            self._caster = self._bake.make_caster(self._name)
+            self._caster = self._bake.make_caster(self._name, "shadow")
         return self._caster
 
 

@@ -13,6 +13,7 @@ from prt_core.scene.images import (
     with_geometry_image,
 )
 from prt_core.scene.mesh import Mesh
+from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
 from prt_core.scene.scene import Scene, SceneObject
@@ -26,6 +27,7 @@ __all__ = [
     "MATERIALS",
     "MOST_OFFSET",
     "Mesh",
+    "Opacity",
     "PARAMETRISATIONS",
     "PointImage",
     "Scene",

@@ -167,7 +167,8 @@ def make_points(stacked, levels, frames, surfaces):
     lattice_back = np.full(len(lattice), -1, np.int64)
     two_sided = stacked["two_sided"][stacked["triangle_object"].astype(np.int64)]
     points = {key: _joined([points[key], hidden[key]]) for key in points}
-    points["mean_materials"] = surfaces.mean(levels, start, lattice, points["materials"])
+    means = surfaces.mean(levels, start, lattice, points["materials"])
+    points["mean_materials"] = means.of_what_is_met()
     if two_sided.any():
         owner = np.repeat(np.arange(len(levels)), lattice_size(levels))
         front = np.unique(lattice[two_sided[owner]])

@@ -18,15 +18,17 @@ from prt_core.errors import (
     expect_vectors,
     expect_whole,
 )
-from prt_core.rays import FramedCaster, make_caster, precision_frames
+from prt_core.rays import precision_frames
 from prt_core.reflectance import Materials
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
-from prt_core.scene.mesh import Mesh
+from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.opacity import Opacity, opacity_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.paint import Surfaces
 from prt_core.scene.points import BakePoints, make_points
+from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
 
 
@@ -44,6 +46,7 @@ class SceneObject:
     n_vertices : int
     receives, two_sided, own_mesh : bool
     owner, library : str
+    shadow_rays, diffuse_rays, camera_rays : bool
         As those of the `Mesh` it was made from.
     """
 
@@ -57,6 +60,9 @@ class SceneObject:
     own_mesh: bool
     owner: str
     library: str = ""
+    shadow_rays: bool = True
+    diffuse_rays: bool = True
+    camera_rays: bool = True
 
 
 @dataclass
@@ -89,6 +95,8 @@ class Scene:
         Points inside of triangles.
     surfaces : Surfaces or None
         What was between the corners of the meshes it was made from; not kept on disk.
+    opacity : Opacity or None
+        Where triangles let light pass; None where all are opaque.
     """
 
     centre: np.ndarray
@@ -106,6 +114,7 @@ class Scene:
     image: PointImage | None = None
     details: Details = field(default_factory=no_details)
     surfaces: Surfaces | None = field(default=None, repr=False, compare=False)
+    opacity: Opacity | None = field(default=None, repr=False)
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -163,6 +172,7 @@ class Scene:
                 mesh.own_mesh,
                 mesh.owner,
                 mesh.library,
+                *(getattr(mesh, name) for name in RAYS),
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True
@@ -182,6 +192,7 @@ class Scene:
             lattice_back=built.lattice_back,
             messages=messages,
             surfaces=surfaces,
+            opacity=opacity_of(surfaces),
         )
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
@@ -192,15 +203,24 @@ class Scene:
         """The `Frames` in which the triangles are cast."""
         return precision_frames(self.vertices, self.triangles, self.triangle_object)
 
-    def make_caster(self, name="auto"):
-        """A ray caster over the triangles, by name (see `rays.make_caster`)."""
+    def make_caster(self, name="auto", rays="diffuse", resolution=32):
+        """A ray caster over the triangles that rays of a kind meet.
 
-        def factory(vertices, triangles):
-            return make_caster(name, vertices, triangles)
+        Parameters
+        ----------
+        name : str
+            Of the back-end (see `rays.make_caster`).
+        rays : {"diffuse", "shadow", "camera"}
+            Those that gather light, from the sky and from surfaces; those towards lamps; those of
+            pictures.
+        resolution : int
+            Of the cube map whose directions are traced, where surfaces let some light pass.
 
-        if len(self.frames) == 1:
-            return factory(self.vertices.astype(np.float32), self.triangles)
-        return FramedCaster(factory, self.vertices, self.triangles, self.frames)
+        Returns
+        -------
+        RayCaster
+        """
+        return caster_of(self, name, rays, resolution)
 
     @property
     def lattice_sizes(self):
@@ -300,6 +320,11 @@ class Scene:
         for item in self.objects:
             digest.update(item.name.encode())
             digest.update(item.corner_point.tobytes())
+            met_by = [getattr(item, name) for name in RAYS]
+            if not all(met_by):
+                digest.update(bytes(met_by))
+        if self.opacity is not None:
+            digest.update(self.opacity.digest())
         return digest.hexdigest()
 
 

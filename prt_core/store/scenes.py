@@ -9,6 +9,7 @@ from prt_core.scene import (
     MOST_OFFSET,
     BakePoints,
     Details,
+    Opacity,
     PointImage,
     Scene,
     SceneObject,
@@ -43,7 +44,14 @@ _OBJECT = {
     "own_mesh": bool,
     "owner": str,
     "library": str,
+    "shadow_rays": bool,
+    "diffuse_rays": bool,
+    "camera_rays": bool,
 }
+# What objects of bakes are that do not say it: they were made when rays met everything.
+_MET = dict.fromkeys(("shadow_rays", "diffuse_rays", "camera_rays"), True)
+# Of triangles that let light pass, where there are some.
+_OPACITY = {"first": "int32", "along": "int32", "cells": "uint16"}
 # What the materials of bakes have that do not say it: they were made when there was no more.
 _FIRST = ["albedo"]
 # How far weighted means of float32 may leave their range, and unit vectors a length of 1.
@@ -75,11 +83,17 @@ def write_scene(store, scene):
         store.keep(f"object_{name}", np.concatenate(parts).astype(np.int32))
     for name in _DETAILS:
         store.keep(f"detail_{name}", getattr(scene.details, name))
+    for name in _OPACITY:
+        if scene.opacity is not None:
+            store.keep(f"opacity_{name}", getattr(scene.opacity, name))
+        else:
+            store.remove(f"opacity_{name}")
     if scene.image is not None:
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
     return {
         "materials": scene.points.told(),
+        "opacity": scene.opacity is not None,
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         "centre": scene.centre,
         "size": scene.size,
@@ -94,6 +108,7 @@ def write_scene(store, scene):
                 "own_mesh": bool(item.own_mesh),
                 "owner": item.owner,
                 "library": item.library,
+                **{name: bool(getattr(item, name)) for name in _MET},
             }
             for item in scene.objects
         ],
@@ -137,6 +152,7 @@ def read_scene(store):
     with damage_said(store.path):
         objects, corner, face = [], 0, 0
         for item in facts["objects"]:
+            item = {**_MET, **item}
             strange = [
                 key
                 for key, kind in _OBJECT.items()
@@ -166,6 +182,7 @@ def read_scene(store):
             lattice_back=lattice_back,
             image=_read_image(store, facts["image"]),
             details=details,
+            opacity=_read_opacity(store, len(triangles)),
             **by_triangle,
         )
         check_scene(scene)
@@ -242,12 +259,33 @@ def _lie_on(details, scene):
     )
 
 
+def _read_opacity(store, n_triangles):
+    if not store.facts.get("opacity", False):
+        return None
+    shapes = {"first": (n_triangles,), "along": (n_triangles,), "cells": (None,)}
+    return Opacity(
+        **{
+            name: store.read(f"opacity_{name}", shapes[name], dtype)
+            for name, dtype in _OPACITY.items()
+        }
+    )
+
+
 def _read_image(store, sizes):
     if sizes is None:
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
     return PointImage(*(int(size) for size in sizes), pixel, point)
+
+
+def _cells_lie_inside(opacity):
+    first, along = opacity.first.astype(np.int64), opacity.along.astype(np.int64)
+    return (
+        _inside(first, -1, max(1, len(opacity.cells)))
+        and _inside(along, 1, 1 << 12)
+        and _inside((first + along**2)[first >= 0], 0, len(opacity.cells) + 1)
+    )
 
 
 def check_scene(scene):
@@ -336,6 +374,7 @@ def _leads_inside(scene):
         and _inside(scene.lattice_start + cells, 0, len(scene.lattice) + 1)
         and _inside(scene.points.object_index, 0, len(scene.objects))
         and _inside(scene.details.point, 0, n_points)
+        and (scene.opacity is None or _cells_lie_inside(scene.opacity))
         and _lie_on(scene.details, scene)
         and sum(item.n_vertices for item in scene.objects) == len(scene.vertices)
         and all(

@@ -134,7 +134,7 @@ def surface_points(scene, triangle, barycentric, back):
         ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
         areas=np.zeros(len(around), np.float32),
         materials=materials,
-        mean_materials=materials,
+        mean_materials=materials.of_what_is_met(),
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
     )

@@ -11,6 +11,7 @@ from prt_core.blender.compat import view_layer_of
 from prt_core.blender.identity import by_uid, display_names, place_of
 from prt_core.blender.materials import corner_materials
 from prt_core.blender.preview_look import is_shaded
+from prt_core.blender.ray_visibility import set_ray_visibility
 from prt_core.blender.stand_ins import (
     hidden_in,
     hides_originals,
@@ -187,6 +188,7 @@ class _Reading:
         mesh.two_sided = bool(called & self.two_sided)
         mesh.owner, mesh.library = place_of(owner)
         mesh.own_mesh = parent is None and _own_mesh(source, mesh)
+        set_ray_visibility(mesh, source, owner)
         if parent is not None and mesh.receives:
             self.instancers.add((mesh.owner, mesh.library))
         self.meshes.append(mesh)

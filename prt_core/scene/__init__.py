@@ -12,7 +12,7 @@ from prt_core.scene.images import (
     with_camera_image,
     with_geometry_image,
 )
-from prt_core.scene.mesh import Mesh
+from prt_core.scene.mesh import RAYS, Mesh
 from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
@@ -30,6 +30,7 @@ __all__ = [
     "Opacity",
     "PARAMETRISATIONS",
     "PointImage",
+    "RAYS",
     "Scene",
     "SceneObject",
     "auto_camera",

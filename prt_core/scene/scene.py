@@ -158,6 +158,14 @@ class Scene:
                 f"{meshes[int(number)].name}: lies so far from the rest for its size that its "
                 "shadows are coarse; bake what lies apart in files of its own"
             )
+        differ = [m.name for m in meshes if m.shadow_rays != m.diffuse_rays]
+        if differ:
+            some = ", ".join(differ[:4]) + (" …" if len(differ) > 4 else "")
+            messages.append(
+                f"{len(differ)} objects are seen by only one of shadow and diffuse rays ({some}); "
+                "light from the world goes by their diffuse ray visibility, lamps and sharp suns "
+                "by the shadow one"
+            )
         surfaces = Surfaces(stacked, [mesh.paint for mesh in meshes], counts["first_corner"])
         built = make_points(stacked, levels, frames, surfaces)
         objects = [

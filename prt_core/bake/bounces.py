@@ -40,8 +40,8 @@ class Bounced:
     error : float or None
     hidden : float
         Share of the rays that met a place which sees none of its bake points.
-    backs : (n_objects,) int64
-        Hits on backs that return no light.
+    dark_backs : float
+        Share of the rays that met a back to which no light gets.
     skipped : dict
         What was not done because the scene does not need it.
     """
@@ -51,7 +51,7 @@ class Bounced:
     rounds: int = 0
     error: float | None = None
     hidden: float = 0.0
-    backs: np.ndarray = ()
+    dark_backs: float = 0.0
     skipped: dict = field(default_factory=dict)
 
 
@@ -126,7 +126,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     cast, short, hidden, *backs = counts[:rounds].sum(axis=(0, 1)).tolist()
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     share = hidden / max(cast, 1)
-    return Bounced(cast, short, rounds, float(error), share, np.array(backs), skipped)
+    dark = sum(backs) / max(cast, 1)
+    return Bounced(cast, short, rounds, float(error), share, dark, skipped)
 
 
 def most_rounds(n_points):

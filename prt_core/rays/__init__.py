@@ -7,7 +7,7 @@ from prt_core.rays import brute
 from prt_core.rays.boxes import boxes_around
 from prt_core.rays.caster import Hits, RayCaster, as_rays, make_caster, register_caster
 from prt_core.rays.frames import FramedCaster, Frames, precision_frames
-from prt_core.rays.passing import PassingCaster, transmitted
+from prt_core.rays.passing import MOST_LAYERS, PassingCaster, transmitted
 from prt_core.rays.relay import RelayCaster, cast_on_all_cores
 from prt_core.rays.shared import shared
 from prt_core.rays.subset import EmptyCaster, SubsetCaster
@@ -30,6 +30,7 @@ __all__ = [
     "FramedCaster",
     "Frames",
     "Hits",
+    "MOST_LAYERS",
     "PassingCaster",
     "RayCaster",
     "RelayCaster",

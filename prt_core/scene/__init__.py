@@ -1,5 +1,6 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
+from prt_core.scene.backs import with_backs
 from prt_core.scene.camera import Camera, auto_camera, camera_rays, expect_camera
 from prt_core.scene.changes import Changes, changes, mesh_digests
 from prt_core.scene.details import Details, with_details
@@ -40,6 +41,7 @@ __all__ = [
     "geometry_layout",
     "mesh_digests",
     "surface_points",
+    "with_backs",
     "with_camera_image",
     "with_details",
     "with_geometry_image",

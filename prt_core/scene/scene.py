@@ -20,6 +20,7 @@ from prt_core.errors import (
 )
 from prt_core.rays import precision_frames
 from prt_core.reflectance import Materials
+from prt_core.scene.backs import with_backs
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
@@ -197,14 +198,14 @@ class Scene:
             triangle_level=levels.astype(np.int32),
             lattice_start=built.lattice_start,
             lattice=built.lattice,
-            lattice_back=built.lattice_back,
+            lattice_back=np.full_like(built.lattice, -1),
             messages=messages,
             surfaces=surfaces,
             opacity=opacity_of(surfaces),
         )
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
-        return scene
+        return with_backs(scene, stacked["two_sided"][scene.triangle_object])
 
     @cached_property
     def frames(self):

@@ -13,6 +13,7 @@ from prt_core.scene import (
     PointImage,
     Scene,
     SceneObject,
+    with_backs,
 )
 from prt_core.store.facts import damage_said
 
@@ -215,6 +216,28 @@ def _read_materials(store, n_points):
     }
 
 
+def read_backs(store, scene):
+    """The scene with the backs that a bake which is not finished began with.
+
+    Parameters
+    ----------
+    store : BakeStore
+    scene : Scene
+        Without them, and without details.
+
+    Returns
+    -------
+    Scene, or None
+        None where there are none to read that fit the scene.
+    """
+    try:
+        found = store.read("scene_lattice_back", scene.lattice_back.shape, "int32")
+    except PRTError:
+        return None
+    sided = with_backs(scene, found[scene.lattice_start] >= 0)
+    return sided if np.array_equal(sided.lattice_back, found) else None
+
+
 def read_details(store, scene):
     """Where the details of a scene lie, of a bake that is not finished.
 
@@ -233,7 +256,8 @@ def read_details(store, scene):
         found = _read_details(store)
     except PRTError:
         return None
-    same = found.digest() == store.facts.get("details") and _lie_on(found, scene)
+    same = found.digest(scene.lattice_back) == store.facts.get("details")
+    same = same and _lie_on(found, scene)
     return (found.triangle, found.barycentric, found.back) if same else None
 
 

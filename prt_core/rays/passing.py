@@ -16,7 +16,6 @@ a small sun behind a pane is right in the mean over points.
 
 import numpy as np
 
-from prt_core.rays.caster import Hits
 from prt_core.sphere import CubeMap
 
 # Surfaces that a ray goes through; what is behind so many is taken as blocked, and said.
@@ -63,7 +62,17 @@ class PassingCaster:
         return blocked
 
     def transmitted(self, origins, directions, distances=None):
-        """(m,) float32: the share of light that comes through, up to `distances`."""
+        """The share of light that comes through.
+
+        Parameters
+        ----------
+        origins, directions, distances
+            As `RayCaster.occluded` takes them.
+
+        Returns
+        -------
+        (m,) float32
+        """
         share = (~self._opaque.occluded(origins, directions, distances)).astype(np.float32)
         free = np.flatnonzero(share)
         share[free] = self._walk(origins, directions, free, distances, decide=False).share

@@ -53,9 +53,7 @@ class EmptyCaster:
         """See `RayCaster`."""
         n_rays = len(as_rays(origins, directions)[0])
         nothing = np.zeros((n_rays, 2), np.float32)
-        return Hits(
-            np.full(n_rays, MISS, np.int32), nothing, np.full(n_rays, np.inf, np.float32)
-        )
+        return Hits(np.full(n_rays, MISS, np.int32), nothing, np.full(n_rays, np.inf, np.float32))
 
     def close(self):
         """Holds nothing."""

@@ -42,7 +42,18 @@ class Opacity:
         return self.first >= 0
 
     def at(self, triangle, barycentric):
-        """(m,) float64: opacity at places of triangles that let some light pass."""
+        """Opacity at places of triangles that let some light pass.
+
+        Parameters
+        ----------
+        triangle : (m,) int
+        barycentric : (m, 2) float
+            Weights of the second and third corner.
+
+        Returns
+        -------
+        (m,) float64
+        """
         cell = _cell(self.along[triangle].astype(np.int64), barycentric)
         return self.cells.take(self.first[triangle] + cell) / float(_OPAQUE)
 

@@ -87,9 +87,7 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
     points, _ = surface_points(scene, triangle[hit], barycentric[hit], back, any_side=True)
     new = len(scene.points) + np.arange(len(hit))
-    image = PointImage(
-        height, width, samples**2, pixel[hit].astype(np.int32), new.astype(np.int32)
-    )
+    image = PointImage(height, width, samples**2, pixel[hit].astype(np.int32), new.astype(np.int32))
     return extended(scene, points, image)
 
 

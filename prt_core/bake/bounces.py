@@ -16,6 +16,7 @@ from prt_core.sampling.dilate import dilate
 from prt_core.store import damage_said
 from prt_core.transport import Sharing, all_bounces, gather_parts
 from prt_core.transport.gather import ROUND
+from prt_core.transport.sent import mean_of_channels, sent_of
 from prt_core.transport.visibility import received_light
 
 MOST_ROUNDS = 64
@@ -72,6 +73,9 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     skipped = {"gather_open_points": int(spared.sum())}
     points = scene.points
     bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
+    if points.materials.translucency.any():
+        # The bound knows nothing of light from behind.
+        bound = np.inf
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
         for name in ("gather", "gather_rays", "blocked"):
@@ -206,8 +210,10 @@ def _probe_light(store, scene, cube_map, parts):
 def _bounce_error(hits, scene, rounds, probes, blocked, settings):
     """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
     halves = []
+    points = scene.points
     albedo, mean = (
-        x.mean(axis=1, keepdims=True) for x in (scene.points.albedo, scene.points.mean_albedo)
+        mean_of_channels(sent_of(materials, scene.opposite))
+        for materials in (points.materials, points.mean_materials)
     )
     for half in (0, 1):
         operator = read_gather(hits, range(half, rounds, 2), blocked)

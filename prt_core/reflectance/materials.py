@@ -69,6 +69,8 @@ QUANTITIES = {
     "albedo": Quantity(3, 0, 1, step=1 / 32),
     # Share of the light that does not go straight through. What goes through is no part of albedo.
     "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
+    # Share of the light on the back that leaves the front evenly to all sides.
+    "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
 }
 
 
@@ -86,6 +88,7 @@ class Materials:
     ----------
     albedo : (n, 3) array
     opacity : (n, 1) array
+    translucency : (n, 3) array
 
     Raises
     ------
@@ -219,8 +222,12 @@ class Materials:
         if (self.opacity == 1).all():
             return self
         share = np.asarray(self.opacity, np.float64)
-        albedo = np.where(share > 0, self.albedo / np.maximum(share, 1e-12), 0)
-        return self.replaced(albedo=np.clip(albedo, 0, 1).astype(self.albedo.dtype))
+
+        def given(values):
+            part = np.where(share > 0, values / np.maximum(share, 1e-12), 0)
+            return np.clip(part, 0, 1).astype(values.dtype)
+
+        return self.replaced(albedo=given(self.albedo), translucency=given(self.translucency))
 
     def equals(self, other):
         """Whether all quantities are those of `other`, value by value."""

@@ -52,3 +52,26 @@ def backs_of(points, some):
         ray_offset=(offset - 2 * normal * across).astype(np.float32),
         visible=np.zeros(len(back), bool),
     )
+
+
+def opposites(scene):
+    """(n_points,) int32: the point on the other side of the same place, -1 where there is none."""
+    points = scene.points
+    result = np.full(len(points), -1, np.int32)
+    has = scene.lattice_back >= 0
+    result[scene.lattice[has]] = scene.lattice_back[has]
+    result[scene.lattice_back[has]] = scene.lattice[has]
+    # Pixels that have one lie where it does, and it follows theirs (see `with_camera_image`).
+    left = np.setdiff1d(np.flatnonzero(result < 0), scene.lattice)
+    key = np.column_stack([points.positions[left], points.geometric_normals[left]])
+    other = np.column_stack([points.positions[left], -points.geometric_normals[left]]) + 0.0
+    _, which = np.unique(np.concatenate([key + 0.0, other]), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    holder = np.full(which.max(initial=-1) + 1, -1)
+    holder[which[: len(left)]] = left
+    found = holder[which[len(left) :]]
+    # Of several pixels at one place the last stands for all: both ways, or for none.
+    paired = np.flatnonzero(found >= 0)
+    result[left[paired]] = found[paired]
+    mutual = result[result] == np.arange(len(result))
+    return np.where(mutual & (result >= 0), result, -1).astype(np.int32)

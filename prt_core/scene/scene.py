@@ -20,7 +20,7 @@ from prt_core.errors import (
 )
 from prt_core.rays import precision_frames
 from prt_core.reflectance import Materials
-from prt_core.scene.backs import with_backs
+from prt_core.scene.backs import opposites, with_backs
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
@@ -205,7 +205,10 @@ class Scene:
         )
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
-        return with_backs(scene, stacked["two_sided"][scene.triangle_object])
+        # What is translucent shows the light of its back.
+        through = scene.points.materials.translucency.any(axis=1)[scene.lattice]
+        through = np.logical_or.reduceat(through, scene.lattice_start)
+        return with_backs(scene, through | stacked["two_sided"][scene.triangle_object])
 
     @cached_property
     def frames(self):
@@ -244,6 +247,11 @@ class Scene:
         """
         origins = self.points.positions + self.points.ray_offset
         return origins.astype(np.float32) if len(self.frames) == 1 else origins
+
+    @cached_property
+    def opposite(self):
+        """(n_points,) int32: the point on the other side of the same place, -1 where none is."""
+        return opposites(self)
 
     @cached_property
     def open_points(self):

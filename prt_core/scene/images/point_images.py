@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
+from prt_core.scene.backs import backs_of
 from prt_core.scene.camera import camera_rays, expect_camera
 from prt_core.scene.points import BakePoints, joined
 
@@ -149,6 +150,10 @@ def surface_points(scene, triangle, barycentric, back, any_side=False):
 def extended(scene, points, image):
     """The scene with more bake points, and an image that shows them."""
     expect(len(points), "image: nothing of the scene is in it")
+    through = np.flatnonzero(points.materials.translucency.any(axis=1))
+    if len(through):
+        # Light on the other side is shown as well.
+        points = joined(points, backs_of(points, through))
     return replace(scene, points=joined(scene.points, points), image=image)
 
 

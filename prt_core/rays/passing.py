@@ -58,7 +58,7 @@ class PassingCaster:
         blocked = self._opaque.occluded(origins, directions, distances)
         free = np.flatnonzero(~blocked)
         walk = self._walk(origins, directions, free, distances, decide=True)
-        blocked[free[walk.ended]] = True
+        blocked[free[walk.share == 0]] = True
         return blocked
 
     def transmitted(self, origins, directions, distances=None):
@@ -82,8 +82,8 @@ class PassingCaster:
         """See `RayCaster`."""
         hits = self._opaque.intersect(origins, directions)
         every = np.arange(len(hits.triangle))
-        walk = self._walk(origins, directions, every, hits.distance, decide=True)
-        some = np.flatnonzero(walk.ended)
+        walk = self._walk(origins, directions, every, hits.distance, decide=True, place=True)
+        some = np.flatnonzero(walk.share == 0)
         hits.triangle[some] = walk.triangle[some]
         hits.barycentric[some] = walk.barycentric[some]
         hits.distance[some] = walk.distance[some]
@@ -94,33 +94,41 @@ class PassingCaster:
         self._opaque.close()
         self._others.close()
 
-    def _walk(self, origins, directions, rays, distances, decide):
+    def _walk(self, origins, directions, rays, distances, decide, place=False):
         """What some rays meet of the surfaces that let light pass, layer by layer."""
         origins, directions = np.asarray(origins)[rays], np.asarray(directions)[rays]
         limit = None if distances is None else np.asarray(distances)[rays]
-        walk = _Walk(len(rays))
-        threshold = self._thresholds(origins, directions) if decide else np.zeros(len(rays))
-        left, starts, travelled = np.arange(len(rays)), origins, np.zeros(len(rays))
-        for _ in range(MOST_LAYERS):
+        walk = _Walk(len(rays), place)
+        left, starts, travelled = np.arange(len(rays)), origins, 0.0
+        for layer in range(MOST_LAYERS):
             if not len(left):
-                return walk
-            found = self._others.intersect(starts, directions[left])
-            reached = found.triangle >= 0
+                break
+            hits = self._others.intersect(starts, directions[left])
+            met = hits.triangle >= 0
             if limit is not None:
-                reached &= travelled + found.distance < limit[left]
-            left, found = left[reached], found[reached]
-            passes = 1 - self._opacity(found.triangle, found.barycentric)
-            walk.share[left] *= passes
-            ends = walk.share[left] <= threshold[left]
-            place, starts = self._behind(found.triangle, found.barycentric, directions[left])
-            travelled = np.linalg.norm(place - origins[left], axis=1)
-            walk.end(left[ends], found[ends], travelled[ends])
-            left, starts, travelled = left[~ends], starts[~ends], travelled[~ends]
+                met &= travelled + hits.distance < limit[left]
+            met = np.flatnonzero(met)
+            triangle, barycentric = hits.triangle[met], hits.barycentric[met]
+            left = left[met]
+            share = walk.share[left] * (1 - self._opacity(triangle, barycentric))
+            if decide:
+                some = np.flatnonzero((share > 0) & (share < 1))
+                way = origins[left[some]], directions[left[some]]
+                share[some[share[some] <= self._thresholds(*way)]] = 0
+            if layer == MOST_LAYERS - 1:
+                # What would go on still ends at the last surface that it is followed to.
+                self.too_deep += int(np.count_nonzero(share))
+                share[:] = 0
+            walk.share[left] = share
+            ends, on = np.flatnonzero(share == 0), np.flatnonzero(share)
+            if place:
+                distance = (travelled + hits.distance)[met[ends]]
+                walk.end(left[ends], triangle[ends], barycentric[ends], distance)
+            left = left[on]
+            middle, starts = self._behind(triangle[on], barycentric[on], directions[left])
+            if limit is not None or place:
+                travelled = np.linalg.norm(middle - origins[left], axis=1)
             starts = starts.astype(origins.dtype)
-        # What is still under way ends at the last surface it went through.
-        self.too_deep += len(left)
-        walk.share[left] = 0
-        walk.end(left, found[~ends], travelled)
         return walk
 
     def _thresholds(self, origins, directions):
@@ -133,18 +141,18 @@ class PassingCaster:
 
 
 class _Walk:
-    """Where rays ended, and the share of light that got so far."""
+    """The share of light that gets along rays, and where those ended that got to nothing."""
 
-    def __init__(self, n_rays):
+    def __init__(self, n_rays, place):
         self.share = np.ones(n_rays)
-        self.ended = np.zeros(n_rays, bool)
-        self.triangle = np.full(n_rays, -1, np.int32)
-        self.barycentric = np.zeros((n_rays, 2), np.float32)
-        self.distance = np.full(n_rays, np.inf, np.float32)
+        if place:
+            self.triangle = np.full(n_rays, -1, np.int32)
+            self.barycentric = np.zeros((n_rays, 2), np.float32)
+            self.distance = np.full(n_rays, np.inf, np.float32)
 
-    def end(self, rays, hits, distance):
-        self.ended[rays] = True
-        self.triangle[rays], self.barycentric[rays] = hits.triangle, hits.barycentric
+    def end(self, rays, triangle, barycentric, distance):
+        """Rays that end at places."""
+        self.triangle[rays], self.barycentric[rays] = triangle, barycentric
         self.distance[rays] = distance
 
 

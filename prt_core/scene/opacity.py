@@ -12,7 +12,7 @@ import numpy as np
 
 # Cells along an edge at most; of all triangles together; where the corners say it all, and where
 # these differ.
-_ALONG, _ALL = 256, 1 << 22
+_ALONG, _ALL = 256, 1 << 21
 _SLOPING = 16
 _BLOCK = 1 << 19
 _OPAQUE = 65535

@@ -64,10 +64,10 @@ class BakePoints:
         """(n_points, 3) float32: what is bounced."""
         return self.mean_materials.albedo
 
-    def told(self):
+    def nondefault(self):
         """Names of the quantities of materials that are not their default everywhere."""
-        told = {*self.materials.told(), *self.mean_materials.told()}
-        return [name for name in QUANTITIES if name in told]
+        nondefault = {*self.materials.nondefault(), *self.mean_materials.nondefault()}
+        return [name for name in QUANTITIES if name in nondefault]
 
     def arrays(self):
         """Name -> array of everything stored; quantities that are their default are left out."""
@@ -76,7 +76,7 @@ class BakePoints:
             value = getattr(self, field.name)
             if field.name in MATERIALS:
                 prefix = MATERIALS[field.name]
-                arrays |= {prefix + name: getattr(value, name) for name in self.told()}
+                arrays |= {prefix + name: getattr(value, name) for name in self.nondefault()}
             else:
                 arrays[field.name] = value
         return arrays

@@ -3,12 +3,12 @@
 from prt_core.store.begin import begin_bake, finish_bake
 from prt_core.store.compressed import (
     AGAIN,
-    compressed_facts,
+    compressed_attributes,
     read_compressed,
     remove_compressed,
     write_compressed,
 )
-from prt_core.store.facts import damage_said
+from prt_core.store.attributes import damage_as_error
 from prt_core.store.journal import JournalMismatch, RayJournal
 from prt_core.store.places import is_removable, remove_bake
 from prt_core.store.scenes import (
@@ -27,8 +27,8 @@ __all__ = [
     "RayJournal",
     "begin_bake",
     "check_scene",
-    "compressed_facts",
-    "damage_said",
+    "compressed_attributes",
+    "damage_as_error",
     "finish_bake",
     "is_removable",
     "read_backs",

@@ -15,7 +15,7 @@ from prt_core.scene import (
     SceneObject,
     with_backs,
 )
-from prt_core.store.facts import damage_said
+from prt_core.store.attributes import damage_as_error
 
 _POINTS = {
     "positions": ("float64", 3),
@@ -73,7 +73,7 @@ def write_scene(store, scene):
     Returns
     -------
     dict
-        Facts that belong to it, for `BakeStore.update`.
+        Attributes that belong to it, for `BakeStore.update`.
     """
     for name, array in scene.points.arrays().items():
         store.keep(f"point_{name}", array)
@@ -93,7 +93,7 @@ def write_scene(store, scene):
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
     return {
-        "materials": scene.points.told(),
+        "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         "centre": scene.centre,
@@ -149,10 +149,10 @@ def read_scene(store):
     corners = {name: store.read(f"object_{name}", (None,), "int32") for name in _CORNERS}
     faces = store.read("object_face_sizes", (None,), "int32")
     details = _read_details(store)
-    facts = store.facts
-    with damage_said(store.path):
+    attributes = store.attributes
+    with damage_as_error(store.path):
         objects, corner, face = [], 0, 0
-        for item in facts["objects"]:
+        for item in attributes["objects"]:
             item = {**_MET, **item}
             strange = [
                 key
@@ -173,15 +173,15 @@ def read_scene(store):
             )
             corner, face = part.stop, face + item["n_faces"]
         scene = Scene(
-            centre=np.array(facts["centre"], np.float64).reshape(3),
-            size=facts["size"],
+            centre=np.array(attributes["centre"], np.float64).reshape(3),
+            size=attributes["size"],
             vertices=vertices,
             triangles=triangles,
             points=points,
             objects=objects,
             lattice=lattice,
             lattice_back=lattice_back,
-            image=_read_image(store, facts["image"]),
+            image=_read_image(store, attributes["image"]),
             details=details,
             opacity=_read_opacity(store, len(triangles)),
             **by_triangle,
@@ -196,8 +196,8 @@ def read_scene(store):
 
 def _read_materials(store, n_points):
     """Name -> `Materials`: those that each point has."""
-    names = store.facts.get("materials", _FIRST)
-    with damage_said(store.path):
+    names = store.attributes.get("materials", _FIRST)
+    with damage_as_error(store.path):
         whole = all(name in names for name, q in QUANTITIES.items() if q.default is None)
         expect(
             isinstance(names, list) and set(names) <= set(QUANTITIES) and whole,
@@ -256,7 +256,7 @@ def read_details(store, scene):
         found = _read_details(store)
     except PRTError:
         return None
-    same = found.digest(scene.lattice_back) == store.facts.get("details")
+    same = found.digest(scene.lattice_back) == store.attributes.get("details")
     same = same and _lie_on(found, scene)
     return (found.triangle, found.barycentric, found.back) if same else None
 
@@ -284,7 +284,7 @@ def _lie_on(details, scene):
 
 
 def _read_opacity(store, n_triangles):
-    if not store.facts.get("opacity", False):
+    if not store.attributes.get("opacity", False):
         return None
     shapes = {"first": (n_triangles,), "along": (n_triangles,), "cells": (None,)}
     return Opacity(

@@ -52,7 +52,7 @@ def test_a_leaf_shows_what_both_sides_receive(tmp_path):
     directions = bake.cube_map.directions
     for side, share in ((1, ALBEDO), (-1, THROUGH)):
         light = np.repeat((directions[:, 2:] * side > 0).astype(np.float32), 3, axis=1)
-        seen = bake.transport.relight(light)[bake.scene.points.visible]
+        seen = bake.transport.radiance(light)[bake.scene.points.visible]
         np.testing.assert_allclose(seen, np.broadcast_to(share, seen.shape), rtol=2e-3)
 
 
@@ -63,7 +63,7 @@ def test_in_a_white_furnace_what_absorbs_nothing_is_white(tmp_path):
         translucency=np.full((len(meshes[1].materials), 3), 0.6),
     )
     bake = baked(tmp_path, meshes, tolerance=0.005)
-    seen = bake.transport.relight(np.ones((bake.cube_map.n_directions, 3), np.float32))
+    seen = bake.transport.radiance(np.ones((bake.cube_map.n_directions, 3), np.float32))
     np.testing.assert_allclose(seen, 1, atol=0.02)
 
 
@@ -74,14 +74,14 @@ def test_rows_columns_and_products_are_one_matrix(two):
     light = np.zeros((transport.n_directions, 3), np.float32)
     some = rng.choice(transport.n_directions, 7, replace=False)
     light[some] = rng.random((7, 3)).astype(np.float32)
-    whole = transport.relight(light)
+    whole = transport.radiance(light)
     points = np.array([2, 3, 11, 29, transport.n_points - 1])
     rows = transport.rows(points)
     np.testing.assert_allclose(np.einsum("pdc,dc->pc", rows, light), whole[points], atol=2e-4)
     columns = transport.columns(some)
     np.testing.assert_allclose(np.einsum("pdc,dc->pc", columns, light[some]), whole, atol=2e-4)
     direct = np.einsum("pdc,dc->pc", transport.rows(points, indirect=False), light)
-    np.testing.assert_allclose(direct, transport.relight(light, bounces=0)[points], atol=1e-5)
+    np.testing.assert_allclose(direct, transport.radiance(light, bounces=0)[points], atol=1e-5)
 
 
 def test_rows_for_compressors_have_the_light_of_the_backs(two):
@@ -95,7 +95,7 @@ def test_rows_for_compressors_have_the_light_of_the_backs(two):
     assert np.linalg.norm(received - arrived) < 0.01 * np.linalg.norm(arrived)
     pixels = image_rows(rows, two.scene.image, transport.sends).block(np.arange(15))
     shown = np.einsum("pdc,dc->pc", pixels, light)
-    exact = two.image(transport.relight(light)).reshape(-1, 3)
+    exact = two.image(transport.radiance(light)).reshape(-1, 3)
     assert np.linalg.norm(shown - exact) < 0.01 * np.linalg.norm(exact)
 
 

@@ -22,7 +22,7 @@ class Request:
     Attributes
     ----------
     lighting : Lighting
-    transport : {"auto", "exact"}
+    form : {"auto", "exact"}
         What `Relighter` multiplies light from far away with.
     key : tuple
         What the colours depend on, images by the time of their file: requests of one key look
@@ -30,12 +30,12 @@ class Request:
     """
 
     lighting: Lighting
-    transport: str
+    form: str
     key: tuple
 
     def steps(self, preview, pace=None):
         """Radiance of the bake's points; a generator of `Progress`."""
-        preview.relighter.transport = self.transport
+        preview.relighter.form = self.form
         return preview.relighter.steps(self.lighting, pace)
 
 
@@ -68,8 +68,8 @@ def request(scene, samples=None, depsgraph=None):
         lamp_samples=samples or settings.lamp_samples,
         exposure=settings.exposure,
     )
-    transport = "auto" if settings.use_compressed else "exact"
-    return Request(lighting, transport, (transport, *lighting.key))
+    form = "auto" if settings.use_compressed else "exact"
+    return Request(lighting, form, (form, *lighting.key))
 
 
 def _environment(scene):

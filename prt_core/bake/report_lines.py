@@ -42,8 +42,8 @@ def _traced(report):
 def _errors(report):
     certificate = report.get("certificate")
     if certificate:
-        found = report["visibility_error"]
-        yield f"{found:.2%} of direct light, {_met(report, found)}; at 95 %:"
+        error = report["visibility_error"]
+        yield f"{error:.2%} of direct light, {_met(report, error)}; at 95 %:"
         ranked = sorted(certificate, key=_worst, reverse=True)
         shown = ranked[:_MOST] if len(ranked) > _MOST else certificate
         for item in shown:
@@ -56,12 +56,12 @@ def _errors(report):
             yield f"  and {len(ranked) - _MOST} more: at most {_worst(ranked[_MOST]):.2%}"
     else:
         yield "none of direct light"
-    found = report["error"]
-    if found is not None:
+    error = report["error"]
+    if error is not None:
         rays = report["rays_a_point"]
         yield (
-            f"{found:.2%} of relit colours, from the bounces ({rays} rays a point), "
-            f"{_met(report, found)}"
+            f"{error:.2%} of relit colours, from the bounces ({rays} rays a point), "
+            f"{_met(report, error)}"
         )
 
 
@@ -91,9 +91,9 @@ def object_lines(objects, most=_MOST):
     for item in shown:
         yield f"  object  {item['name']}: {item['n_corners']:,} corners, {role(item)}"
     for kind in ("receives", "casts and bounces only"):
-        some = [item["n_corners"] for item in rest if role(item) == kind]
-        if some:
-            yield f"  object  and {len(some):,} more: {sum(some):,} corners, {kind}"
+        counts = [item["n_corners"] for item in rest if role(item) == kind]
+        if counts:
+            yield f"  object  and {len(counts):,} more: {sum(counts):,} corners, {kind}"
 
 
 def _met(report, error):

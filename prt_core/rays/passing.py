@@ -83,10 +83,10 @@ class PassingCaster:
         hits = self._opaque.intersect(origins, directions)
         every = np.arange(len(hits.triangle))
         walk = self._walk(origins, directions, every, hits.distance, decide=True, place=True)
-        some = np.flatnonzero(walk.share == 0)
-        hits.triangle[some] = walk.triangle[some]
-        hits.barycentric[some] = walk.barycentric[some]
-        hits.distance[some] = walk.distance[some]
+        ended = np.flatnonzero(walk.share == 0)
+        hits.triangle[ended] = walk.triangle[ended]
+        hits.barycentric[ended] = walk.barycentric[ended]
+        hits.distance[ended] = walk.distance[ended]
         return hits
 
     def close(self):
@@ -112,9 +112,9 @@ class PassingCaster:
             left = left[met]
             share = walk.share[left] * (1 - self._opacity(triangle, barycentric))
             if decide:
-                some = np.flatnonzero((share > 0) & (share < 1))
-                way = origins[left[some]], directions[left[some]]
-                share[some[share[some] <= self._thresholds(*way)]] = 0
+                partial = np.flatnonzero((share > 0) & (share < 1))
+                rays_of = origins[left[partial]], directions[left[partial]]
+                share[partial[share[partial] <= self._thresholds(*rays_of)]] = 0
             if layer == MOST_LAYERS - 1:
                 # What would go on still ends at the last surface that it is followed to.
                 self.too_deep += int(np.count_nonzero(share))

@@ -8,7 +8,7 @@ from prt_core.scene.points import BakePoints, joined
 
 
 def with_backs(scene, triangles):
-    """The scene with points on the backs of some triangles; the same object where all have them.
+    """The scene with points on the backs of chosen triangles; the same object where all have them.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ def with_backs(scene, triangles):
     return sided
 
 
-def backs_of(points, some):
-    """`BakePoints` on the other side of some points; none is visible."""
-    back = BakePoints(**{f.name: getattr(points, f.name)[some] for f in fields(BakePoints)})
+def backs_of(points, chosen):
+    """`BakePoints` on the other side of chosen points; none is visible."""
+    back = BakePoints(**{f.name: getattr(points, f.name)[chosen] for f in fields(BakePoints)})
     normal, offset = back.geometric_normals, back.ray_offset
     across = np.einsum("nx,nx->n", normal.astype(np.float64), offset)[:, None]
     return replace(
@@ -69,9 +69,9 @@ def opposites(scene):
     which = which.reshape(-1)
     holder = np.full(which.max(initial=-1) + 1, -1)
     holder[which[: len(left)]] = left
-    found = holder[which[len(left) :]]
+    partner = holder[which[len(left) :]]
     # Of several pixels at one place the last stands for all: both ways, or for none.
-    paired = np.flatnonzero(found >= 0)
-    result[left[paired]] = found[paired]
+    paired = np.flatnonzero(partner >= 0)
+    result[left[paired]] = partner[paired]
     mutual = result[result] == np.arange(len(result))
     return np.where(mutual & (result >= 0), result, -1).astype(np.int32)

@@ -38,11 +38,11 @@ class Opacity:
 
     @property
     def passing(self):
-        """(n_triangles,) bool: triangles that let some light pass."""
+        """(n_triangles,) bool: triangles that let light pass."""
         return self.first >= 0
 
     def at(self, triangle, barycentric):
-        """Opacity at places of triangles that let some light pass.
+        """Opacity at places of triangles that let light pass.
 
         Parameters
         ----------
@@ -68,21 +68,21 @@ class Opacity:
 def opacity_of(surfaces):
     """`Opacity` of the triangles of a scene's `Surfaces`; None where all are opaque."""
     along = surfaces.opacity_cells(_SLOPING)
-    some = np.flatnonzero(along)
-    if not len(some):
+    candidates = np.flatnonzero(along)
+    if not len(candidates):
         return None
-    fewer = np.sqrt(max(1.0, (np.minimum(along[some], _ALONG) ** 2.0).sum() / _ALL))
-    along[some] = np.clip(np.ceil(along[some] / fewer), 1, _ALONG)
+    fewer = np.sqrt(max(1.0, (np.minimum(along[candidates], _ALONG) ** 2.0).sum() / _ALL))
+    along[candidates] = np.clip(np.ceil(along[candidates] / fewer), 1, _ALONG)
     first = np.full(len(along), -1, np.int64)
     known, parts, end = {}, [], 0
-    for n in np.unique(along[some]):
-        members = some[along[some] == n]
+    for n in np.unique(along[candidates]):
+        members = candidates[along[candidates] == n]
         places = _middles(int(n))
         each = max(1, _BLOCK // len(places))
         for start in range(0, len(members), each):
             part = members[start : start + each]
-            found = surfaces.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
-            rows = np.rint(found.opacity.reshape(len(part), -1) * _OPAQUE).astype(np.uint16)
+            materials = surfaces.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
+            rows = np.rint(materials.opacity.reshape(len(part), -1) * _OPAQUE).astype(np.uint16)
             for triangle in np.flatnonzero((rows < _OPAQUE).any(axis=1)):
                 key = rows[triangle].tobytes()
                 if key not in known:

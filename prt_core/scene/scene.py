@@ -161,9 +161,9 @@ class Scene:
             )
         differ = [m.name for m in meshes if m.shadow_rays != m.diffuse_rays]
         if differ:
-            some = ", ".join(differ[:4]) + (" …" if len(differ) > 4 else "")
+            names = ", ".join(differ[:4]) + (" …" if len(differ) > 4 else "")
             messages.append(
-                f"{len(differ)} objects are seen by only one of shadow and diffuse rays ({some}); "
+                f"{len(differ)} objects are seen by only one of shadow and diffuse rays ({names}); "
                 "light from the world goes by their diffuse ray visibility, lamps and sharp suns "
                 "by the shadow one"
             )

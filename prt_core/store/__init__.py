@@ -1,5 +1,6 @@
 """A bake on disk: a Zarr v3 group that survives a kill and refuses what is not its own."""
 
+from prt_core.store.attributes import damage_as_error
 from prt_core.store.begin import begin_bake, finish_bake
 from prt_core.store.compressed import (
     AGAIN,
@@ -8,7 +9,6 @@ from prt_core.store.compressed import (
     remove_compressed,
     write_compressed,
 )
-from prt_core.store.attributes import damage_as_error
 from prt_core.store.journal import JournalMismatch, RayJournal
 from prt_core.store.places import is_removable, remove_bake
 from prt_core.store.scenes import (

@@ -231,11 +231,11 @@ def read_backs(store, scene):
         None where there are none to read that fit the scene.
     """
     try:
-        found = store.read("scene_lattice_back", scene.lattice_back.shape, "int32")
+        lattice_back = store.read("scene_lattice_back", scene.lattice_back.shape, "int32")
     except PRTError:
         return None
-    sided = with_backs(scene, found[scene.lattice_start] >= 0)
-    return sided if np.array_equal(sided.lattice_back, found) else None
+    sided = with_backs(scene, lattice_back[scene.lattice_start] >= 0)
+    return sided if np.array_equal(sided.lattice_back, lattice_back) else None
 
 
 def read_details(store, scene):
@@ -253,12 +253,12 @@ def read_details(store, scene):
         As `with_details` takes them; None where they are not those that the bake began with.
     """
     try:
-        found = _read_details(store)
+        details = _read_details(store)
     except PRTError:
         return None
-    same = found.digest(scene.lattice_back) == store.attributes.get("details")
-    same = same and _lie_on(found, scene)
-    return (found.triangle, found.barycentric, found.back) if same else None
+    same = details.digest(scene.lattice_back) == store.attributes.get("details")
+    same = same and _lie_on(details, scene)
+    return (details.triangle, details.barycentric, details.back) if same else None
 
 
 def _read_details(store):

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from prt_core.errors import expect, expect_array, expect_whole
-from prt_core.transport.gather import ROUND, REPRESENTED
+from prt_core.transport.gather import REPRESENTED, ROUND
 from prt_core.transport.sharing import DARK, MISS
 
 # Rays of a row that should meet something, at least, for the row to be scaled.
@@ -46,8 +46,8 @@ def ray_ends(hits):
         hits = np.take_along_axis(hits, representative, axis=1) if good else hits
     expect(
         not hits.size or hits.min() >= DARK,
-        f"hits: expected points, {MISS}, {DARK}, or {REPRESENTED} and less for the slot of a ray of the "
-        f"same {ROUND} that was cast, got something else",
+        f"hits: expected points, {MISS}, {DARK}, or {REPRESENTED} and less for the slot of a ray "
+        f"of the same {ROUND} that was cast, got something else",
     )
     return hits
 

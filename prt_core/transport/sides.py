@@ -1,4 +1,4 @@
-"""Which backs matter: found by a few rays, before anything else is baked.
+"""Which backs matter: a few rays tell, before anything else is baked.
 
 Surfaces are lit on both sides, but most backs are never seen: those of closed objects, the
 underside of a ground. A back needs bake points where both are so: something that matters sees it,
@@ -83,9 +83,11 @@ class _Walks:
         normals = scene.points.normals, scene.points.geometric_normals
 
         def walk(caster, first):
-            some = points[first : first + size]
+            chosen = points[first : first + size]
             rng = generator(self._seed, Stage.SIDES, 0, first)
-            starts, ways = _away(scene.ray_origins[some], *(n[some] for n in normals), count, rng)
+            starts, ways = _away(
+                scene.ray_origins[chosen], *(n[chosen] for n in normals), count, rng
+            )
             return self._walk(caster, starts, ways, rng)
 
         size = max(1, _PATHS // count)
@@ -106,8 +108,8 @@ class _Walks:
         together = max(2, self._caster.threads)
         firsts = list(firsts)
         for first in range(0, len(firsts), together):
-            some = firsts[first : first + together]
-            for hits, lit, n_rays in cast_on_all_cores(self._caster, walk, some):
+            chosen = firsts[first : first + together]
+            for hits, lit, n_rays in cast_on_all_cores(self._caster, walk, chosen):
                 self.hits += np.bincount(hits, minlength=len(self.hits))
                 self.lit += np.bincount(lit, minlength=len(self.lit))
                 self.n_rays += n_rays
@@ -120,13 +122,13 @@ class _Walks:
         hits, backs, paths = [], [], []
         light = np.zeros(len(ways), bool)
         for step in range(_LENGTH):
-            found = caster.intersect(starts, ways)
+            ends = caster.intersect(starts, ways)
             n_rays += len(ways)
-            met = np.flatnonzero(found.triangle >= 0)
+            met = np.flatnonzero(ends.triangle >= 0)
             if step:
-                light[path[found.triangle < 0]] = True
-            triangle = found.triangle[met]
-            places = Places(scene, triangle, found.barycentric[met], ways[met])
+                light[path[ends.triangle < 0]] = True
+            triangle = ends.triangle[met]
+            places = Places(scene, triangle, ends.barycentric[met], ways[met])
             unlit = places.back & self._dark[triangle]
             hits.append(triangle if not step else triangle[unlit])
             backs.append(triangle[unlit])
@@ -148,19 +150,19 @@ class _Walks:
         backs, paths = np.concatenate(backs), np.concatenate(paths)
         return np.concatenate(hits), backs[light[paths]], n_rays
 
-    def _reached(self, caster, places, some, rng):
-        """Which of some places a lamp shines at, one lamp tried for each; and rays cast."""
+    def _reached(self, caster, places, chosen, rng):
+        """Which of chosen places a lamp shines at, one lamp tried for each; and rays cast."""
         scene = self._scene
-        reached = np.zeros(len(some), bool)
+        reached = np.zeros(len(chosen), bool)
         if not self._lamps:
             return reached, 0
-        which, n_rays = rng.integers(0, len(self._lamps), len(some)), 0
-        uv = rng.random((len(some), 2))
+        which, n_rays = rng.integers(0, len(self._lamps), len(chosen)), 0
+        uv = rng.random((len(chosen), 2))
         for number, lamp in enumerate(self._lamps):
             mine = np.flatnonzero(which == number)
-            start = places.start[some[mine]]
+            start = places.start[chosen[mine]]
             ways, distance, irradiance = lamp.sample(scene.to_world(start), uv[mine])
-            facing = np.einsum("mx,mx->m", ways, places.normal[some[mine]]) > 0
+            facing = np.einsum("mx,mx->m", ways, places.normal[chosen[mine]]) > 0
             shines = np.flatnonzero(facing & (irradiance != 0).any(axis=1))
             if not len(shines):
                 continue
@@ -181,17 +183,17 @@ class _Walks:
         owner = owner.reshape(-1)[scene.triangle_object]
         wanted = np.zeros(owner.max() + 1, bool)
         wanted[owner[self.lit > 0]] = True
-        some = np.flatnonzero(wanted[owner])
-        part, is_closed = _parts(scene, some)
-        own = self._sums(some, part)
+        chosen = np.flatnonzero(wanted[owner])
+        part, is_closed = _parts(scene, chosen)
+        own = self._sums(chosen, part)
         few = own[1] < _ENOUGH
-        item = scene.triangle_object[some]
-        rest = self._sums(some[few], item[few], len(scene.objects))
-        group = np.where(rest[1, item] < _ENOUGH, owner[some] + len(scene.objects), item)
-        pooled = self._sums(some[few], group[few], group.max() + 1)[:, group]
+        item = scene.triangle_object[chosen]
+        rest = self._sums(chosen[few], item[few], len(scene.objects))
+        group = np.where(rest[1, item] < _ENOUGH, owner[chosen] + len(scene.objects), item)
+        pooled = self._sums(chosen[few], group[few], group.max() + 1)[:, group]
         # No light gets into a closed part because others of its object are open.
         lit, hits = np.where(few & ~is_closed, pooled, own)
-        result[some] = (lit >= _LIT) & (lit >= _SHARE * hits)
+        result[chosen] = (lit >= _LIT) & (lit >= _SHARE * hits)
         return result & self._dark
 
     def _sums(self, triangles, group, n_groups=None):
@@ -210,12 +212,12 @@ def _away(starts, normals, geometric, count, rng):
     return np.repeat(starts, count, axis=0)[up], ways[up]
 
 
-def _parts(scene, some):
-    """Of some triangles the number of the part that each belongs to, and whether it is closed."""
-    corners = scene.triangles[some]
+def _parts(scene, chosen):
+    """Of chosen triangles the number of the part that each belongs to, and whether it is closed."""
+    corners = scene.triangles[chosen]
     used, corner = np.unique(corners, return_inverse=True)
     item = np.zeros(len(scene.vertices), np.int64)
-    item[corners] = scene.triangle_object[some][:, None]
+    item[corners] = scene.triangle_object[chosen][:, None]
     # Corners at one place are one: meshes are cut where normals or maps are.
     key = np.column_stack([item[used], scene.vertices[used]])
     _, welded = np.unique(key, axis=0, return_inverse=True)

@@ -18,7 +18,7 @@ from prt_core.transport import (
     reference_rows,
     visibility_bits,
 )
-from prt_core.transport.gather import DARK, MISS, ROUND, REPRESENTED, cosine_directions
+from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND, cosine_directions
 from tests.meshes import caster_of, plane, sphere
 
 

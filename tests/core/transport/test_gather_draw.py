@@ -6,7 +6,7 @@ import pytest
 from prt_core.errors import PRTError
 from prt_core.scene import Mesh, Scene
 from prt_core.transport import gather_hits, gather_operator, ray_ends
-from prt_core.transport.gather import DARK, MISS, ROUND, REPRESENTED
+from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND
 from tests.meshes import caster_of
 
 

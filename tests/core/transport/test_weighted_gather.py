@@ -7,7 +7,7 @@ from prt_core.errors import PRTError
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport import gather_directions, gather_hits, gather_operator, ray_ends
-from prt_core.transport.gather import DARK, MISS, ROUND, REPRESENTED
+from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND
 from tests.meshes import caster_of, plane, wall
 
 N_POINTS, N_RAYS = 7, 3 * ROUND

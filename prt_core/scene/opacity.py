@@ -16,6 +16,8 @@ _ALONG, _ALL = 256, 1 << 21
 _SLOPING = 16
 _BLOCK = 1 << 19
 _OPAQUE = 65535
+# Share of a triangle that lets part of the light pass, not all or nothing, before it is said.
+_MUCH = 0.2
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,14 @@ class Opacity:
     def passing(self):
         """(n_triangles,) bool: triangles that let light pass."""
         return self.first >= 0
+
+    @property
+    def partial(self):
+        """(n_triangles,) float64: share of each triangle that lets part of the light pass."""
+        between = (self.cells > 0) & (self.cells < _OPAQUE)
+        before = np.concatenate([[0], np.cumsum(between)])
+        count, first = self.along.astype(np.int64) ** 2, np.maximum(self.first, 0)
+        return np.where(self.passing, (before[first + count] - before[first]) / count, 0)
 
     def at(self, triangle, barycentric):
         """Opacity at places of triangles that let light pass.
@@ -94,6 +104,20 @@ def opacity_of(surfaces):
         return None
     along[first < 0] = 1
     return Opacity(first.astype(np.int32), along.astype(np.int32), np.concatenate(parts))
+
+
+def dimming(scene):
+    """A line on objects that let part of the light through, where there are any."""
+    if scene.opacity is None:
+        return
+    numbers = np.unique(scene.triangle_object[scene.opacity.partial > _MUCH])
+    if len(numbers):
+        names = [scene.objects[number].name for number in numbers]
+        shown = ", ".join(names[:4]) + (" …" if len(names) > 4 else "")
+        yield (
+            f"{len(names)} objects let part of the light through ({shown}); a hard sun in an image "
+            "is noisy behind them: relight with --sharp-sun, or use a sun lamp"
+        )
 
 
 def _cell(n, barycentric):

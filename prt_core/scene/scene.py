@@ -25,7 +25,7 @@ from prt_core.scene.details import Details, no_details
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
-from prt_core.scene.opacity import Opacity, opacity_of
+from prt_core.scene.opacity import Opacity, dimming, opacity_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.paint import Surfaces
 from prt_core.scene.points import BakePoints, make_points
@@ -203,6 +203,7 @@ class Scene:
             surfaces=surfaces,
             opacity=opacity_of(surfaces),
         )
+        messages.extend(dimming(scene))
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
         # What is translucent shows the light of its back.

@@ -138,6 +138,15 @@ def test_more_layers_than_there_can_be_are_counted():
     assert caster.too_deep == 1
 
 
+def test_panes_are_said_and_cut_outs_are_not():
+    assert "pane0, pane1" in " ".join(under_panes(0.3, 0.5).messages)
+    mesh = plane(2, -2, 2, name="leaf")
+    mesh.paint = Checker(mesh, 0.25)
+    scene = Scene.from_meshes([mesh])
+    assert scene.opacity is not None and not scene.messages
+    assert under_panes(0.0).messages == []
+
+
 def test_an_opaque_scene_has_the_plain_caster():
     scene = Scene.from_meshes([plane(3)])
     assert scene.opacity is None

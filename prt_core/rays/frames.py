@@ -43,7 +43,7 @@ class Frames:
         return len(self.centres)
 
     def of_some(self, triangles):
-        """The `Frames` of some triangles, (n_triangles,) bool, without those that serve none."""
+        """The `Frames` of triangles, by their numbers, without those that serve none."""
         used, frame = np.unique(self.of_triangle[triangles], return_inverse=True)
         return Frames(self.centres[used], frame.astype(np.int32), self.coarse[triangles])
 

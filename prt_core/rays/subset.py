@@ -16,10 +16,13 @@ class SubsetCaster:
         Over the triangles alone.
     triangles : (n,) int
         Their numbers in the whole.
+    corners : (n, 3, 2) float, optional
+        Where they are pieces of these: weights of the second and third corner of the whole, at
+        each of their own.
     """
 
-    def __init__(self, caster, triangles):
-        self._caster = caster
+    def __init__(self, caster, triangles, corners=None):
+        self._caster, self._corners = caster, corners
         # The last one is read by misses.
         self._numbers = np.append(triangles, MISS).astype(np.int32)
         self.name, self.batch, self.threads = caster.name, caster.batch, caster.threads
@@ -31,7 +34,14 @@ class SubsetCaster:
     def intersect(self, origins, directions):
         """See `RayCaster`."""
         hits = self._caster.intersect(origins, directions)
-        return Hits(self._numbers[hits.triangle], hits.barycentric, hits.distance)
+        barycentric = hits.barycentric
+        if self._corners is not None:
+            met = np.flatnonzero(hits.triangle >= 0)
+            first, second, third = np.moveaxis(self._corners[hits.triangle[met]], 1, 0)
+            one, two = barycentric[met].astype(np.float64).T[:, :, None]
+            whole = first + one * (second - first) + two * (third - first)
+            barycentric[met] = np.clip(whole, 0, 1)
+        return Hits(self._numbers[hits.triangle], barycentric, hits.distance)
 
     def close(self):
         """See `RayCaster`."""

@@ -14,6 +14,7 @@ import numpy as np
 # these differ.
 _ALONG, _ALL = 256, 1 << 21
 _SLOPING = 16
+_PIECES = 8
 _BLOCK = 1 << 19
 _OPAQUE = 65535
 # Share of a triangle that lets part of the light pass, not all or nothing, before it is said.
@@ -37,6 +38,9 @@ class Opacity:
     first: np.ndarray
     along: np.ndarray
     cells: np.ndarray
+
+    # Of cells that nothing passes.
+    opaque = _OPAQUE
 
     @property
     def passing(self):
@@ -67,6 +71,28 @@ class Opacity:
         cell = _cell(self.along[triangle].astype(np.int64), barycentric)
         return self.cells.take(self.first[triangle] + cell) / float(_OPAQUE)
 
+    @staticmethod
+    def cell_of(n, barycentric):
+        """Which cell of a triangle each place lies in.
+
+        Parameters
+        ----------
+        n : int
+            Cells along an edge.
+        barycentric : (m, 2) float
+            Weights of the second and third corner.
+
+        Returns
+        -------
+        (m,) int64
+        """
+        return _cell(n, barycentric)
+
+    @staticmethod
+    def middles(n):
+        """(n^2, 2) barycentric middles of the cells, by their number."""
+        return _middles(n)
+
     def digest(self):
         """bytes that tell it from others."""
         state = hashlib.blake2b(digest_size=16)
@@ -83,6 +109,9 @@ def opacity_of(surfaces):
         return None
     fewer = np.sqrt(max(1.0, (np.minimum(along[candidates], _ALONG) ** 2.0).sum() / _ALL))
     along[candidates] = np.clip(np.ceil(along[candidates] / fewer), 1, _ALONG)
+    # So that pieces are made of whole cells.
+    fine = along >= _PIECES
+    along[fine] = -(-along[fine] // _PIECES) * _PIECES
     first = np.full(len(along), -1, np.int64)
     known, parts, end = {}, [], 0
     for n in np.unique(along[candidates]):

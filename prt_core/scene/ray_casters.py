@@ -5,6 +5,10 @@ import numpy as np
 from prt_core.errors import expect_one_of
 from prt_core.rays import EmptyCaster, FramedCaster, PassingCaster, SubsetCaster, make_caster
 from prt_core.scene.mesh import RAYS
+from prt_core.scene.pieces import Pieces, pieces_of
+
+# Weights of the second and third corner at the corners of a triangle.
+_WHOLE = np.array([[0.0, 0], [1, 0], [0, 1]])
 
 
 def caster_of(scene, name, rays, resolution):
@@ -17,31 +21,45 @@ def caster_of(scene, name, rays, resolution):
     passing = met & scene.opacity.passing
     if not passing.any():
         return _caster_over(scene, name, met)
-    opaque = _caster_over(scene, name, met & ~passing)
+    pieces = pieces_of(scene.opacity, np.flatnonzero(passing))
+    opaque = _caster_over(scene, name, met & ~passing, pieces, pieces.is_opaque)
     try:
-        others = _caster_over(scene, name, passing)
+        others = _caster_over(scene, name, np.zeros_like(met), pieces, ~pieces.is_opaque)
     except BaseException:
         opaque.close()
         raise
     return PassingCaster(opaque, others, scene.opacity.at, _Behind(scene), resolution)
 
 
-def _caster_over(scene, name, met):
-    """A caster over some triangles, (n_triangles,) bool; its hits have the scene's numbers."""
+def _caster_over(scene, name, met, pieces=None, chosen=None):
+    """A caster over triangles, (n_triangles,) bool, and pieces; hits are of the scene's triangles.
+
+    `chosen` : (n_pieces,) bool.
+    """
 
     def factory(vertices, triangles):
         return make_caster(name, vertices, triangles)
 
-    if not met.any():
+    vertices, triangles, numbers, corners = scene.vertices, scene.triangles, None, None
+    if not met.all():
+        numbers = np.flatnonzero(met)
+        triangles = triangles[numbers]
+    if chosen is not None and chosen.any():
+        more = Pieces(pieces.triangle[chosen], pieces.corners[chosen], pieces.is_opaque[chosen])
+        cut = len(vertices) + np.arange(3 * len(more.triangle), dtype=np.int32).reshape(-1, 3)
+        vertices = np.concatenate([vertices, more.positions(scene)])
+        whole = np.broadcast_to(_WHOLE, (len(triangles), 3, 2))
+        corners = np.concatenate([whole, more.corners])
+        triangles = np.concatenate([triangles, cut])
+        numbers = np.concatenate([numbers, more.triangle])
+    if not len(triangles):
         return EmptyCaster()
-    whole = bool(met.all())
-    triangles = scene.triangles if whole else scene.triangles[met]
     if len(scene.frames) == 1:
-        caster = factory(scene.vertices.astype(np.float32), triangles)
+        caster = factory(vertices.astype(np.float32), triangles)
     else:
-        frames = scene.frames if whole else scene.frames.of_some(met)
-        caster = FramedCaster(factory, scene.vertices, triangles, frames)
-    return caster if whole else SubsetCaster(caster, np.flatnonzero(met))
+        frames = scene.frames if numbers is None else scene.frames.of_some(numbers)
+        caster = FramedCaster(factory, vertices, triangles, frames)
+    return caster if numbers is None else SubsetCaster(caster, numbers, corners)
 
 
 class _Behind:

@@ -75,20 +75,22 @@ def test_every_back_end_decides_alike(name):
     np.testing.assert_array_equal(ends[0].hits, ends[1].hits)
 
 
-def test_a_cut_out_is_exact():
+@pytest.mark.parametrize("side", [0.25, 1.0])
+def test_a_cut_out_is_exact(side):
+    # The larger squares are made of whole pieces, the smaller ones are within them.
     mesh = plane(2, -2, 2, name="leaf", z=1.0)
-    mesh.paint = Checker(mesh, 0.25)
+    mesh.paint = Checker(mesh, side)
     scene = Scene.from_meshes([plane(3, -9, 9), mesh], max_hidden=0)
     # The triangles are right angles of 32 cells an edge: squares of 0.125, two a check.
     rng = np.random.default_rng(0)
     place = rng.uniform(-1.9, 1.9, (500, 2))
     # The diagonal of cells cuts none of the checks' edges.
-    away = np.abs(place / 0.25 - np.rint(place / 0.25)).min(axis=1) > 0.3
+    away = np.abs(place / side - np.rint(place / side)).min(axis=1) > 0.3
     place = place[away]
     starts = scene.to_frame(np.column_stack([place, np.full(len(place), 2.0)])).astype(np.float32)
     down = np.tile(np.float32([0, 0, -1]), (len(place), 1))
     hits = scene.make_caster("embree").intersect(starts, down)
-    dark = np.floor(place / 0.25).sum(axis=1) % 2 == 1
+    dark = np.floor(place / side).sum(axis=1) % 2 == 1
     assert 0.3 < dark.mean() < 0.7
     np.testing.assert_array_equal(scene.triangle_object[hits.triangle], np.where(dark, 1, 0))
     np.testing.assert_allclose(hits.distance * scene.size, np.where(dark, 1, 2), rtol=1e-5)

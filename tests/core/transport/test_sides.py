@@ -91,6 +91,10 @@ def test_small_sheets_of_one_owner_are_decided_together(n):
         leaf.vertices = leaf.vertices * 0.1 + rng.uniform(-0.4, 0.4, 3) + [0, 0, 0.5]
         leaf.owner = "hedge"
         leaves.append(leaf)
-    shares, _ = sided([plane(30, name="ground"), *leaves])
-    ground = shares.pop("ground")
-    assert ground == 0 and set(shares.values()) == {1}
+    # Closed, and met by too few rays to be decided on their own.
+    berries = [sphere(3, 0.01, rng.uniform(-0.4, 0.4, 3) + [0, 0, 0.5]) for _ in range(3)]
+    for i, berry in enumerate(berries):
+        berry.name, berry.owner = f"berry {i}", "hedge"
+    shares, _ = sided([plane(30, name="ground"), *leaves, *berries])
+    assert {name for name, share in shares.items() if share} == {leaf.name for leaf in leaves}
+    assert set(shares.values()) == {0, 1}

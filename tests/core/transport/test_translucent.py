@@ -108,8 +108,8 @@ def test_pixels_have_their_other_side(two):
     normals = scene.points.normals
     assert np.einsum("px,px->p", normals[shown], normals[behind]).max() < -0.99
     # The adjoint is the transposed map.
-    sends = two.transport.sends
-    a, b = np.random.default_rng(4).random((2, len(scene.points), 3))
+    a, b, albedo, through = np.random.default_rng(4).random((4, len(scene.points), 3))
+    sends = Sent(albedo, through, two.transport.opposite)
     assert np.isclose((sends(a) * b).sum(), (a * sends.adjoint(b)).sum())
     opaque = replace(two.transport, opposite=None)
     assert opaque.sends is opaque.albedo and opaque.fingerprint() != two.transport.fingerprint()

@@ -176,7 +176,8 @@ class PRTObject(bpy.types.PropertyGroup):
         default=True, update=_object_changed,
     )  # fmt: skip
     two_sided: BoolProperty(
-        name="Two-sided", description="Back sides receive and bounce as well (cloth, leaves)",
+        name="Two-sided",
+        description="Back sides have points even where rays do not find that they matter",
         update=_object_changed,
     )  # fmt: skip
 

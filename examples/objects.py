@@ -28,5 +28,5 @@ print(f"\nbounces add {everything.mean() / direct.mean() - 1:.1%}")
 
 # The bake does not know the albedo: T follows when it changes.
 transport.albedo = np.full_like(transport.albedo, 0.9)
-caster = bake.make_caster()
+caster = bake.make_caster(rays="camera")
 write_png("example_objects.png", to_srgb(render_view(bake, transport.radiance(light), caster)))

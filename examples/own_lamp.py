@@ -33,4 +33,5 @@ lamp = Stripes("spot", np.full(3, 60 * size**2), place, radius=0.02 * size, cone
 radiance = prt_core.relight_points(bake, lamps=[lamp], lamp_samples=64)
 direct = prt_core.relight_points(bake, lamps=[lamp], lamp_samples=64, bounces=0)
 print(f"bounces add {radiance.mean() / direct.mean() - 1:.1%}")
-write_png(sys.argv[2], to_srgb(render_view(bake, radiance, bake.make_caster(), 480, 300)))
+picture = render_view(bake, radiance, bake.make_caster(rays="camera"), 480, 300)
+write_png(sys.argv[2], to_srgb(picture))

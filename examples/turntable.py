@@ -15,7 +15,7 @@ steps = int(sys.argv[3]) if len(sys.argv) > 3 else 12
 
 # It takes the compressed form where `prt compress` has made one, else the bake itself.
 relighter = prt_core.Relighter(bake)
-caster = bake.make_caster()
+caster = bake.make_caster(rays="camera")
 for step in range(steps):
     start = time.perf_counter()
     radiance = relighter.radiance(light, rotation=360 * step / steps)

@@ -46,7 +46,7 @@ def main():
 
     bake = prt_core.load(output / f"{name}.prt")
     import_bpy()
-    caster = bake.make_caster()
+    caster = bake.make_caster(rays="camera")
     rays = CameraRays(bake.scene, caster, bake.camera, 480, 300)
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
     maps = {light: prt_core.EnvironmentMap.read(folder / f"{light}.exr") for light in LIGHTS}

@@ -51,9 +51,16 @@ class Bake:
         """`CubeMap`: the directions that were baked."""
         return self.transport.cube_map
 
-    def make_caster(self, name="auto"):
-        """A ray caster over the bake's triangles, as `rays.make_caster` makes it."""
-        return self.scene.make_caster(name)
+    def make_caster(self, name="auto", rays="diffuse"):
+        """A ray caster over the bake's triangles that rays of a kind meet.
+
+        Parameters
+        ----------
+        name : str
+        rays : {"diffuse", "shadow", "camera"}
+            See `Scene.make_caster`.
+        """
+        return self.scene.make_caster(name, rays, self.cube_map.resolution)
 
     def colours(self, radiance):
         """Radiance of points as colours of corners.

@@ -16,6 +16,7 @@ from prt_core.sampling.dilate import dilate
 from prt_core.store import damage_as_error
 from prt_core.transport import Sharing, all_bounces, gather_parts
 from prt_core.transport.gather import ROUND
+from prt_core.transport.sent import mean_of_channels, sent_of
 from prt_core.transport.visibility import received_light
 
 MOST_ROUNDS = 64
@@ -40,8 +41,8 @@ class Bounced:
     error : float or None
     hidden : float
         Share of the rays that met a place which sees none of its bake points.
-    backs : (n_objects,) int64
-        Hits on backs that return no light.
+    dark_backs : float
+        Share of the rays that met a back to which no light gets.
     skipped : dict
         What was not done because the scene does not need it.
     """
@@ -51,7 +52,7 @@ class Bounced:
     rounds: int = 0
     error: float | None = None
     hidden: float = 0.0
-    backs: np.ndarray = ()
+    dark_backs: float = 0.0
     skipped: dict = field(default_factory=dict)
 
 
@@ -72,6 +73,9 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     skipped = {"gather_open_points": int(spared.sum())}
     points = scene.points
     bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
+    if points.materials.translucency.any():
+        # The bound knows nothing of light from behind.
+        bound = np.inf
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
         for name in ("gather", "gather_rays", "blocked"):
@@ -126,7 +130,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     cast, short, hidden, *backs = counts[:rounds].sum(axis=(0, 1)).tolist()
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     share = hidden / max(cast, 1)
-    return Bounced(cast, short, rounds, float(error), share, np.array(backs), skipped)
+    dark = sum(backs) / max(cast, 1)
+    return Bounced(cast, short, rounds, float(error), share, dark, skipped)
 
 
 def most_rounds(n_points):
@@ -205,8 +210,10 @@ def _probe_light(store, scene, cube_map, parts):
 def _bounce_error(hits, scene, rounds, probes, blocked, settings):
     """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
     halves = []
+    points = scene.points
     albedo, mean = (
-        x.mean(axis=1, keepdims=True) for x in (scene.points.albedo, scene.points.mean_albedo)
+        mean_of_channels(sent_of(materials, scene.opposite))
+        for materials in (points.materials, points.mean_materials)
     )
     for half in (0, 1):
         operator = read_gather(hits, range(half, rounds, 2), blocked)

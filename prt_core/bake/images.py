@@ -96,7 +96,7 @@ def image_steps(scene, meshes, camera, caster, settings):
             camera is not None,
             "camera pixels: the scene has no camera whose lens is followed; add one",
         )
-        tracer = scene.make_caster(caster)
+        tracer = scene.make_caster(caster, "camera")
         try:
             scene = with_camera_image(scene, tracer, camera, *size, samples)
         finally:

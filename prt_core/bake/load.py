@@ -61,6 +61,7 @@ def load(path):
         min(settings.tolerance / 5, 1e-3),
         settings.bounces,
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
+        scene.opposite if points.materials.translucency.any() else None,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
     return Bake(scene, transport, *parts, _read_dense(store, n_points))

@@ -5,6 +5,7 @@ import platform
 
 import numpy as np
 
+from prt_core.rays import MOST_LAYERS
 from prt_core.runtime.machine import peak_bytes
 from prt_core.transport.gather import ROUND
 from prt_core.version import __version__
@@ -37,13 +38,12 @@ def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store
     rounds, error = bounced.rounds, bounced.error
     # The gravest first: of many lines a panel shows only the first ones.
     messages = [*_missed(seen, bounced, settings.tolerance), *scene.messages]
-    for item, count in zip(scene.objects, bounced.backs, strict=False):
-        share = count / (len(scene.points) * rounds * ROUND)
-        if share > 0.02:
-            messages.append(
-                f"{item.name}: {share:.1%} of the bounce rays met its back, which "
-                f"returns no light; if it is a sheet, bake with --two-sided '{item.name}'"
-            )
+    too_deep = getattr(caster, "too_deep", 0)
+    if too_deep:
+        messages.append(
+            f"{too_deep:,} rays met more than {MOST_LAYERS} surfaces that let light pass, "
+            "and were taken as blocked there"
+        )
     traced = sum(seconds.get(stage, 0) for stage in _RAY_STAGES)
     by_kind = {
         "rays_visibility": seen["rays"],
@@ -68,6 +68,8 @@ def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store
         "tolerance": settings.tolerance,
         "tolerance_met": met,
         "hidden_hits": bounced.hidden,
+        "back_points": len(np.unique(scene.lattice_back[scene.lattice_back >= 0])),
+        "dark_backs": bounced.dark_backs,
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
         "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},

@@ -20,10 +20,11 @@ from prt_core.store import (
     check_scene,
     damage_as_error,
     finish_bake,
+    read_backs,
     read_details,
     write_scene,
 )
-from prt_core.transport import detail_steps
+from prt_core.transport import detail_steps, side_steps
 
 
 def bake_steps(
@@ -90,7 +91,7 @@ def bake_steps(
     casters = []
 
     def caster():
-        casters.append(scene.make_caster(settings.caster))
+        casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
     parts = (lamps, world, camera, source, origin)
@@ -141,7 +142,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
             stage: expect_number(f"seconds of {stage}", value, least=0)
             for stage, value in store.attributes.get("seconds", {}).items()
         }
-    scene = yield from _detailed(store, scene, caster, settings, seconds)
+    scene = yield from _detailed(store, scene, caster, settings, parts, seconds)
     keep_lights(store, attributes, world)
     yield Progress("scene", 0, 0)
     seen = yield from visibility_steps(
@@ -161,20 +162,23 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     return report
 
 
-def _detailed(store, scene, caster, settings, seconds):
-    """The scene with hidden points in gaps and rooms within a face, stored.
+def _detailed(store, scene, caster, settings, parts, seconds):
+    """The scene with points on backs, and hidden ones in gaps and rooms within a face, stored.
 
     They are found by rays: what goes on takes those that it began with, where they are whole.
     """
     if settings.bounces != 0:
-        places = read_details(store, scene)
+        sided = read_backs(store, scene)
+        places = None if sided is None else read_details(store, sided)
         if places is None:
-            start = time.perf_counter()
-            scene, rays = yield from detail_steps(scene, caster, settings.seed)
+            start, (lamps, _, camera, *_) = time.perf_counter(), parts
+            sided, probes = yield from side_steps(scene, caster, settings.seed, lamps, camera)
+            scene, rays = yield from detail_steps(sided, caster, settings.seed)
             seconds["details"] = time.perf_counter() - start
             # What was baked of a scene with other details is no part of this bake any more.
-            store.update(details=scene.details.digest(), rays_details=rays)
+            digest = scene.details.digest(scene.lattice_back)
+            store.update(details=digest, rays_details=probes + rays)
         else:
-            scene = with_details(scene, *places)
+            scene = with_details(sided, *places)
     store.update(seconds=seconds, **write_scene(store, scene))
     return scene

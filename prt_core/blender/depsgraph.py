@@ -1,7 +1,7 @@
 """What renders of a scene, as `Mesh`es: modifiers, curves, hair, instances, normals, materials."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import bpy
@@ -19,6 +19,7 @@ from prt_core.blender.left_out import (
 from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.raw_mesh import RawMesh
+from prt_core.blender.ray_visibility import ray_visibility
 from prt_core.blender.render_scene import as_rendered, rendered_layer
 from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
 from prt_core.blender.strands import curve_strands, particle_strands, point_octahedra, tubes
@@ -149,6 +150,8 @@ class _Part:
     place: tuple = ("", "")
     source: str = ""
     record: SurfaceRecord | None = None
+    # Whether rays of some kinds meet it (see `Mesh`).
+    rays: dict = field(default_factory=dict)
     # Of strands and points, which have no materials yet: a colour, or the mesh to take it from.
     colour: tuple | None = None
     emitter: str | None = None
@@ -198,6 +201,8 @@ class _Reading:
         mesh.receives, mesh.two_sided, mesh.own_mesh = part.receives, part.two_sided, part.own_mesh
         mesh.owner, mesh.library = part.place
         mesh.source = part.source
+        for flag, is_met in part.rays.items():
+            setattr(mesh, flag, is_met)
         self.meshes.append(mesh)
 
     def records(self):
@@ -242,6 +247,7 @@ class _Reading:
         part.place = place_of(owner)
         part.source = source.original.name if owner != source.original else ""
         part.own_mesh = parent is None and _own_mesh(source, raw)
+        part.rays = ray_visibility(source, parent or source, view_layer)
         random_id = 0 if parent is None else instance.random_id
         part.record = raw.surface.placed(part.name, owner, source, part.matrix, random_id)
         if parent is not None and part.receives:
@@ -329,6 +335,7 @@ class _Reading:
         part = _Part(name, raw, _matrix(instance), place=place, emitter=emitter)
         raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
         part.colour = plain_colour(material)
+        part.rays = ray_visibility(source, instance.parent or source, view_layer)
         self.parts.append(part)
         many = "" if share == 1 else f", one of each {share} and so much wider,"
         self.messages.append(

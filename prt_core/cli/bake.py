@@ -28,7 +28,11 @@ def add_bake(commands, in_blender):
     bake.add_argument("--resolution", type=int, default=32, help="texels along a cube edge (32)")
     bake.add_argument("--objects", nargs="+", metavar="NAME", help="that receive; default all")
     bake.add_argument(
-        "--two-sided", nargs="+", metavar="NAME", default=[], help="whose backs are lit as well"
+        "--two-sided",
+        nargs="+",
+        metavar="NAME",
+        default=[],
+        help="whose backs have points, seen or not",
     )
     bake.add_argument("--bounces", type=bounces, default=None, help="auto or a number (auto)")
     bake.add_argument(

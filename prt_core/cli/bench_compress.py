@@ -67,7 +67,7 @@ def _bench_compress(options):
             bake, name, options.methods, lights, options.budgets, options.seed, evaluators
         )
         rows = run(steps, bar)
-        caster = bake.make_caster()
+        caster = bake.make_caster(rays="camera")
         first = next(iter(lights.items()))
         report = compress_report(bake, caster, rows, evaluators, *first, len(lights))
         caster.close()

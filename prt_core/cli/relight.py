@@ -313,7 +313,7 @@ def _write_png(baked, radiance, sky, options):
     from prt_core.evaluate import render_view, to_srgb, write_png
 
     _bpy_where_needed()
-    caster = baked.make_caster(options.caster)
+    caster = baked.make_caster(options.caster, "camera")
     try:
         picture = render_view(baked, radiance, caster, *options.size, background=sky)
     finally:

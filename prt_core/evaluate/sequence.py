@@ -84,7 +84,7 @@ class PictureWriter:
         """
         camera = self._bake.camera if camera is None else camera
         if self._rays is None or camera != self._camera:
-            caster = self._bake.make_caster(self._caster)
+            caster = self._bake.make_caster(self._caster, "camera")
             try:
                 self._rays = CameraRays(self._bake.scene, caster, camera, *self._size)
             finally:

@@ -42,6 +42,11 @@ class Frames:
     def __len__(self):
         return len(self.centres)
 
+    def of_some(self, triangles):
+        """The `Frames` of triangles, by their numbers, without those that serve none."""
+        used, frame = np.unique(self.of_triangle[triangles], return_inverse=True)
+        return Frames(self.centres[used], frame.astype(np.int32), self.coarse[triangles])
+
     def local(self, vertices, triangles):
         """(n_triangles, 3, 3) float64: corners of triangles of vertices, each in its own frame."""
         return vertices[triangles] - self.centres[self.of_triangle][:, None]

@@ -33,6 +33,11 @@ class RelayCaster:
         self._pace = Pace(seconds, _FEWEST)
         self.name, self.batch = caster.name, caster.batch
 
+    @property
+    def too_deep(self):
+        """See `PassingCaster`."""
+        return getattr(self._caster, "too_deep", 0)
+
     def occluded(self, origins, directions, distances=None):
         """See `RayCaster`."""
         result = np.empty(len(origins), bool)

@@ -71,7 +71,7 @@ QUANTITIES = {
     "emission": Quantity(3, 0, 1e15, step=1 / 32, default=0.0),
     # Share of the light that does not go straight through. What goes through is no part of albedo.
     "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
-    # Share of the light from behind that leaves the front evenly to all sides.
+    # Share of the light on the back that leaves the front evenly to all sides.
     "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
     # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
     "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),
@@ -91,6 +91,8 @@ class Materials:
     Attributes
     ----------
     albedo : (n, 3) array
+    opacity : (n, 1) array
+    translucency : (n, 3) array
 
     Raises
     ------
@@ -214,6 +216,22 @@ class Materials:
                 arrays.append(np.frombuffer(name.encode(), np.uint8))
             arrays.append(getattr(self, name))
         return arrays
+
+    def of_what_is_met(self):
+        """`Materials` of the light that does not go straight through: the same where all does not.
+
+        A ray that goes through has met nothing; of those that end here, more leave evenly than of
+        all that arrive.
+        """
+        if (self.opacity == 1).all():
+            return self
+        share = np.asarray(self.opacity, np.float64)
+
+        def given(values):
+            part = np.where(share > 0, values / np.maximum(share, 1e-12), 0)
+            return np.clip(part, 0, 1).astype(values.dtype)
+
+        return self.replaced(albedo=given(self.albedo), translucency=given(self.translucency))
 
     def equals(self, other):
         """Whether all quantities are those of `other`, value by value."""

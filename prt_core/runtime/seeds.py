@@ -26,6 +26,7 @@ class Stage(IntEnum):
     DITHER = 16
     BENCH_MATRIX = 17
     GATHER_SHIFT = 18
+    SIDES = 19
 
 
 def generator(seed, stage, *key):

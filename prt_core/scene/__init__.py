@@ -1,5 +1,6 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
+from prt_core.scene.backs import with_backs
 from prt_core.scene.camera import (
     Camera,
     ViewRays,
@@ -20,7 +21,8 @@ from prt_core.scene.images import (
     with_camera_image,
     with_geometry_image,
 )
-from prt_core.scene.mesh import Mesh
+from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
 from prt_core.scene.scene import Scene, SceneObject
@@ -34,8 +36,10 @@ __all__ = [
     "MATERIALS",
     "MOST_OFFSET",
     "Mesh",
+    "Opacity",
     "PARAMETRISATIONS",
     "PointImage",
+    "RAYS",
     "Scene",
     "SceneObject",
     "ViewRays",
@@ -48,6 +52,7 @@ __all__ = [
     "mesh_digests",
     "surface_points",
     "view_rays",
+    "with_backs",
     "with_camera_image",
     "with_details",
     "with_geometry_image",

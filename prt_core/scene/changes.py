@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect_named, expect_offers
+from prt_core.scene.mesh import RAYS
 
 
 def mesh_digests(meshes):
@@ -35,6 +36,9 @@ def mesh_digests(meshes):
             np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),
         ):
             digest.update(np.ascontiguousarray(array))
+        met_by = [getattr(mesh, name) for name in RAYS]
+        if not all(met_by):
+            digest.update(np.array(met_by))
         if mesh.paint is not None:
             digest.update(mesh.paint.digest())
         digests[mesh.name] = digest.hexdigest()

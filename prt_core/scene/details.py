@@ -32,9 +32,11 @@ class Details:
     def __len__(self):
         return len(self.point)
 
-    def digest(self):
-        """Hexadecimal digest of where they lie."""
+    def digest(self, lattice_back):
+        """Hexadecimal digest of where they lie, and of which backs have points (see `Scene`)."""
         state = hashlib.blake2b(digest_size=16)
+        if (lattice_back >= 0).any():
+            state.update(np.ascontiguousarray(lattice_back))
         for array in (self.triangle, self.barycentric, self.back):
             state.update(np.ascontiguousarray(array))
         return state.hexdigest()

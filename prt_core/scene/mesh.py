@@ -14,6 +14,9 @@ from prt_core.errors import (
 from prt_core.reflectance import Materials, expect_materials
 from prt_core.scene.paint import Paint
 
+# The kinds of rays, and which field of a mesh says whether they meet it.
+RAYS = {"shadow_rays": "shadow", "diffuse_rays": "diffuse", "camera_rays": "camera"}
+
 
 @dataclass
 class Mesh:
@@ -55,6 +58,9 @@ class Mesh:
         The materials between the corners; default: as they say, in between.
     material_names : tuple of str
         Of its materials, by slot; may be empty.
+    shadow_rays, diffuse_rays, camera_rays : bool
+        Whether rays towards lamps, rays that gather light (from the sky, and from surfaces), and
+        those of pictures meet it.
     """
 
     name: str
@@ -74,13 +80,16 @@ class Mesh:
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
     material_names: tuple = ()
+    shadow_rays: bool = True
+    diffuse_rays: bool = True
+    camera_rays: bool = True
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
         self.owner = expect_kind(f"{self.name}: owner", self.owner or self.name, str, "text")
         expect_kind(f"{self.name}: library", self.library, str, "text")
         expect_kind(f"{self.name}: source", self.source, str, "text")
-        for flag in ("receives", "two_sided", "own_mesh"):
+        for flag in ("receives", "two_sided", "own_mesh", *RAYS):
             setattr(self, flag, expect_flag(f"{self.name}: {flag}", getattr(self, flag)))
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
         self.corner_vertex = expect_array(

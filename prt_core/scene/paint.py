@@ -118,14 +118,45 @@ class Surfaces:
             }
         )
 
-    def _samples_along(self, triangles, levels):
-        """(n,) int: samples along an edge of each triangle's cells, as its texels ask for."""
+    def opacity_cells(self, sloping):
+        """Into how many cells along an edge opacity asks triangles to be cut.
+
+        Parameters
+        ----------
+        sloping : int
+            Where corners differ.
+
+        Returns
+        -------
+        (n_triangles,) int64
+            0 where a triangle is known to be opaque.
+        """
+        opacity = self._materials.opacity[:, 0]
+        corners = opacity[self._corners] if (opacity < 1).any() else np.ones((1, 3))
+        even, clear = np.ptp(corners, axis=1) == 0, (corners < 1).any(axis=1)
+        cells = np.where(clear, np.where(even, 1, sloping), 0)
+        cells = np.array(np.broadcast_to(cells, len(self._corners)))
+        for owner in np.unique(self._object[self.painted]):
+            mine = np.flatnonzero(self._object == owner)
+            paint, one = self._paints[owner], self._corners[mine[:1]] - self._first[owner]
+            # What paint does not say of one place it says of none.
+            if "opacity" in paint.at(one, np.full((1, 3), 1 / 3)):
+                cells[mine] = np.ceil(np.sqrt(2 * np.maximum(self._texels(mine), 1)))
+        return cells
+
+    def _texels(self, triangles):
+        """(n,) float: about how many colours lie in each painted triangle."""
         texels = np.zeros(len(triangles))
         owners = self._object[triangles]
         for owner in np.unique(owners):
             mine = owners == owner
             corners = self._corners[triangles[mine]] - self._first[owner]
             texels[mine] = self._paints[owner].texels(corners)
+        return texels
+
+    def _samples_along(self, triangles, levels):
+        """(n,) int: samples along an edge of each triangle's cells, as its texels ask for."""
+        texels = self._texels(triangles)
         # Twice as many each way as there are texels, in a triangle that is half their square.
         along = 2 * np.sqrt(2 * np.maximum(texels, 0)) / levels
         fewer = np.sqrt(max(1.0, float(((levels * np.minimum(along, _ALONG)) ** 2).sum()) / _ALL))

@@ -112,7 +112,7 @@ def make_points(stacked, levels, frames, surfaces):
     -------
     SimpleNamespace
         points : BakePoints; corner_point (n_corners,) int64; lattice_start (n_triangles,) int64;
-        lattice, lattice_back (sum of lattice sizes,) int32.
+        lattice (sum of lattice sizes,) int32.
     """
     corners = stacked["triangle_corners"].astype(np.int64)
     vertices = stacked["vertices"]
@@ -164,25 +164,9 @@ def make_points(stacked, levels, frames, surfaces):
     start, lattice, hidden = _lattices(
         columns, levels, face_normal, doubled[:, 0], points, surfaces, normal, corners, lifts
     )
-    lattice_back = np.full(len(lattice), -1, np.int64)
-    two_sided = stacked["two_sided"][stacked["triangle_object"].astype(np.int64)]
     points = {key: _joined([points[key], hidden[key]]) for key in points}
-    points["mean_materials"] = surfaces.mean(levels, start, lattice, points["materials"])
-    if two_sided.any():
-        owner = np.repeat(np.arange(len(levels)), lattice_size(levels))
-        front = np.unique(lattice[two_sided[owner]])
-        back_of = np.full(len(points["positions"]), -1)
-        back_of[front] = len(points["positions"]) + np.arange(len(front))
-        lattice_back = np.where(two_sided[owner], back_of[lattice], -1)
-        back = {key: value[front] for key, value in points.items()}
-        normal = back["geometric_normals"]
-        back["ray_offset"] = (
-            back["ray_offset"]
-            - 2 * normal * np.einsum("nx,nx->n", normal, back["ray_offset"])[:, None]
-        )
-        back["normals"], back["geometric_normals"] = -back["normals"], -normal
-        back["visible"] = np.zeros(len(front), bool)
-        points = {key: _joined([points[key], back[key]]) for key in points}
+    means = surfaces.mean(levels, start, lattice, points["materials"])
+    points["mean_materials"] = means.of_what_is_met()
     kinds = {"positions": np.float64, "object_index": np.int32, "visible": bool}
     stored = {
         key: value.stored() if key in MATERIALS else np.asarray(value, kinds.get(key, np.float32))
@@ -193,7 +177,6 @@ def make_points(stacked, levels, frames, surfaces):
         corner_point=corner_point,
         lattice_start=start,
         lattice=lattice.astype(np.int32),
-        lattice_back=lattice_back.astype(np.int32),
     )
 
 

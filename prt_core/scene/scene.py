@@ -19,15 +19,18 @@ from prt_core.errors import (
     expect_vectors,
     expect_whole,
 )
-from prt_core.rays import FramedCaster, make_caster, precision_frames
+from prt_core.rays import precision_frames
 from prt_core.reflectance import Materials
+from prt_core.scene.backs import opposites, with_backs
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
-from prt_core.scene.mesh import Mesh
+from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.opacity import Opacity, dimming, opacity_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.paint import Surfaces
 from prt_core.scene.points import BakePoints, make_points
+from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
 
 
@@ -45,6 +48,7 @@ class SceneObject:
     n_vertices : int
     receives, two_sided, own_mesh : bool
     owner, library, source : str
+    shadow_rays, diffuse_rays, camera_rays : bool
         As those of the `Mesh` it was made from.
     """
 
@@ -59,6 +63,9 @@ class SceneObject:
     owner: str
     library: str = ""
     source: str = ""
+    shadow_rays: bool = True
+    diffuse_rays: bool = True
+    camera_rays: bool = True
 
     @property
     def known_as(self):
@@ -100,6 +107,8 @@ class Scene:
         Points inside of triangles.
     surfaces : Surfaces or None
         What was between the corners of the meshes it was made from; not kept on disk.
+    opacity : Opacity or None
+        Where triangles let light pass; None where all are opaque.
     """
 
     centre: np.ndarray
@@ -117,6 +126,7 @@ class Scene:
     image: PointImage | None = None
     details: Details = field(default_factory=no_details)
     surfaces: Surfaces | None = field(default=None, repr=False, compare=False)
+    opacity: Opacity | None = field(default=None, repr=False)
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -160,6 +170,14 @@ class Scene:
                 f"{meshes[int(number)].name}: lies so far from the rest for its size that its "
                 "shadows are coarse; bake what lies apart in files of its own"
             )
+        differ = [m.name for m in meshes if m.shadow_rays != m.diffuse_rays]
+        if differ:
+            names = ", ".join(differ[:4]) + (" …" if len(differ) > 4 else "")
+            messages.append(
+                f"{len(differ)} objects are seen by only one of shadow and diffuse rays ({names}); "
+                "light from the world goes by their diffuse ray visibility, lamps and sharp suns "
+                "by the shadow one"
+            )
         surfaces = Surfaces(stacked, [mesh.paint for mesh in meshes], counts["first_corner"])
         built = make_points(stacked, levels, frames, surfaces)
         objects = [
@@ -175,6 +193,7 @@ class Scene:
                 mesh.owner,
                 mesh.library,
                 mesh.source,
+                *(getattr(mesh, name) for name in RAYS),
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True
@@ -191,42 +210,44 @@ class Scene:
             triangle_level=levels.astype(np.int32),
             lattice_start=built.lattice_start,
             lattice=built.lattice,
-            lattice_back=built.lattice_back,
+            lattice_back=np.full_like(built.lattice, -1),
             messages=messages,
             surfaces=surfaces,
+            opacity=opacity_of(surfaces),
         )
+        messages.extend(dimming(scene))
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
-        return scene
+        # What is translucent shows the light of its back.
+        through = scene.points.materials.translucency.any(axis=1)[scene.lattice]
+        through = np.logical_or.reduceat(through, scene.lattice_start)
+        return with_backs(scene, through | stacked["two_sided"][scene.triangle_object])
 
     @cached_property
     def frames(self):
         """The `Frames` in which the triangles are cast."""
         return precision_frames(self.vertices, self.triangles, self.triangle_object)
 
-    def make_caster(self, name="auto", objects=None):
-        """A ray caster over the triangles, by name (see `rays.make_caster`).
+    def make_caster(self, name="auto", rays="diffuse", resolution=32, objects=None):
+        """A ray caster over the triangles that rays of a kind meet.
 
         Parameters
         ----------
         name : str
-        objects : (n_objects,) bool, optional
-            Whose triangles the rays meet; hits count these triangles only. Default: all.
+            Of the back-end (see `rays.make_caster`).
+        rays : {"diffuse", "shadow", "camera"}
+            Those that gather light, from the sky and from surfaces; those towards lamps; those of
+            pictures.
+        resolution : int
+            Of the cube map whose directions are traced, where surfaces let some light pass.
+
+        Returns
+        -------
+        RayCaster
         """
-
-        def factory(vertices, triangles):
-            return make_caster(name, vertices, triangles)
-
-        triangles, frames = self.triangles, self.frames
         if objects is not None:
             objects = expect_mask("objects", objects, len(self.objects))
-            chosen = objects[self.triangle_object]
-            triangles = triangles[chosen]
-            if len(frames) > 1:
-                frames = precision_frames(self.vertices, triangles, self.triangle_object[chosen])
-        if len(self.frames) == 1:
-            return factory(self.vertices.astype(np.float32), triangles)
-        return FramedCaster(factory, self.vertices, triangles, frames)
+        return caster_of(self, name, rays, resolution, objects)
 
     def objects_named(self, names):
         """(n_objects,) bool: which objects people know by one of these names.
@@ -252,6 +273,11 @@ class Scene:
         """
         origins = self.points.positions + self.points.ray_offset
         return origins.astype(np.float32) if len(self.frames) == 1 else origins
+
+    @cached_property
+    def opposite(self):
+        """(n_points,) int32: the point on the other side of the same place, -1 where none is."""
+        return opposites(self)
 
     @cached_property
     def open_points(self):
@@ -337,6 +363,11 @@ class Scene:
         for item in self.objects:
             digest.update(item.name.encode())
             digest.update(item.corner_point.tobytes())
+            met_by = [getattr(item, name) for name in RAYS]
+            if not all(met_by):
+                digest.update(bytes(met_by))
+        if self.opacity is not None:
+            digest.update(self.opacity.digest())
         return digest.hexdigest()
 
 

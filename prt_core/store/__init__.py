@@ -11,7 +11,13 @@ from prt_core.store.compressed import (
 )
 from prt_core.store.journal import JournalMismatch, RayJournal
 from prt_core.store.places import is_removable, remove_bake
-from prt_core.store.scenes import check_scene, read_details, read_scene, write_scene
+from prt_core.store.scenes import (
+    check_scene,
+    read_backs,
+    read_details,
+    read_scene,
+    write_scene,
+)
 from prt_core.store.store import BakeStore
 
 __all__ = [
@@ -25,6 +31,7 @@ __all__ = [
     "damage_as_error",
     "finish_bake",
     "is_removable",
+    "read_backs",
     "read_compressed",
     "read_details",
     "read_scene",

@@ -9,9 +9,11 @@ from prt_core.scene import (
     MOST_OFFSET,
     BakePoints,
     Details,
+    Opacity,
     PointImage,
     Scene,
     SceneObject,
+    with_backs,
 )
 from prt_core.store.attributes import damage_as_error
 
@@ -43,7 +45,14 @@ _OBJECT = {
     "own_mesh": bool,
     "owner": str,
     "library": str,
+    "shadow_rays": bool,
+    "diffuse_rays": bool,
+    "camera_rays": bool,
 }
+# What objects of bakes are that do not say it: they were made when rays met everything.
+_MET = dict.fromkeys(("shadow_rays", "diffuse_rays", "camera_rays"), True)
+# Of triangles that let light pass, where there are some.
+_OPACITY = {"first": "int32", "along": "int32", "cells": "uint16"}
 # What the materials of bakes have that do not say it: they were made when there was no more.
 _FIRST = ["albedo"]
 # How far weighted means of float32 may leave their range, and unit vectors a length of 1.
@@ -75,11 +84,17 @@ def write_scene(store, scene):
         store.keep(f"object_{name}", np.concatenate(parts).astype(np.int32))
     for name in _DETAILS:
         store.keep(f"detail_{name}", getattr(scene.details, name))
+    for name in _OPACITY:
+        if scene.opacity is not None:
+            store.keep(f"opacity_{name}", getattr(scene.opacity, name))
+        else:
+            store.remove(f"opacity_{name}")
     if scene.image is not None:
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
     return {
         "materials": scene.points.nondefault(),
+        "opacity": scene.opacity is not None,
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         "centre": scene.centre,
         "size": scene.size,
@@ -95,6 +110,7 @@ def write_scene(store, scene):
                 "owner": item.owner,
                 "library": item.library,
                 "source": item.source,
+                **{name: bool(getattr(item, name)) for name in _MET},
             }
             for item in scene.objects
         ],
@@ -138,6 +154,7 @@ def read_scene(store):
     with damage_as_error(store.path):
         objects, corner, face = [], 0, 0
         for item in attributes["objects"]:
+            item = {**_MET, **item}
             strange = [
                 key
                 for key, kind in _OBJECT.items()
@@ -170,6 +187,7 @@ def read_scene(store):
             lattice_back=lattice_back,
             image=_read_image(store, attributes["image"]),
             details=details,
+            opacity=_read_opacity(store, len(triangles)),
             **by_triangle,
         )
         check_scene(scene)
@@ -202,6 +220,28 @@ def _read_materials(store, n_points):
     }
 
 
+def read_backs(store, scene):
+    """The scene with the backs that a bake which is not finished began with.
+
+    Parameters
+    ----------
+    store : BakeStore
+    scene : Scene
+        Without them, and without details.
+
+    Returns
+    -------
+    Scene, or None
+        None where there are none to read that fit the scene.
+    """
+    try:
+        lattice_back = store.read("scene_lattice_back", scene.lattice_back.shape, "int32")
+    except PRTError:
+        return None
+    sided = with_backs(scene, lattice_back[scene.lattice_start] >= 0)
+    return sided if np.array_equal(sided.lattice_back, lattice_back) else None
+
+
 def read_details(store, scene):
     """Where the details of a scene lie, of a bake that is not finished.
 
@@ -220,7 +260,8 @@ def read_details(store, scene):
         details = _read_details(store)
     except PRTError:
         return None
-    same = details.digest() == store.attributes.get("details") and _lie_on(details, scene)
+    same = details.digest(scene.lattice_back) == store.attributes.get("details")
+    same = same and _lie_on(details, scene)
     return (details.triangle, details.barycentric, details.back) if same else None
 
 
@@ -246,12 +287,33 @@ def _lie_on(details, scene):
     )
 
 
+def _read_opacity(store, n_triangles):
+    if not store.attributes.get("opacity", False):
+        return None
+    shapes = {"first": (n_triangles,), "along": (n_triangles,), "cells": (None,)}
+    return Opacity(
+        **{
+            name: store.read(f"opacity_{name}", shapes[name], dtype)
+            for name, dtype in _OPACITY.items()
+        }
+    )
+
+
 def _read_image(store, sizes):
     if sizes is None:
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
     return PointImage(*(int(size) for size in sizes), pixel, point)
+
+
+def _cells_lie_inside(opacity):
+    first, along = opacity.first.astype(np.int64), opacity.along.astype(np.int64)
+    return (
+        _inside(first, -1, max(1, len(opacity.cells)))
+        and _inside(along, 1, 1 << 12)
+        and _inside((first + along**2)[first >= 0], 0, len(opacity.cells) + 1)
+    )
 
 
 def check_scene(scene):
@@ -340,6 +402,7 @@ def _leads_inside(scene):
         and _inside(scene.lattice_start + cells, 0, len(scene.lattice) + 1)
         and _inside(scene.points.object_index, 0, len(scene.objects))
         and _inside(scene.details.point, 0, n_points)
+        and (scene.opacity is None or _cells_lie_inside(scene.opacity))
         and _lie_on(scene.details, scene)
         and sum(item.n_vertices for item in scene.objects) == len(scene.vertices)
         and all(

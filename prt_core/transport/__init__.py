@@ -8,6 +8,7 @@ from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
 from prt_core.transport.operator import gather_operator, ray_ends
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.sharing import Sharing
+from prt_core.transport.sides import side_steps
 from prt_core.transport.transport import Transport
 from prt_core.transport.view import View
 from prt_core.transport.visibility import received_light, visibility_bits
@@ -30,5 +31,6 @@ __all__ = [
     "received_light",
     "received_with_bounces",
     "reference_rows",
+    "side_steps",
     "visibility_bits",
 ]

@@ -12,6 +12,7 @@ from prt_core.errors import (
 )
 from prt_core.reflectance import QUANTITIES
 from prt_core.transport.exit_radiance import ExitRadiance
+from prt_core.transport.sent import Sent
 
 # Bounces after which the light must have settled: as many as are needed, or a number asked for.
 _MOST, _MOST_ASKED = 2000, 20_000
@@ -27,7 +28,7 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
     ----------
     gather : (n_points, n_points) CSR float32, or None
         K; None for direct light only.
-    albedo : (n_points, n_channels) float32
+    albedo : (n_points, n_channels) float32, or Sent
     received : (n_points, n_channels) float32
         Direct irradiance / pi (see `received_light`).
     tolerance : float
@@ -35,7 +36,7 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
     bounces : int, optional
         Exactly so many bounces after the direct light, unless nothing is added any more; default:
         as many as `tolerance` needs.
-    mean_albedo : (n_points, n_channels) float32, optional
+    mean_albedo : (n_points, n_channels) float32, or Sent, optional
         Of the area that each point stands for, with which it bounces; default: `albedo`.
 
     Returns
@@ -48,10 +49,9 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
     PRTError
         The series does not converge: surfaces reflect all they receive and nothing escapes.
     """
-    albedo = expect_array("albedo", albedo, (None, None), least=0, most=MOST_ALBEDO)
-    sends = albedo
+    albedo = sends = _expect_albedo("albedo", albedo)
     if mean_albedo is not None:
-        sends = expect_array("mean_albedo", mean_albedo, albedo.shape, least=0, most=MOST_ALBEDO)
+        sends = _expect_albedo("mean_albedo", mean_albedo, _albedo_of(albedo).shape)
     arrived, n_bounces = received_with_bounces(gather, sends, received, tolerance, bounces)
     return ExitRadiance(arrived, albedo).toward(), n_bounces
 
@@ -62,7 +62,7 @@ def received_with_bounces(gather, albedo, received, tolerance=1e-3, bounces=None
     Parameters
     ----------
     gather : (n_points, n_points) CSR float32, or None
-    albedo : (n_points, n_channels) float32
+    albedo : (n_points, n_channels) float32, or Sent
         With which points bounce.
     received : (n_points, n_channels) float32
     tolerance : float
@@ -74,7 +74,8 @@ def received_with_bounces(gather, albedo, received, tolerance=1e-3, bounces=None
     received : (n_points, n_channels) float32
     n_bounces : int
     """
-    albedo = expect_array("albedo", albedo, (None, None), least=0, most=MOST_ALBEDO)
+    sends = _expect_albedo("albedo", albedo)
+    albedo = _albedo_of(sends)
     received = expect_array(
         "received", received, (len(albedo), None), least=-MOST_RECEIVED, most=MOST_RECEIVED
     )
@@ -88,9 +89,20 @@ def received_with_bounces(gather, albedo, received, tolerance=1e-3, bounces=None
     expect_gather(gather, len(albedo))
     if gather is None:
         return received, 0
-    return bounce_series(
-        lambda term: gather @ (albedo * term), received, albedo, tolerance, bounces
-    )
+    send = sends if isinstance(sends, Sent) else lambda term: albedo * term
+    return bounce_series(lambda term: gather @ send(term), received, albedo, tolerance, bounces)
+
+
+def _albedo_of(sends):
+    return sends.albedo if isinstance(sends, Sent) else sends
+
+
+def _expect_albedo(name, albedo, shape=(None, None)):
+    """Albedo, or the `Sent` that it is part of, checked."""
+    if isinstance(albedo, Sent):
+        expect_array(name, albedo.albedo, shape, least=0, most=MOST_ALBEDO)
+        return albedo
+    return expect_array(name, albedo, shape, least=0, most=MOST_ALBEDO)
 
 
 def expect_gather(gather, n_points):

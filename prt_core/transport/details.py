@@ -23,6 +23,7 @@ from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import with_details
 from prt_core.transport.gather import cosine_directions
+from prt_core.transport.sent import Sent, mean_of_channels, sent_of
 from prt_core.transport.sharing import MISS, Places, Sharing
 
 # Rays of every point, of those around points that met such a place, and more of those that are
@@ -71,7 +72,7 @@ def detail_steps(scene, caster, seed):
     found = yield from probe.told_apart(_Found.joined([first, found]), light, 0)
     _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 2)
     more = yield from probe.told_apart(more, light, 1)
-    found = _spread(scene, _Found.joined([found, more]))
+    found = _spread(scene, _without_translucent(scene, _Found.joined([found, more])))
     detailed = with_details(scene, found.triangle, found.barycentric, found.back)
     return detailed, probe.n_rays
 
@@ -276,6 +277,14 @@ class _Probe:
         return ends.reshape(n, count), ambient, met, len(ways) + int(short.sum(dtype=np.int64))
 
 
+def _without_translucent(scene, found):
+    """Those on surfaces that no light shines through: others are told by both sides at once."""
+    if not scene.points.materials.translucency.any():
+        return found
+    around, _ = scene.hit_points(found.triangle, found.barycentric, found.back)
+    return found[~scene.points.materials.translucency[around].any(axis=(1, 2))]
+
+
 def _points_around(scene, found):
     """Bake points near those whose rays found something, and the corners of what they met."""
     if not len(found):
@@ -297,7 +306,10 @@ def _light(scene, ends, ambient):
 
 def _sent(scene, received):
     """(n_points + 1,) what points send on; the last is nothing."""
-    return np.append(scene.points.mean_albedo.mean(axis=1).astype(np.float64) * received, 0.0)
+    sends = mean_of_channels(sent_of(scene.points.mean_materials, scene.opposite))
+    if isinstance(sends, Sent):
+        return np.append(sends(received[:, None])[:, 0], 0.0)
+    return np.append(sends[:, 0].astype(np.float64) * received, 0.0)
 
 
 def _cubes(scene, found):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect, expect_numbers
+from prt_core.transport.sent import Sent
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class ExitRadiance:
     received : (n_points, ..., n_channels) float
         Irradiance / pi with all bounces (see `Transport.product`, `Compressor.product`); of many
         lights where there are axes between.
-    albedo : (n_points, n_channels) float
+    albedo : (n_points, n_channels) float, or Sent
         Of the points themselves, not of the area that they stand for.
     """
 
@@ -30,7 +31,8 @@ class ExitRadiance:
 
     def __post_init__(self):
         received = expect_numbers("received", self.received)
-        albedo = expect_numbers("albedo", self.albedo)
+        albedo = self.albedo.albedo if isinstance(self.albedo, Sent) else self.albedo
+        albedo = expect_numbers("albedo", albedo)
         expect(
             albedo.ndim == 2 and received.ndim > 1 and len(received) == len(albedo)
             and albedo.shape[1] in (1, received.shape[-1]),
@@ -51,5 +53,7 @@ class ExitRadiance:
         (n_points, ..., n_channels) float
             Linear Rec.709, of the type of what was received.
         """
+        if isinstance(self.albedo, Sent):
+            return self.albedo(self.received)
         between = (1,) * (self.received.ndim - 2)
         return self.albedo.reshape(len(self.albedo), *between, -1) * self.received

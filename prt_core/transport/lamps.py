@@ -5,6 +5,7 @@ import numpy as np
 from prt_core.errors import expect_all, expect_caster, expect_kind, expect_seed, expect_whole
 from prt_core.light.bright import BrightPixels
 from prt_core.light.local import Lamp, lamp_samples
+from prt_core.rays import transmitted
 from prt_core.reflectance.bump import bump_mean, bump_shadowing
 from prt_core.runtime.progress import Pace, Progress, run
 from prt_core.runtime.seeds import Stage, generator
@@ -60,11 +61,11 @@ def blocking_caster(scene, lamp, name="auto"):
     if not lamp.casts_shadow:
         return None
     if lamp.blockers is None:
-        return scene.make_caster(name)
+        return scene.make_caster(name, "shadow")
     blocking = scene.objects_named(lamp.blockers)
     if not blocking[scene.triangle_object].any():
         return None
-    return scene.make_caster(name, objects=blocking)
+    return scene.make_caster(name, "shadow", objects=blocking)
 
 
 def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
@@ -116,12 +117,15 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                     limit = _before_the_lamp(
                         origins[point[lit]], direction[lit], distance[lit] / scene.size
                     )
-                    free = ~caster.occluded(
+                    share = transmitted(
+                        caster,
                         origins[point[lit]],
                         direction[lit].astype(np.float32),
                         limit if np.isfinite(limit).all() else None,
                     )
-                    light[lit[~free]] = 0
+                    # A lamp in the surface gives infinity: nothing of it, where it is blocked.
+                    light[lit[share == 0]] = 0
+                    light[lit] *= np.where(share > 0, share, 1)[:, None]
                 if len(lit):
                     for channel in range(3):
                         sums = np.bincount(point - point[0], light[:, channel])

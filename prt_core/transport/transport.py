@@ -25,6 +25,7 @@ from prt_core.transport.bounce import (
     received_with_bounces,
 )
 from prt_core.transport.exit_radiance import ExitRadiance
+from prt_core.transport.sent import Sent, of_channels, sent_of
 from prt_core.transport.visibility import UNIT, expect_bits, received_light, unpack
 
 _BLOCK = 1024
@@ -53,6 +54,9 @@ class Transport:
     mean_materials : Materials, (n_points, 3) float32, or None
         Of the area that each point stands for, with which it bounces; None: `materials`. Replace
         them as well where those are replaced.
+    opposite : (n_points,) int32, or None
+        The point on the other side of the same place, -1 where there is none: whose light shines
+        through what is translucent.
     """
 
     cube_map: CubeMap
@@ -63,6 +67,7 @@ class Transport:
     tolerance: float = 1e-3
     bounces: int | None = None
     mean_materials: Materials | None = None
+    opposite: np.ndarray | None = None
 
     def __post_init__(self):
         expect_kind("cube_map", self.cube_map, CubeMap)
@@ -73,6 +78,10 @@ class Transport:
         if self.mean_materials is not None:
             self.mean_materials = expect_materials(
                 "mean_materials", self.mean_materials, n_points, rounded=True
+            )
+        if self.opposite is not None:
+            self.opposite = expect_array(
+                "opposite", self.opposite, (n_points,), np.int32, -1, n_points - 1
             )
         expect_gather(self.gather, n_points)
         expect_number("tolerance", self.tolerance, above=0, below=1)
@@ -114,6 +123,16 @@ class Transport:
         return self.bounced_materials.albedo
 
     @property
+    def sends(self):
+        """What points send towards the viewer of what they receive: albedo, or `Sent`."""
+        return sent_of(self.materials, self.opposite)
+
+    @property
+    def bounces_by(self):
+        """What points send towards others of what they receive: albedo, or `Sent`."""
+        return sent_of(self.bounced_materials, self.opposite)
+
+    @property
     def bounced_materials(self):
         """`Materials` with which points reflect towards others."""
         return self.materials if self.mean_materials is None else self.mean_materials
@@ -128,6 +147,8 @@ class Transport:
         for array in arrays:
             digest.update(f"{array.shape} {array.dtype};".encode())
             digest.update(np.ascontiguousarray(array))
+        if isinstance(self.sends, Sent):
+            digest.update(np.ascontiguousarray(self.opposite))
         digest.update(f"{self.cube_map.resolution} {self.tolerance} {self.bounces}".encode())
         return digest.hexdigest()
 
@@ -223,10 +244,10 @@ class Transport:
         -------
         ExitRadiance
         """
-        return ExitRadiance(received, self.albedo)
+        return ExitRadiance(received, self.sends)
 
     def _bounced(self, gather, received, bounces, channels):
-        albedo = self.bounced_albedo[:, channels]
+        albedo = of_channels(self.bounces_by, channels)
         return received_with_bounces(gather, albedo, received, self.tolerance, bounces)[0]
 
     def direct(self, points):
@@ -251,9 +272,20 @@ class Transport:
         points = expect_indices("points", points, self.n_points)
         points = np.arange(self.n_points)[points]
         expect(len(points), "points: expected at least one")
-        if not expect_flag("indirect", indirect) or self.gather is None:
-            received = self.direct(points)[..., None].repeat(3, axis=2)
-            return ExitRadiance(received, self.albedo[points]).toward()
+        expect_flag("indirect", indirect)
+        if isinstance(self.sends, Sent):
+            # What shines through is received on the other side: rows of both, then what is sent.
+            behind = self.opposite[points]
+            both = np.union1d(points, behind[behind >= 0])
+            received = self._received_rows(both, indirect)
+            return self.sends[both](received)[np.searchsorted(both, points)]
+        received = self._received_rows(points, indirect)
+        return ExitRadiance(received, self.albedo[points]).toward()
+
+    def _received_rows(self, points, indirect):
+        """(n, n_directions, 3) float32: what points receive for unit radiance of each texel."""
+        if not indirect or self.gather is None:
+            return self.direct(points)[..., None].repeat(3, axis=2)
         transposed = self.gather.T.tocsr()
         result = np.empty((len(points), self.n_directions, 3), np.float32)
         for channel in range(3):
@@ -265,12 +297,14 @@ class Transport:
             start[points, np.arange(len(points))] = 1
             # w = e + A K^T w: how much each point's received light adds to the wanted rows.
             albedo = self.bounced_albedo[:, [channel]]
+            sends = of_channels(self.bounces_by, [channel])
+            back = sends.adjoint if isinstance(sends, Sent) else albedo.__mul__
             weights, _ = bounce_series(
-                lambda term, albedo=albedo: albedo * (transposed @ term),
+                lambda term, back=back: back(transposed @ term),
                 start, albedo, self.tolerance, self.bounces,
             )  # fmt: skip
             result[:, :, channel] = self._times_direct(weights)
-        return ExitRadiance(result, self.albedo[points]).toward()
+        return result
 
     def _times_direct(self, weights):
         """weights^T D, (n, n_directions) float32, in blocks of points."""
@@ -319,7 +353,9 @@ class Transport:
 
     def _same_channel(self, channel):
         """An earlier channel in which every albedo is the same, or None."""
-        both = self.albedo, self.bounced_albedo
+        both = [self.albedo, self.bounced_albedo]
+        if isinstance(self.sends, Sent):
+            both += [self.materials.translucency, self.bounced_materials.translucency]
         for other in range(channel):
             if all((albedo[:, other] == albedo[:, channel]).all() for albedo in both):
                 return other

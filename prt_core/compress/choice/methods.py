@@ -14,7 +14,7 @@ import numpy as np
 
 from prt_core.basis import PointHaar
 from prt_core.compress.rows import Rows, SomeRows, TransportRows
-from prt_core.compress.rows.image_rows import ImageRows
+from prt_core.compress.rows.image_rows import image_rows
 from prt_core.compress.subject import Subject
 from prt_core.errors import (
     PRTError,
@@ -80,7 +80,7 @@ class Task:
         -------
         Task
         """
-        rows = ImageRows(TransportRows(transport, seed=seed), image, transport.albedo)
+        rows = image_rows(TransportRows(transport, seed=seed), image, transport.sends)
         row, column = np.divmod(np.arange(rows.n_points), image.width)
         places = np.stack([column, row, np.zeros_like(row)], axis=1).astype(np.float32)
         normals = np.tile(np.float32([0, 0, 1]), (len(places), 1))
@@ -133,6 +133,7 @@ class Task:
             normals=self.transport.normals[points],
             materials=self.transport.materials[points],
             mean_materials=None,
+            opposite=None,
         )
         dense = None
         if self.dense is not None:

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from prt_core.compress.rows.rows import Rows
 from prt_core.compress.wavelets.haar_lighting import OPPONENTS
 from prt_core.errors import expect, expect_array
+from prt_core.transport.sent import Sent
 
 
 class ImageRows(Rows):
@@ -80,3 +81,31 @@ class ImageRows(Rows):
 
     def block(self, points):
         return self.code.decode(self.features(points))
+
+
+def image_rows(rows, image, sends):
+    """`ImageRows` of what points send of what they receive: albedo, or `Sent`.
+
+    Parameters
+    ----------
+    rows : Rows
+        Of all points.
+    image : PointImage
+    sends : (n_points, n_outputs) float32, or Sent
+        Points behind those that a pixel shows are shown by it as well, by the translucency.
+
+    Returns
+    -------
+    ImageRows
+    """
+    if image is None or not isinstance(sends, Sent):
+        return ImageRows(rows, image, sends)
+    behind = sends.opposite[image.point]
+    has = behind >= 0
+    weights = sends.albedo.copy()
+    weights[behind[has]] = sends.translucency[image.point[has]]
+    pixel = np.concatenate([image.pixel, image.pixel[has]])
+    point = np.concatenate([image.point, behind[has]])
+    order = np.argsort(pixel, kind="stable")
+    both = replace(image, pixel=pixel[order], point=point[order])
+    return ImageRows(rows, both, weights)

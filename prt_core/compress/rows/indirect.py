@@ -12,6 +12,7 @@ from prt_core.runtime.parallel import SplitMatrix, in_parallel
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.transport.bounce import all_bounces
+from prt_core.transport.sent import Sent, of_channels
 
 _BLOCK = 512
 
@@ -40,6 +41,9 @@ def indirect_factors(transport, channels, rank, seed=0):
     # Light goes back and forth between few points where most are pixels, which only receive.
     arriving = transport.gather.T.tocsr()
     senders = np.flatnonzero(np.diff(arriving.indptr))
+    if isinstance(transport.bounces_by, Sent):
+        behind = transport.opposite[senders]
+        senders = np.union1d(senders, behind[behind >= 0])
     arriving = arriving[senders]
     leaving = arriving.T.tocsr()
     between, back = SplitMatrix(leaving[senders]), SplitMatrix(arriving[:, senders])
@@ -48,7 +52,8 @@ def indirect_factors(transport, channels, rank, seed=0):
     before = None if transport.bounces is None else transport.bounces - 1
     left, weights = [], []
     for channel in channels:
-        albedo = transport.bounced_albedo[senders][:, [channel]]
+        albedo = of_channels(transport.bounces_by[senders], [channel])
+        send_back = albedo.adjoint if isinstance(albedo, Sent) else albedo.__mul__
         sent, n_bounces = all_bounces(between, albedo, received, transport.tolerance, before)
         left.append(orthonormal_columns(leaving @ sent))
         yield Progress("indirect", transport.n_points, transport.n_points)
@@ -56,9 +61,9 @@ def indirect_factors(transport, channels, rank, seed=0):
         term = arriving @ left[-1]
         total = term.copy()
         for _ in range(n_bounces):
-            term = back @ (albedo * term)
+            term = back @ send_back(term)
             total += term
-        weights.append(albedo * total)
+        weights.append(send_back(total))
         yield Progress("indirect", transport.n_points, transport.n_points)
     right = yield from _times_direct(transport, senders, np.hstack(weights))
     return left, np.split(right, np.cumsum([part.shape[1] for part in left])[:-1])

@@ -149,7 +149,8 @@ class TransportRows(Rows):
         groups, lefts = [Group(even, direct=True)], []
         if self.rank and transport.gather is not None and transport.bounces != 0:
             albedo = transport.bounced_albedo
-            grey = (albedo == albedo[:, :1]).all()
+            through = transport.bounced_materials.translucency
+            grey = all((x == x[:, :1]).all() for x in (albedo, through))
             channels = [0] if grey else [0, 1, 2]
             factors = yield from indirect_factors(transport, channels, self.rank, self.seed)
             left, right = factors

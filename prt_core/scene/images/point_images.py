@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
+from prt_core.scene.backs import backs_of
 from prt_core.scene.camera import expect_camera, view_rays
 from prt_core.scene.points import BakePoints, joined
 
@@ -85,11 +86,9 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     hit = np.flatnonzero(triangle >= 0)
     hit = hit[np.argsort(pixel[hit], kind="stable")]
     back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
-    points, lit = surface_points(scene, triangle[hit], barycentric[hit], back)
-    new = len(scene.points) + np.arange(lit.sum())
-    image = PointImage(
-        height, width, samples**2, pixel[hit[lit]].astype(np.int32), new.astype(np.int32)
-    )
+    points, _ = surface_points(scene, triangle[hit], barycentric[hit], back, any_side=True)
+    new = len(scene.points) + np.arange(len(hit))
+    image = PointImage(height, width, samples**2, pixel[hit].astype(np.int32), new.astype(np.int32))
     return extended(scene, points, image)
 
 
@@ -114,7 +113,7 @@ def hits_in_view(scene, caster, rays):
     return triangle, barycentric
 
 
-def surface_points(scene, triangle, barycentric, back):
+def surface_points(scene, triangle, barycentric, back, any_side=False):
     """Bake points anywhere on the triangles of a scene.
 
     Parameters
@@ -125,6 +124,8 @@ def surface_points(scene, triangle, barycentric, back):
         Weights of the second and third corner.
     back : (m,) bool
         Whether the back side is meant.
+    any_side : bool
+        Whether backs that bounce no light are to receive it here.
 
     Returns
     -------
@@ -135,6 +136,11 @@ def surface_points(scene, triangle, barycentric, back):
     """
     around, weights = scene.hit_points(triangle, barycentric, back)
     lit = around[:, 0] >= 0
+    mirrored = np.zeros(len(lit), bool)
+    if any_side and not lit.all():
+        mirrored, lit = ~lit, np.ones(len(lit), bool)
+        fronts, _ = scene.hit_points(triangle, barycentric, np.zeros(len(lit), bool))
+        around = np.where(mirrored[:, None], fronts, around)
     around, weights, triangle = around[lit], weights[lit].astype(np.float64), triangle[lit]
     corners = scene.vertices[scene.triangles[triangle]]
     second, third = np.asarray(barycentric[lit], np.float64).T
@@ -144,7 +150,7 @@ def surface_points(scene, triangle, barycentric, back):
     def between(values):
         return np.einsum("mk,mkx->mx", weights, values[around])
 
-    normals = between(scene.points.normals)
+    normals = between(scene.points.normals) * np.where(mirrored[lit], -1, 1)[:, None]
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-30), geometric)
     materials = scene.materials_at(triangle, barycentric[lit], back[lit]).stored()
@@ -155,7 +161,7 @@ def surface_points(scene, triangle, barycentric, back):
         ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
         areas=np.zeros(len(around), np.float32),
         materials=materials,
-        mean_materials=materials,
+        mean_materials=materials.of_what_is_met(),
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
     )
@@ -165,6 +171,10 @@ def surface_points(scene, triangle, barycentric, back):
 def extended(scene, points, image):
     """The scene with more bake points, and an image that shows them."""
     expect(len(points), "image: nothing of the scene is in it")
+    through = np.flatnonzero(points.materials.translucency.any(axis=1))
+    if len(through):
+        # Light on the other side is shown as well.
+        points = joined(points, backs_of(points, through))
     return replace(scene, points=joined(scene.points, points), image=image)
 
 

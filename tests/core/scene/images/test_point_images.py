@@ -50,16 +50,17 @@ def test_pixels_lie_where_the_camera_looks_and_edges_are_shares():
     assert found.fingerprint() != scene.fingerprint()
 
 
-def test_backs_that_return_no_light_are_black():
-    scene = Scene.from_meshes([plane(3)])
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_pixels_that_see_backs_show_the_light_of_the_backs(two_sided):
     matrix = np.diag([1.0, -1.0, -1.0, 1.0])
     matrix[2, 3] = -4
-    below = Camera(matrix, 0.2)
-    with pytest.raises(PRTError, match="nothing"):
-        with_camera_image(scene, caster_of(scene), below, 4, 4)
-    both = Scene.from_meshes([plane(3, two_sided=True)])
-    image = with_camera_image(both, caster_of(both), below, 4, 4)
-    assert (image.points.normals[image.image.point][:, 2] < -0.99).all()
+    scene = Scene.from_meshes([plane(3, two_sided=two_sided)])
+    image = with_camera_image(scene, caster_of(scene), Camera(matrix, 0.2), 4, 4)
+    points = image.image.point
+    assert len(points) == 4 * 16
+    for normals in (image.points.normals, image.points.geometric_normals, image.points.ray_offset):
+        assert (normals[points][:, 2] < 0).all()
+    np.testing.assert_allclose(image.points.normals[points], [[0, 0, -1]] * len(points))
 
 
 def test_texels_cover_the_layout_and_what_is_beside_it():

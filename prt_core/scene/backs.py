@@ -1,0 +1,77 @@
+"""Bake points on the back sides of triangles."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from prt_core.scene.points import BakePoints, joined
+
+
+def with_backs(scene, triangles):
+    """The scene with points on the backs of chosen triangles; the same object where all have them.
+
+    Parameters
+    ----------
+    scene : Scene
+    triangles : (n_triangles,) bool
+
+    Returns
+    -------
+    Scene
+        Its new points come last, and none is visible: what is shown are fronts.
+    """
+    owner = np.repeat(np.arange(len(scene.triangles)), scene.lattice_sizes)
+    wanted = triangles[owner] & (scene.lattice_back < 0)
+    if not wanted.any():
+        return scene
+    known = np.full(len(scene.points), -1, np.int32)
+    has = scene.lattice_back >= 0
+    known[scene.lattice[has]] = scene.lattice_back[has]
+    front = np.unique(scene.lattice[wanted])
+    front = front[known[front] < 0]
+    known[front] = len(scene.points) + np.arange(len(front))
+    lattice_back = np.where(triangles[owner], known[scene.lattice], scene.lattice_back)
+    sided = replace(
+        scene,
+        points=joined(scene.points, backs_of(scene.points, front)),
+        lattice_back=lattice_back.astype(np.int32),
+    )
+    sided.frames = scene.frames
+    return sided
+
+
+def backs_of(points, chosen):
+    """`BakePoints` on the other side of chosen points; none is visible."""
+    back = BakePoints(**{f.name: getattr(points, f.name)[chosen] for f in fields(BakePoints)})
+    normal, offset = back.geometric_normals, back.ray_offset
+    across = np.einsum("nx,nx->n", normal.astype(np.float64), offset)[:, None]
+    return replace(
+        back,
+        normals=-back.normals,
+        geometric_normals=-normal,
+        ray_offset=(offset - 2 * normal * across).astype(np.float32),
+        visible=np.zeros(len(back), bool),
+    )
+
+
+def opposites(scene):
+    """(n_points,) int32: the point on the other side of the same place, -1 where there is none."""
+    points = scene.points
+    result = np.full(len(points), -1, np.int32)
+    has = scene.lattice_back >= 0
+    result[scene.lattice[has]] = scene.lattice_back[has]
+    result[scene.lattice_back[has]] = scene.lattice[has]
+    # Pixels that have one lie where it does, and it follows theirs (see `with_camera_image`).
+    left = np.setdiff1d(np.flatnonzero(result < 0), scene.lattice)
+    key = np.column_stack([points.positions[left], points.geometric_normals[left]])
+    other = np.column_stack([points.positions[left], -points.geometric_normals[left]]) + 0.0
+    _, which = np.unique(np.concatenate([key + 0.0, other]), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    holder = np.full(which.max(initial=-1) + 1, -1)
+    holder[which[: len(left)]] = left
+    partner = holder[which[len(left) :]]
+    # Of several pixels at one place the last stands for all: both ways, or for none.
+    paired = np.flatnonzero(partner >= 0)
+    result[left[paired]] = partner[paired]
+    mutual = result[result] == np.arange(len(result))
+    return np.where(mutual & (result >= 0), result, -1).astype(np.int32)

@@ -1,0 +1,167 @@
+"""How opaque the triangles of a scene are, in small cells: all that rays need to know of it.
+
+Kept with the bake, so that lamps shine through cut-outs without Blender. A triangle is cut into
+n x n cells of one shape, as finely as its paint has texels; each holds the opacity of its middle.
+Triangles that are painted alike, as instances are, share their cells.
+"""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+# Cells along an edge at most; of all triangles together; where the corners say it all, and where
+# these differ.
+_ALONG, _ALL = 256, 1 << 21
+_SLOPING = 16
+_PIECES = 8
+_BLOCK = 1 << 19
+_OPAQUE = 65535
+# Share of a triangle that lets part of the light pass, not all or nothing, before it is said.
+_MUCH = 0.2
+
+
+@dataclass(frozen=True)
+class Opacity:
+    """The share of light that does not go straight through, in cells of triangles.
+
+    Attributes
+    ----------
+    first : (n_triangles,) int32
+        Where the cells of each triangle begin; -1 where it is opaque.
+    along : (n_triangles,) int32
+        Cells along an edge, n; a triangle has n^2 of them.
+    cells : (m,) uint16
+        65535 is opaque.
+    """
+
+    first: np.ndarray
+    along: np.ndarray
+    cells: np.ndarray
+
+    # Of cells that nothing passes.
+    opaque = _OPAQUE
+
+    @property
+    def passing(self):
+        """(n_triangles,) bool: triangles that let light pass."""
+        return self.first >= 0
+
+    @property
+    def partial(self):
+        """(n_triangles,) float64: share of each triangle that lets part of the light pass."""
+        between = (self.cells > 0) & (self.cells < _OPAQUE)
+        before = np.concatenate([[0], np.cumsum(between)])
+        count, first = self.along.astype(np.int64) ** 2, np.maximum(self.first, 0)
+        return np.where(self.passing, (before[first + count] - before[first]) / count, 0)
+
+    def at(self, triangle, barycentric):
+        """Opacity at places of triangles that let light pass.
+
+        Parameters
+        ----------
+        triangle : (m,) int
+        barycentric : (m, 2) float
+            Weights of the second and third corner.
+
+        Returns
+        -------
+        (m,) float64
+        """
+        cell = _cell(self.along[triangle].astype(np.int64), barycentric)
+        return self.cells.take(self.first[triangle] + cell) / float(_OPAQUE)
+
+    @staticmethod
+    def cell_of(n, barycentric):
+        """Which cell of a triangle each place lies in.
+
+        Parameters
+        ----------
+        n : int
+            Cells along an edge.
+        barycentric : (m, 2) float
+            Weights of the second and third corner.
+
+        Returns
+        -------
+        (m,) int64
+        """
+        return _cell(n, barycentric)
+
+    @staticmethod
+    def middles(n):
+        """(n^2, 2) barycentric middles of the cells, by their number."""
+        return _middles(n)
+
+    def digest(self):
+        """bytes that tell it from others."""
+        state = hashlib.blake2b(digest_size=16)
+        for array in (self.first, self.along, self.cells):
+            state.update(np.ascontiguousarray(array))
+        return state.digest()
+
+
+def opacity_of(surfaces):
+    """`Opacity` of the triangles of a scene's `Surfaces`; None where all are opaque."""
+    along = surfaces.opacity_cells(_SLOPING)
+    candidates = np.flatnonzero(along)
+    if not len(candidates):
+        return None
+    fewer = np.sqrt(max(1.0, (np.minimum(along[candidates], _ALONG) ** 2.0).sum() / _ALL))
+    along[candidates] = np.clip(np.ceil(along[candidates] / fewer), 1, _ALONG)
+    # So that pieces are made of whole cells.
+    fine = along >= _PIECES
+    along[fine] = -(-along[fine] // _PIECES) * _PIECES
+    first = np.full(len(along), -1, np.int64)
+    known, parts, end = {}, [], 0
+    for n in np.unique(along[candidates]):
+        members = candidates[along[candidates] == n]
+        places = _middles(int(n))
+        each = max(1, _BLOCK // len(places))
+        for start in range(0, len(members), each):
+            part = members[start : start + each]
+            materials = surfaces.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
+            rows = np.rint(materials.opacity.reshape(len(part), -1) * _OPAQUE).astype(np.uint16)
+            for triangle in np.flatnonzero((rows < _OPAQUE).any(axis=1)):
+                key = rows[triangle].tobytes()
+                if key not in known:
+                    known[key] = end
+                    parts.append(rows[triangle])
+                    end += len(places)
+                first[part[triangle]] = known[key]
+    if not parts:
+        return None
+    along[first < 0] = 1
+    return Opacity(first.astype(np.int32), along.astype(np.int32), np.concatenate(parts))
+
+
+def dimming(scene):
+    """A line on objects that let part of the light through, where there are any."""
+    if scene.opacity is None:
+        return
+    numbers = np.unique(scene.triangle_object[scene.opacity.partial > _MUCH])
+    if len(numbers):
+        names = [scene.objects[number].name for number in numbers]
+        shown = ", ".join(names[:4]) + (" …" if len(names) > 4 else "")
+        yield (
+            f"{len(names)} objects let part of the light through ({shown}); a hard sun in an image "
+            "is noisy behind them: relight with --sharp-sun, or use a sun lamp"
+        )
+
+
+def _cell(n, barycentric):
+    """(m,) int64 number of the cell, of n^2, that each place lies in."""
+    u, v = np.clip(np.asarray(barycentric, np.float64).T, 0, 1) * n
+    i = np.minimum(u.astype(np.int64), n - 1)
+    j = np.minimum(v.astype(np.int64), n - 1 - i)
+    turned = (u - i + v - j > 1) & (i + j < n - 1)
+    # The turned cells fill the other half of the square.
+    return np.where(turned, (n - 1 - i) * n + n - 1 - j, i * n + j)
+
+
+def _middles(n):
+    """(n^2, 2) barycentric middles of the cells, by their number."""
+    i, j = np.indices((n, n)).reshape(2, -1)
+    turned = (i + j >= n)[:, None]
+    place = np.stack([i, j], axis=1)
+    return np.where(turned, n - 1 - place + 2 / 3, place + 1 / 3) / n

@@ -44,7 +44,8 @@ class Emission:
     ----------
     factor : (3,) float64
         On its power.
-    pattern, texture, falloff : array or None
+    pattern, texture : (n_rows, n_columns, 3) float64, or None
+    falloff : (n, 2) float64, or None
         As those of a `Lamp`.
     """
 

@@ -336,6 +336,7 @@ class _Reading:
         raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
         part.colour = plain_colour(material)
         part.rays = ray_visibility(source, instance.parent or source, view_layer)
+        part.source = source.original.name if instance.parent else ""
         self.parts.append(part)
         many = "" if share == 1 else f", one of each {share} and so much wider,"
         self.messages.append(

@@ -240,6 +240,8 @@ class Scene:
             pictures.
         resolution : int
             Of the cube map whose directions are traced, where surfaces let some light pass.
+        objects : (n_objects,) bool, optional
+            Whose triangles alone may be met; default: all.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Asks Cycles for surfaces at many places of triangles, and sees to it that it was these it saw."""
+"""Reads surfaces at many places of triangles from Cycles, and checks that it saw these places."""
 
 from contextlib import ExitStack
 from copy import copy
@@ -24,8 +24,8 @@ _NOISY_SAMPLES = 64
 _DEFAULT = "default_surface"
 
 
-class Asking:
-    """Asks for the surfaces of some triangles.
+class PlaceReader:
+    """Reads the surfaces of some triangles.
 
     Parameters
     ----------
@@ -60,7 +60,6 @@ class Asking:
         self._low, self._high = corners.min(axis=0), corners.max(axis=0)
         # What float32 can tell apart out here.
         self._grain = 4e-6 * float(np.abs(corners).max(initial=0)) + 1e-12
-        self.n_asked = 0
 
     def values(self, triangle, weights):
         """What is at places, as a generator of `Progress`.
@@ -84,7 +83,6 @@ class Asking:
             values[part], more = self._some(triangle[part], weights[part])
             for name, where in more.items():
                 signs.setdefault(name, np.zeros(len(triangle), bool))[part] = where
-        self.n_asked += len(triangle)
         return values, signs
 
     def _some(self, triangle, weights):
@@ -141,8 +139,8 @@ class Asking:
         for name in ("diffuse", "glossy", "transmission"):
             passes[name][empty & ~near] = 0
         plain = self._without_translucent(look, mine, start, good, passes["diffuse"])
-        asked, more = quantities_of(passes, plain)
-        values[which[good]] = asked[good]
+        evaluated, more = quantities_of(passes, plain)
+        values[which[good]] = evaluated[good]
         for name, where in more.items():
             signs.setdefault(name, np.zeros(len(triangle), bool))[which[good]] = where[good]
         return which[~good]
@@ -153,10 +151,10 @@ class Asking:
         pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
         asking = np.zeros(len(triangle), bool)
         for mesh, slot in np.unique(pairs, axis=0):
-            found = self._graph(self._records[mesh].slot(slot)).paths
-            if found:
+            nodes_here = self._graph(self._records[mesh].slot(slot)).paths
+            if nodes_here:
                 asking |= (pairs == [mesh, slot]).all(axis=1)
-                nodes |= {node.as_pointer(): node for node in found}
+                nodes |= {node.as_pointer(): node for node in nodes_here}
         asking = np.flatnonzero(asking)
         if not len(asking):
             return
@@ -175,10 +173,10 @@ class Asking:
         letting = np.zeros(len(triangle), bool)
         pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
         for mesh, slot in np.unique(pairs, axis=0):
-            found = self._graph(self._records[mesh].slot(slot)).translucent
-            if found:
+            nodes_here = self._graph(self._records[mesh].slot(slot)).translucent
+            if nodes_here:
                 letting |= (pairs == [mesh, slot]).all(axis=1)
-                nodes |= {node.as_pointer(): node for node in found}
+                nodes |= {node.as_pointer(): node for node in nodes_here}
         letting = np.flatnonzero(letting & good)
         if not len(letting):
             return None

@@ -114,6 +114,17 @@ def is_rendering():
     return bool(_RENDERED or _READING) or bpy.app.is_job_running("RENDER")
 
 
+@contextmanager
+def reading(*scenes):
+    """While it lasts, what Blender says of these scenes is ours, and nothing else is read."""
+    uids = {scene.session_uid for scene in scenes}
+    _READING.update(uids)
+    try:
+        yield
+    finally:
+        _READING.difference_update(uids)
+
+
 def register():
     """Listen for the user's renders: to begin another within one would crash Blender."""
     handlers = bpy.app.handlers

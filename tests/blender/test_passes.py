@@ -424,6 +424,22 @@ def test_instances_are_told_apart():
     assert not any("did not see" in line for line in messages)
 
 
+def test_rigid_bodies_are_looked_at_where_they_began():
+    floor = plate("floor", principled(Base_Color=(0.1, 0.8, 0.1, 1)), -3)
+    item = grid("falling", location=(0, 0, 3))
+    material(item, base(ramp))
+    wanted = read()[0]["falling"].materials.albedo
+    bpy.context.view_layer.objects.active = item
+    bpy.ops.rigidbody.world_add()
+    bpy.ops.rigidbody.object_add(type="ACTIVE")
+    for frame in range(1, 13):
+        bpy.context.scene.frame_set(frame)
+    meshes, messages = read()
+    assert meshes["falling"].vertices[:, 2].max() < 3 and floor.location.z == 0
+    np.testing.assert_allclose(meshes["falling"].materials.albedo, wanted, atol=4e-3)
+    assert not any("did not see" in line for line in messages)
+
+
 def test_a_normal_map_bends_shading_normals():
     def build(tree, shader):
         image = bpy.data.images.new("normals", 4, 4)

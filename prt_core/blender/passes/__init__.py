@@ -6,7 +6,7 @@
 | `evaluation.py` | asks for those that are not known yet |
 | `records.py` | what is kept of an evaluated mesh until then |
 | `probe.py` | one render of many places: a camera whose rays go through portals |
-| `asking.py` | places of triangles, looked at until it was these that were seen |
+| `place_reader.py` | places of triangles, looked at until it was these that were seen |
 | `openexr.py` | reads what was rendered |
 | `quantities.py` | albedo, emission, opacity, translucency of what was rendered, and what to say |
 | `corners.py` | which corners are sampled |

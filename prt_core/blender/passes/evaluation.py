@@ -1,4 +1,4 @@
-"""Asks for the surfaces of some meshes: corners, lattices between, and what there is to say."""
+"""Evaluates the surfaces of some meshes: corners, lattices between, and what there is to say."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,7 +6,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.blender.passes.asking import Asking
 from prt_core.blender.passes.corners import CornerGroups
 from prt_core.blender.passes.lattices import (
     ROUNDS,
@@ -15,6 +14,7 @@ from prt_core.blender.passes.lattices import (
     lattice_weights,
     n_samples,
 )
+from prt_core.blender.passes.place_reader import PlaceReader
 from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, settled
 from prt_core.reflectance import QUANTITIES
 from prt_core.reflectance.bump import bump_mean, bump_strength
@@ -50,7 +50,7 @@ class Evaluation:
         self._triangles = Triangles(meshes, records, materials.graph)
         self._family = self._triangles.families()
         self._levels = levels
-        self._asking = Asking(uid, self._triangles, records, all_records, materials.graph)
+        self._reader = PlaceReader(uid, self._triangles, records, all_records, materials.graph)
         self._signs = [set() for _ in meshes]
         self._unseen = np.zeros(len(meshes), np.int64)
 
@@ -61,20 +61,20 @@ class Evaluation:
         corners = CornerGroups(self._triangles, self._meshes, self._records)
         lattices, more = self._first_lattices()
         more = [corners.places(), *more]
-        values = yield from self._ask(more)
+        values = yield from self._read(more)
         n = len(more[0][0])
         lattices.take(values[n:])
         split = corners.split(values[:n])
-        of_split = (yield from self._ask([split])) if len(split[0]) else values[:0]
+        of_split = (yield from self._read([split])) if len(split[0]) else values[:0]
         yield from self._refine(lattices)
         of_corner = corners.values(values[:n], of_split)
         return [self._surface(i, *of_corner[i], lattices) for i in range(len(self._meshes))]
 
-    def _ask(self, places):
+    def _read(self, places):
         """(n, 13) values at a list of places (triangles, weights), whole and noted."""
         triangle = np.concatenate([t for t, _ in places])
         weights = np.concatenate([w for _, w in places])
-        values, signs = yield from self._asking.values(triangle, weights)
+        values, signs = yield from self._reader.values(triangle, weights)
         self._note(triangle, values, signs)
         return self._whole(triangle, values)
 
@@ -94,14 +94,14 @@ class Evaluation:
             more, total = lattices.finer(self._triangles, total)
             if not more:
                 break
-            lattices.take((yield from self._ask(more)))
+            lattices.take((yield from self._read(more)))
         lattices.drop_even()
         for owner in np.unique(self._triangles.mesh[lattices.cut]) if len(lattices.cut) else ():
             self._signs[owner].add(("coarse", self._name_of(lattices.cut, owner)))
 
     def _name_of(self, triangles, mesh):
-        some = triangles[self._triangles.mesh[triangles] == mesh]
-        return self._graph_of(mesh, self._triangles.slot[some[0]]).name
+        of_mesh = triangles[self._triangles.mesh[triangles] == mesh]
+        return self._graph_of(mesh, self._triangles.slot[of_mesh[0]]).name
 
     def _graph_of(self, mesh, slot):
         return self._materials.graph(self._records[mesh].slot(slot))

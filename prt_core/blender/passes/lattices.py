@@ -70,28 +70,30 @@ class Triangles:
         for index, record in enumerate(records):
             mine = np.flatnonzero(self.mesh == index)
             for slot in np.unique(self.slot[mine]):
-                some = mine[self.slot[mine] == slot]
+                of_slot = mine[self.slot[mine] == slot]
                 behind = graph(record.slot(slot))
-                self.even[some] = behind.even
+                self.even[of_slot] = behind.even
                 if not behind.even and behind.flat and record.uv:
-                    self._lay_out(some, record, behind, record.slot(slot))
+                    self._lay_out(of_slot, record, behind, record.slot(slot))
 
-    def _lay_out(self, some, record, graph, uid):
+    def _lay_out(self, of_slot, record, graph, uid):
         """How many texels lie in triangles that show images alone, and which show the same."""
-        self.flat[some] = True
+        self.flat[of_slot] = True
         sizes = [max(1, image.size[0]) * max(1, image.size[1]) for image in graph.images]
-        uv = [layer[self.corner[some]].astype(np.float64) for layer in record.uv]
-        share = np.zeros(len(some))
+        uv = [layer[self.corner[of_slot]].astype(np.float64) for layer in record.uv]
+        share = np.zeros(len(of_slot))
         for layer in uv:
             (bx, by), (cx, cy) = ((layer[:, k] - layer[:, 0]).T for k in (1, 2))
             share = np.maximum(share, np.abs(bx * cy - by * cx) / 2)
-        self.texels[some] = share * max(sizes, default=1)
-        self._family[some] = np.uint64(uid + 1)
+        self.texels[of_slot] = share * max(sizes, default=1)
+        self._family[of_slot] = np.uint64(uid + 1)
         with np.errstate(over="ignore"):
-            for column in np.concatenate([layer.reshape(len(some), 6) for layer in uv], axis=1).T:
+            for column in np.concatenate(
+                [layer.reshape(len(of_slot), 6) for layer in uv], axis=1
+            ).T:
                 key = np.rint(column * 65536).astype(np.int64).astype(np.uint64)
-                key = (self._family[some] ^ key) * np.uint64(0xBF58476D1CE4E5B9)
-                self._family[some] = key ^ (key >> np.uint64(29))
+                key = (self._family[of_slot] ^ key) * np.uint64(0xBF58476D1CE4E5B9)
+                self._family[of_slot] = key ^ (key >> np.uint64(29))
 
     def families(self):
         """(n,) int of those that vary: which have the same samples; -1 for the others."""

@@ -20,7 +20,7 @@ from prt_core.blender.casters import mark_temporary
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.passes.openexr import read_channels
 from prt_core.blender.preview_look import PREVIEW
-from prt_core.blender.render_scene import rendered_layer
+from prt_core.blender.render_scene import is_rendering, reading, rendered_layer
 from prt_core.errors import PRTError
 
 # Places of one render: a second or less of a slow machine.
@@ -185,7 +185,7 @@ class Probe:
         return image
 
     def _render(self, side):
-        if bpy.app.is_job_running("RENDER"):
+        if is_rendering():
             raise PRTError("materials: a render is under way; wait for its end")
         self.scene.render.resolution_x = self.scene.render.resolution_y = side
         with tempfile.TemporaryDirectory(prefix="prt-passes-") as folder:
@@ -193,7 +193,12 @@ class Probe:
             self.scene.render.filepath = str(path)
             try:
                 here = {"scene": self._idle, "view_layer": self._idle.view_layers[0]}
-                with _no_handlers(), _no_output(), bpy.context.temp_override(**here):
+                with (
+                    _no_handlers(),
+                    _no_output(),
+                    reading(self.scene, self._idle),
+                    bpy.context.temp_override(**here),
+                ):
                     bpy.ops.render.render(write_still=True, scene=self.scene.name)
             except RuntimeError as error:
                 raise PRTError(f"materials: Cycles did not evaluate them: {error}") from error
@@ -286,7 +291,7 @@ def probe(scene, objects, centre, size, samples=1):
         idle = bpy.data.scenes.new("prt idle")
         stack.callback(bpy.data.scenes.remove, idle)
         mark_temporary(idle)
-        idle.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+        idle.frame_current = scene.frame_current
         _settings(temporary, own_layer, samples)
         built = Probe(temporary, idle, centre, size, samples)
         stack.callback(built.remove)

@@ -31,6 +31,8 @@ class SurfaceRecord:
         `session_uid` of the object that renders (the instancer), and of that whose mesh it is.
     source_name : str
         As Cycles knows it.
+    matrix : (4, 4) float64
+        From the mesh's space to the world's.
     slots : tuple of int
         For each number of a material its `session_uid`; 0 for none.
     slot_of_corner : (n_corners,) int
@@ -46,6 +48,7 @@ class SurfaceRecord:
     owner: int
     source: int
     source_name: str
+    matrix: np.ndarray
     slots: tuple
     slot_of_corner: np.ndarray
     key_of_corner: np.ndarray
@@ -93,8 +96,8 @@ class RawSurface:
                 if key not in block.bl_rna.properties and not key.startswith("prt_"):
                     digest.update(f"{key}={_plain(block[key])!r}".encode())
         return SurfaceRecord(
-            name, owner.session_uid, original.session_uid, original.name, **self._same(),
-            digest=digest.digest(),
+            name, owner.session_uid, original.session_uid, original.name,
+            np.array(matrix, np.float64), **self._same(), digest=digest.digest(),
         )  # fmt: skip
 
     def _same(self):

@@ -63,21 +63,22 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
         mine = levels[triangles.mesh == index]
         keys.append(_key(mesh, record, mine, materials))
     missing = [i for i, key in enumerate(keys) if key not in _KEPT]
-    surfaces = {}
+    surfaces = {i: _KEPT[key] for i, key in enumerate(keys) if key in _KEPT}
     if missing:
         start = time.perf_counter()
         while pace is not None and time.perf_counter() - start < 2 * pace:
             yield Progress("materials", 0, 0)
-        some = [meshes[i] for i in missing], [records[i] for i in missing]
         chosen = np.isin(triangles.mesh, missing)
-        asked = Evaluation(uid, *some, records, materials, levels[chosen])
-        surfaces = dict(zip(missing, (yield from asked.surfaces()), strict=True))
+        evaluation = Evaluation(
+            uid, [meshes[n] for n in missing], [records[n] for n in missing],
+            records, materials, levels[chosen],
+        )  # fmt: skip
+        surfaces |= dict(zip(missing, (yield from evaluation.surfaces()), strict=True))
     notes = []
     for index, (mesh, key) in enumerate(zip(meshes, keys, strict=True)):
-        surface = surfaces[index] if index in surfaces else _KEPT[key]
-        _keep(key, surface)
-        _apply(mesh, surface)
-        notes += surface.notes
+        _keep(key, surfaces[index])
+        _apply(mesh, surfaces[index])
+        notes += surfaces[index].notes
     messages += [line for line in lines_of(notes) if line not in messages]
 
 

@@ -1,6 +1,7 @@
-"""Asks Cycles for surfaces at many places of triangles, and sees to it that it was these it saw."""
+"""Reads surfaces at many places of triangles from Cycles, and checks that it saw these places."""
 
 from contextlib import ExitStack
+from copy import copy
 
 import bpy
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from prt_core.blender.identity import by_uid
 from prt_core.blender.passes.light_paths import answering
 from prt_core.blender.passes.probe import MOST_PLACES, name_number, probe, switched
-from prt_core.blender.passes.quantities import N_COLUMNS, quantities_of
+from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, quantities_of
 from prt_core.errors import PRTError
 from prt_core.runtime.progress import Progress
 
@@ -23,8 +24,8 @@ _NOISY_SAMPLES = 64
 _DEFAULT = "default_surface"
 
 
-class Asking:
-    """Asks for the surfaces of some triangles.
+class PlaceReader:
+    """Reads the surfaces of some triangles.
 
     Parameters
     ----------
@@ -40,7 +41,9 @@ class Asking:
     """
 
     def __init__(self, uid, triangles, records, all_records, graph_of_uid):
-        self._uid, self._triangles, self._records = uid, triangles, records
+        self._uid, self._records = uid, records
+        self._triangles, self._turns = _before_simulation(uid, triangles, records)
+        triangles = self._triangles
         self._all, self._graph = all_records, graph_of_uid
         self._names = np.array([name_number(r.source_name) for r in records], np.uint32)
         others = np.array([name_number(r.source_name) for r in all_records], np.uint32)
@@ -57,7 +60,6 @@ class Asking:
         self._low, self._high = corners.min(axis=0), corners.max(axis=0)
         # What float32 can tell apart out here.
         self._grain = 4e-6 * float(np.abs(corners).max(initial=0)) + 1e-12
-        self.n_asked = 0
 
     def values(self, triangle, weights):
         """What is at places, as a generator of `Progress`.
@@ -81,7 +83,6 @@ class Asking:
             values[part], more = self._some(triangle[part], weights[part])
             for name, where in more.items():
                 signs.setdefault(name, np.zeros(len(triangle), bool))[part] = where
-        self.n_asked += len(triangle)
         return values, signs
 
     def _some(self, triangle, weights):
@@ -101,6 +102,9 @@ class Asking:
                     for owners, mine in self._apart(triangle, left)
                 ]
                 left = np.concatenate([*rest, np.zeros(0, np.int64)])
+        for mesh, turn in self._turns.items():
+            mine = self._triangles.mesh[triangle] == mesh
+            values[mine, COLUMNS["normal"]] = values[mine, COLUMNS["normal"]] @ turn
         return values, signs
 
     def _try(self, look, triangle, weights, which, pull, values, signs):
@@ -135,8 +139,8 @@ class Asking:
         for name in ("diffuse", "glossy", "transmission"):
             passes[name][empty & ~near] = 0
         plain = self._without_translucent(look, mine, start, good, passes["diffuse"])
-        asked, more = quantities_of(passes, plain)
-        values[which[good]] = asked[good]
+        evaluated, more = quantities_of(passes, plain)
+        values[which[good]] = evaluated[good]
         for name, where in more.items():
             signs.setdefault(name, np.zeros(len(triangle), bool))[which[good]] = where[good]
         return which[~good]
@@ -147,10 +151,10 @@ class Asking:
         pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
         asking = np.zeros(len(triangle), bool)
         for mesh, slot in np.unique(pairs, axis=0):
-            found = self._graph(self._records[mesh].slot(slot)).paths
-            if found:
+            nodes_here = self._graph(self._records[mesh].slot(slot)).paths
+            if nodes_here:
                 asking |= (pairs == [mesh, slot]).all(axis=1)
-                nodes |= {node.as_pointer(): node for node in found}
+                nodes |= {node.as_pointer(): node for node in nodes_here}
         asking = np.flatnonzero(asking)
         if not len(asking):
             return
@@ -169,10 +173,10 @@ class Asking:
         letting = np.zeros(len(triangle), bool)
         pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
         for mesh, slot in np.unique(pairs, axis=0):
-            found = self._graph(self._records[mesh].slot(slot)).translucent
-            if found:
+            nodes_here = self._graph(self._records[mesh].slot(slot)).translucent
+            if nodes_here:
                 letting |= (pairs == [mesh, slot]).all(axis=1)
-                nodes |= {node.as_pointer(): node for node in found}
+                nodes |= {node.as_pointer(): node for node in nodes_here}
         letting = np.flatnonzero(letting & good)
         if not len(letting):
             return None
@@ -234,6 +238,31 @@ class Asking:
         samples = _NOISY_SAMPLES if noisy else 1
         built = stack.enter_context(probe(scene, objects, centre, size, samples))
         return _Look(stack, built, every)
+
+
+def _before_simulation(uid, triangles, records):
+    """Triangles where a copy of the scene has them, and the rotations that bring them there.
+
+    In a copy Blender begins the simulation of rigid bodies anew.
+    """
+    scene = by_uid(bpy.data.scenes, uid)
+    if scene is None or scene.rigidbody_world is None:
+        return triangles, {}
+    items = {
+        item.session_uid: item for item in scene.objects if item.rigid_body and not item.parent
+    }
+    moved, turns = copy(triangles), {}
+    moved.corners, moved.normal = triangles.corners.copy(), triangles.normal.copy()
+    for index, record in enumerate(records):
+        item = items.get(record.owner)
+        if item is None or record.owner != record.source or not np.linalg.det(record.matrix):
+            continue
+        matrix = np.array(item.matrix_basis, np.float64) @ np.linalg.inv(record.matrix)
+        mine, turn = triangles.mesh == index, matrix[:3, :3]
+        moved.corners[mine] = triangles.corners[mine] @ turn.T + matrix[:3, 3]
+        moved.normal[mine] = triangles.normal[mine] @ turn.T
+        turns[index] = turn
+    return moved, turns
 
 
 class _Look:

@@ -297,6 +297,9 @@ def _to_mesh(name, source, data, matrix, messages, pictures):
         vertices=world,
         corner_vertex=corner_vertex,
         corner_normal=turned,
+        material_names=tuple(
+            slot.material.name if slot.material else "" for slot in slotted.material_slots
+        ),
         triangle_corners=triangles,
         materials=materials,
         corner_material=corner_slot,

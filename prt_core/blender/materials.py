@@ -8,7 +8,7 @@ from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.textures import Picture, Texture, TexturePaint
 from prt_core.errors import PRTError
-from prt_core.reflectance import Materials
+from prt_core.reflectance import QUANTITIES, Materials
 
 # What Blender shows for a face without material.
 _NO_MATERIAL = (0.8, 0.8, 0.8)
@@ -34,6 +34,7 @@ def corner_materials(source, data, corner_slot, corner_vertex, messages, picture
         What is between the corners, where images are.
     """
     albedo, textures = np.empty((len(corner_slot), 3)), {}
+    emission = np.zeros_like(albedo)
     pictures = {} if pictures is None else pictures
     for slot in np.unique(corner_slot):
         which = corner_slot == slot
@@ -43,6 +44,7 @@ def corner_materials(source, data, corner_slot, corner_vertex, messages, picture
         if material is None:
             albedo[which] = _NO_MATERIAL
             continue
+        emission[which] = _material_emission(material, messages)
         reads = data, corner_vertex, which, messages, pictures
         found = _material_albedo(material, *reads)
         if isinstance(found, Texture):
@@ -53,7 +55,25 @@ def corner_materials(source, data, corner_slot, corner_vertex, messages, picture
         _say(messages, f"{source.name}: albedo outside 0..1 was cut to it")
     albedo = np.clip(np.nan_to_num(albedo), 0, 1)
     paint = TexturePaint(corner_slot, albedo, textures) if textures else None
-    return Materials(albedo=albedo), paint
+    most = QUANTITIES["emission"].most
+    if not ((emission >= 0) & (emission <= most)).all():
+        _say(messages, f"{source.name}: emission that is negative or no number was cut to 0")
+    emission = np.clip(np.nan_to_num(emission, posinf=most), 0, most)
+    return Materials(albedo=albedo, emission=emission), paint
+
+
+def _material_emission(material, messages):
+    """Radiance that a material emits, (3,), from constants."""
+    shader = _surface_shader(material)
+    names = {"EMISSION": ("Color", "Strength")}
+    names["BSDF_PRINCIPLED"] = "Emission Color", "Emission Strength"
+    if shader is None or shader.type not in names:
+        return np.zeros(3)
+    colour, strength = (shader.inputs[name] for name in names[shader.type])
+    what = f"material '{material.name}'"
+    if colour.is_linked:
+        _say(messages, f"{what}: a texture on '{colour.name}' is ignored, its value is used")
+    return np.array(colour.default_value[:3]) * _constant(strength, what, messages)
 
 
 def _say(messages, text):
@@ -68,6 +88,8 @@ def _material_albedo(material, data, corner_vertex, which, messages, pictures):
     if shader is None:
         _say(messages, f"{what}: no surface shader; its viewport colour was used")
         return np.array(material.diffuse_color[:3])
+    if shader.type == "EMISSION":
+        return np.zeros(3)
     if shader.type == "BSDF_DIFFUSE":
         return _colour(shader.inputs["Color"], data, corner_vertex, which, what, messages, pictures)
     if shader.type == "BSDF_PRINCIPLED":
@@ -91,13 +113,9 @@ def _material_albedo(material, data, corner_vertex, which, messages, pictures):
                 ("Subsurface Weight", "subsurface scattering", 0),
                 ("Coat Weight", "coat", 0),
                 ("Sheen Weight", "sheen", 0),
-                ("Emission Strength", "emission", 0),
             )
             if shader.inputs[name].is_linked or shader.inputs[name].default_value != neutral
         ]
-        if "emission" in ignored and not shader.inputs["Emission Color"].is_linked:
-            if not any(shader.inputs["Emission Color"].default_value[:3]):
-                ignored.remove("emission")
         if ignored:
             _say(messages, f"{what}: {', '.join(ignored)} ignored, the diffuse colour is baked")
         if isinstance(colour, Texture):

@@ -67,6 +67,8 @@ class Quantity:
 QUANTITIES = {
     # Diffuse albedo: the share of the received light that leaves evenly to all sides.
     "albedo": Quantity(3, 0, 1, step=1 / 32),
+    # Radiance that the surface sends out of its own, evenly to all sides of both its faces.
+    "emission": Quantity(3, 0, 1e15, step=1 / 32, default=0.0),
 }
 
 
@@ -82,7 +84,7 @@ class Materials:
 
     Attributes
     ----------
-    albedo : (n, 3) array
+    albedo, emission : (n, 3) array
 
     Raises
     ------

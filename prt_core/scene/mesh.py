@@ -6,6 +6,7 @@ import numpy as np
 
 from prt_core.errors import (
     expect,
+    expect_all,
     expect_array,
     expect_flag,
     expect_kind,
@@ -35,6 +36,9 @@ class Mesh:
         Of the corners; an array is the diffuse albedo, in [0, 1], and all else has its default.
     corner_material : (n_corners,) int, optional
         Corners of different materials never share a point.
+    material_names : tuple of str
+        Names of the materials by their number in `corner_material`; what has none is called as the
+        mesh. Surfaces that emit light are told apart by them: those of one name are one light.
     receives : bool
         Whether its colours are wanted; other objects cast shadows and bounce only.
     two_sided : bool
@@ -68,6 +72,7 @@ class Mesh:
     library: str = ""
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
+    material_names: tuple = ()
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
@@ -93,6 +98,9 @@ class Mesh:
             self.corner_material = np.zeros(n_corners, np.int64)
         self.corner_material = expect_array(
             f"{self.name}: corner_material", self.corner_material, (n_corners,), np.int64
+        )
+        self.material_names = tuple(
+            expect_all(f"{self.name}: material_names", self.material_names, str, "texts")
         )
         if self.corner_uv is not None:
             self.corner_uv = expect_array(
@@ -120,6 +128,12 @@ class Mesh:
                     f"{self.name}: {name} expected indices in 0..{limit - 1}, "
                     f"got {index.min()}..{index.max()}",
                 )
+
+    def material_name(self, number):
+        """The name of the material of this number, or that of the mesh where it has none."""
+        names = self.material_names
+        # Numbers beyond the last slot are of the last one, as in Blender.
+        return (names and number >= 0 and names[min(number, len(names) - 1)]) or self.name
 
     def solid_triangles(self):
         """(n, 3) int64: the triangles that have an area, by their corners."""

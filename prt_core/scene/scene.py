@@ -21,6 +21,7 @@ from prt_core.errors import (
 from prt_core.rays import FramedCaster, make_caster, precision_frames
 from prt_core.reflectance import Materials
 from prt_core.scene.details import Details, no_details
+from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import Mesh
@@ -89,6 +90,10 @@ class Scene:
         Points inside of triangles.
     surfaces : Surfaces or None
         What was between the corners of the meshes it was made from; not kept on disk.
+    emitters : tuple of str
+        Names of the materials that emit light, of one each.
+    triangle_emitter : (n_triangles,) int32
+        Which of them each triangle belongs to; -1, the default: to none.
     """
 
     centre: np.ndarray
@@ -106,6 +111,12 @@ class Scene:
     image: PointImage | None = None
     details: Details = field(default_factory=no_details)
     surfaces: Surfaces | None = field(default=None, repr=False, compare=False)
+    emitters: tuple = ()
+    triangle_emitter: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.triangle_emitter is None:
+            self.triangle_emitter = np.full(len(self.triangles), -1, np.int32)
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -151,6 +162,9 @@ class Scene:
             )
         surfaces = Surfaces(stacked, [mesh.paint for mesh in meshes], counts["first_corner"])
         built = make_points(stacked, levels, frames, surfaces)
+        emitters, triangle_emitter, built.points.emitter = find_emitters(
+            meshes, stacked, levels, built
+        )
         objects = [
             SceneObject(
                 mesh.name,
@@ -182,6 +196,8 @@ class Scene:
             lattice_back=built.lattice_back,
             messages=messages,
             surfaces=surfaces,
+            emitters=emitters,
+            triangle_emitter=triangle_emitter,
         )
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
@@ -266,6 +282,15 @@ class Scene:
             return self.surfaces.at(triangle, barycentric)
         return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
 
+    def emission_at(self, triangle, barycentric):
+        """(m, 3) float64: radiance that places of emitters send out, by both their faces."""
+        if self.surfaces is not None:
+            return self.surfaces.quantity_at("emission", triangle, barycentric)
+        front = np.zeros(len(triangle), bool)
+        around, weights = self.hit_points(triangle, barycentric, front)
+        emission = self.points.materials.emission[around].astype(np.float64)
+        return np.einsum("mk,mkc->mc", weights, emission)
+
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""
         return self.centre + self.size * expect_vectors("positions", positions)
@@ -300,6 +325,10 @@ class Scene:
         for item in self.objects:
             digest.update(item.name.encode())
             digest.update(item.corner_point.tobytes())
+        if self.emitters:
+            digest.update("\0".join(self.emitters).encode())
+            digest.update(self.triangle_emitter)
+            digest.update(self.points.emitter)
         return digest.hexdigest()
 
 

@@ -137,6 +137,7 @@ def surface_points(scene, triangle, barycentric, back):
         mean_materials=materials,
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
+        emitter=scene.triangle_emitter[triangle],
     )
     return points, lit
 

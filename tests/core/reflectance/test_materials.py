@@ -237,7 +237,7 @@ def test_materials_are_taken_joined_and_compared():
     [
         (lambda: Materials(), "materials: expected albedo, \\(n, 3\\); it has no default"),
         (lambda: Materials(albedo=np.ones((5, 2))), "albedo: expected an array of shape \\(n, 3"),
-        (lambda: Materials(shine=1), "materials: expected albedo, got shine"),
+        (lambda: Materials(shine=1), "materials: expected albedo, emission, got shine"),
         (
             lambda: expect_materials("a", Materials(albedo=np.ones((5, 3))), 7),
             "a: materials: expec",

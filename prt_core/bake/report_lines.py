@@ -56,6 +56,9 @@ def _errors(report):
             yield f"  and {len(ranked) - _MOST} more: at most {_worst(ranked[_MOST]):.2%}"
     else:
         yield "none of direct light"
+    for item in report.get("emitters", ()):
+        found = item["error"]
+        yield f"{found:.2%} of the direct light of '{item['name']}', {_met(report, found)}"
     found = report["error"]
     if found is not None:
         rays = report["rays_a_point"]

@@ -14,6 +14,7 @@ from prt_core.errors import (
     expect_one_of,
 )
 from prt_core.light.images import reads_in_threads
+from prt_core.relight.emission import EmittedLight
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps
@@ -63,6 +64,7 @@ class Relighter:
         self._form = FormInUse(bake, expect_flag("progressive", progressive))
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
+        self._emitted = EmittedLight(bake)
 
     def relight(self, light=None, *, of="points", **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
@@ -114,17 +116,21 @@ class Relighter:
         factors = [lighting.lamp_factor] * len(parts)
         if sun is not None:
             factors[-1] = lighting.strength
+        emitted = yield from maybe_beside(pace, "emission", self._emitted.of, lighting)
         if distant is not None and quick is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
         radiance = None
         if quick is not None:
             own = self._form.read().of == of
             radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
-        if parts or quick is None:
+        if parts or (quick is None and emitted is None):
             work = (self._with_bounces, parts, factors, lighting.bounces)
             received = yield from maybe_beside(pace, "bounces", *work)
             exact = subject.radiance_of_points(received)
             radiance = exact if quick is None else exact + radiance
+        if emitted is not None:
+            shining = subject.radiance_of_points(*emitted)
+            radiance = shining if radiance is None else shining + radiance
         return subject.shaped(_exposed(radiance, lighting))
 
     def sky(self, lighting):
@@ -158,7 +164,7 @@ class Relighter:
 
     def close(self):
         """Let go of everything."""
-        for part in (self._environments, self._lamps, self._form):
+        for part in (self._environments, self._lamps, self._emitted, self._form):
             part.close()
 
 

@@ -26,6 +26,8 @@ class Stage(IntEnum):
     DITHER = 16
     BENCH_MATRIX = 17
     GATHER_SHIFT = 18
+    EMISSION_RAYS = 21
+    EMISSION_SAMPLES = 22
 
 
 def generator(seed, stage, *key):

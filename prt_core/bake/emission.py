@@ -85,7 +85,7 @@ def emission_steps(store, scene, caster, settings, seconds):
     table = len(parts), n_emitters, _N_FIGURES
     figures = store.create(_FIGURES, table, "float64", (1, *table[1:]))
     yield Progress("emission", 0, n_points)
-    lights = surface_lights(scene)
+    lights = surface_lights(scene, caster, settings.seed)
     emitters = slice(0, n_emitters)
 
     def one(caster, index):
@@ -113,7 +113,7 @@ def emission_steps(store, scene, caster, settings, seconds):
         probes = _probes(direct[...])
     errors = np.sqrt(spread / np.maximum(size, 1e-300))
     return EmissionFound(
-        int(round(rays.sum())),
+        int(round(rays.sum())) + sum(light.n_rays for light in lights),
         float(errors.max()),
         [
             {

@@ -28,6 +28,7 @@ class Stage(IntEnum):
     GATHER_SHIFT = 18
     EMISSION_RAYS = 21
     EMISSION_SAMPLES = 22
+    EMISSION_SIDES = 23
 
 
 def generator(seed, stage, *key):

@@ -62,10 +62,12 @@ class Emitted:
     n_rays: int
 
 
-def surface_lights(scene):
+def surface_lights(scene, caster, seed=0):
     """The `SurfaceLight` of each emitter of a scene."""
     expect_kind("scene", scene, Scene)
-    return [SurfaceLight(scene, index) for index in range(len(scene.emitters))]
+    expect_caster(caster)
+    expect_seed(seed)
+    return [SurfaceLight(scene, index, caster, seed) for index in range(len(scene.emitters))]
 
 
 def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turns=MOST_TURNS):

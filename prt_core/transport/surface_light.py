@@ -5,13 +5,26 @@ that lie together make a cluster. For a point, a cluster is chosen in proportion
 it may send there (its power, distance and the two cosines, after Estevez and Kulla, "Importance
 Sampling of Many Lights with Adaptive Tree Splitting", 2018), in it a piece in proportion to its
 power, and on the piece any place. So thousands of small triangles cost as little as two large
-ones, and a texture is sampled where it is bright. Both faces emit.
+ones, and a texture is sampled where it is bright.
+
+Both faces emit, but of a closed surface, a tube or a bulb, one is seen by nobody. A side from which
+a few rays meet nothing but the emitter itself is not sampled: half of all shadow rays would end at
+the near wall of the tube. Where that is wrong the emitter fills what a point sees, and the other
+kind of rays finds it (see `transport.emission`).
 """
+
+import heapq
+import itertools
 
 import numpy as np
 
+from prt_core.runtime.seeds import Stage, generator
+from prt_core.transport.gather import cosine_directions
+
 # Triangles are cut until there are so many pieces; clusters of pieces, at most.
-_PIECES, _CLUSTERS = 1024, 128
+_PIECES, _CLUSTERS = 2048, 256
+# Rays from each side of a piece that tell whether anything else sees it.
+_LOOKS = 8
 # Places on a piece, by the weights of its three corners, whose mean is its emission.
 _PLACES = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
 
@@ -24,6 +37,8 @@ class SurfaceLight:
     scene : Scene
     index : int
         In `Scene.emitters`.
+    caster : RayCaster
+    seed : int
 
     Attributes
     ----------
@@ -32,10 +47,12 @@ class SurfaceLight:
         Mean over its triangles.
     area : float
         Of its triangles, in squared frame units.
+    n_rays : int
+        That were cast to see which sides are open.
     """
 
-    def __init__(self, scene, index):
-        self.name, self._scene = scene.emitters[index], scene
+    def __init__(self, scene, index, caster, seed=0):
+        self.name, self.n_rays = scene.emitters[index], 0
         triangles = np.flatnonzero(scene.triangle_emitter == index)
         self._pieces = pieces = _Pieces(scene, triangles)
         places = np.einsum("pk,nkc->npc", _PLACES, pieces.corners)
@@ -48,18 +65,45 @@ class SurfaceLight:
         value = emission.max(axis=1)
         # What most pieces are as bright as costs the fewest numbers.
         power = pieces.area * (value / max(value.max(), 1e-300))
-        self._make_clusters(power)
+        self._make_clusters(power, self._open_sides(scene, index, caster, seed, power > 0))
+
+    def _open_sides(self, scene, index, caster, seed, lit):
+        """(2, n_pieces) float64: whether the front, the back may be seen by others."""
+        pieces, sides = self._pieces, np.zeros((2, len(lit)))
+        lit = np.flatnonzero(lit)
+        middle = pieces.positions[lit].mean(axis=1)
+        lift = scene.triangle_lifts[pieces.triangle[lit], None]
+        shift = generator(seed, Stage.EMISSION_SIDES, index).random((len(lit), 2), np.float32)
+        for side, sign in enumerate((1, -1)):
+            normal = sign * pieces.normal[lit]
+            ways = cosine_directions(normal.astype(np.float32), shift, _LOOKS).reshape(-1, 3)
+            starts = np.repeat(middle + lift * normal, _LOOKS, axis=0)
+            if scene.ray_origins.dtype == np.float32:
+                starts = starts.astype(np.float32)
+            met = [
+                caster.intersect(starts[first : first + caster.batch],
+                                 ways[first : first + caster.batch]).triangle
+                for first in range(0, len(starts), caster.batch)
+            ]  # fmt: skip
+            met = np.concatenate(met) if met else np.zeros(0, np.int32)
+            own = (met >= 0) & (scene.triangle_emitter[met] == index)
+            sides[side, lit] = ~own.reshape(-1, _LOOKS).all(axis=1)
+            self.n_rays += len(starts)
+        return sides
 
     @property
     def is_dark(self):
         """Whether no piece of it emits."""
         return not len(self._power)
 
-    def _make_clusters(self, power):
+    def _make_clusters(self, power, sides):
         pieces = self._pieces
         lit = np.flatnonzero(power > 0)
         middle = pieces.positions.mean(axis=1)
-        groups = _near_each_other(middle[lit], _CLUSTERS)
+        # To face otherwise keeps pieces apart as a quarter of the emitter's size does.
+        across = max(float(np.ptp(middle, axis=0).max()), 1e-300)
+        features = np.hstack([middle[lit] / across, pieces.normal[lit] / 8])
+        groups = _near_each_other(features, power[lit], _CLUSTERS)
         order = lit[np.concatenate(groups)] if len(lit) else lit
         sizes = np.array([len(group) for group in groups], np.int64)
         cluster = np.repeat(np.arange(len(groups)), sizes)
@@ -75,9 +119,9 @@ class SurfaceLight:
         away = pieces.positions[order] - self._centre[cluster, None]
         self._radius = np.zeros(n)
         np.maximum.at(self._radius, cluster, np.linalg.norm(away, axis=2).max(axis=1))
-        normal = pieces.normal[order]
-        outer = (normal[:, :, None] * normal[:, None]).reshape(-1, 9)
-        self._facing = _summed(cluster, share[:, None] * outer, n).reshape(-1, 3, 3)
+        self._normal = _summed(cluster, share[:, None] * pieces.normal[order], n)
+        self._bent = np.sqrt(np.maximum(1 - (self._normal**2).sum(axis=1), 0))
+        self._sides = _summed(cluster, share[:, None] * sides.T[order], n).T
         # Of each piece: its cluster, and its chance in that cluster for each unit of area.
         self._cluster = np.zeros(len(power), np.int64)
         self._cluster[order] = cluster
@@ -96,19 +140,17 @@ class SurfaceLight:
         """
         if self.is_dark:
             return np.zeros((len(positions), 0))
-        moment = self._facing.reshape(-1, 9)
-        twice = positions[:, :, None] * positions[:, None]
-        turned = np.einsum("cij,cj->ci", self._facing, self._centre)
-        constant = np.einsum("ci,ci->c", turned, self._centre)
-        # The mean of (n . way)^2 over the normals n of a cluster, for the way from each point.
-        faced = twice.reshape(-1, 9) @ moment.T - 2 * positions @ turned.T + constant
         squares = (positions**2).sum(axis=1)[:, None] - 2 * positions @ self._centre.T
         squares = np.maximum(squares + (self._centre**2).sum(axis=1), 1e-300)
         height = normals @ self._centre.T - np.einsum("nx,nx->n", normals, positions)[:, None]
         away = np.sqrt(squares)
         wide = np.minimum(self._radius / away, 1)
         received = np.clip(height / away + wide, 0, 1)
-        sent = np.minimum(np.sqrt(np.maximum(faced, 0) / squares) + wide, 1)
+        # The cosine at the emitter, mean over a cluster, and how far off that single pieces are.
+        before = positions @ self._normal.T - np.einsum("cx,cx->c", self._normal, self._centre)
+        before, about = before / away, self._bent + wide
+        front, back = self._sides
+        sent = front * np.clip(about + before, 0, 1) + back * np.clip(about - before, 0, 1)
         bound = self._power * received * sent / np.maximum(squares, self._radius**2)
         return bound / np.maximum(bound.sum(axis=1, keepdims=True), 1e-300)
 
@@ -238,17 +280,35 @@ def _halved(values, node, turn):
     return np.concatenate([values, np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
 
 
-def _near_each_other(places, count):
-    """Indices of `places` (n, 3) in at most `count` groups, by halving the longest side."""
-    groups = [np.arange(len(places))] if len(places) else []
-    while groups and len(groups) * 2 <= count and max(map(len, groups)) > 1:
-        halves = []
-        for group in groups:
-            axis = np.ptp(places[group], axis=0).argmax()
-            group = group[np.argsort(places[group, axis], kind="stable")]
-            halves += [half for half in np.array_split(group, 2) if len(half)]
-        groups = halves
-    return groups
+def _near_each_other(features, power, count):
+    """Indices of pieces in at most `count` groups: those of much power over a wide space halved.
+
+    Parameters
+    ----------
+    features : (n, k) float64
+    power : (n,) float64
+    count : int
+    """
+    groups, waiting, numbers = [], [], itertools.count()
+
+    def add(group):
+        extent = np.ptp(features[group], axis=0)
+        # The number settles ties, so that arrays are never compared.
+        rank = -power[group].sum() * extent.max() ** 2
+        heapq.heappush(waiting, (rank, next(numbers), int(extent.argmax()), group))
+
+    if len(features):
+        add(np.arange(len(features)))
+    while waiting and len(groups) + len(waiting) < count:
+        _, _, axis, group = heapq.heappop(waiting)
+        values = features[group, axis]
+        low = values <= (values.min() + values.max()) / 2
+        if low.all():
+            groups.append(group)
+        else:
+            add(group[low])
+            add(group[~low])
+    return groups + [group for *_, group in waiting]
 
 
 def _summed(group, values, count):

@@ -1,5 +1,7 @@
 """Small meshes that tests are made of."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from prt_core.rays import BruteForceCaster
@@ -40,6 +42,12 @@ def plane(n=5, low=-1.0, high=1.0, name="plane", albedo=0.5, z=0.0, **settings):
     first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
     quads = np.column_stack([first, first + 1, first + n + 1, first + n])
     return _quads(name, vertices, quads, albedo, **settings)
+
+
+def glowing(mesh, emission):
+    """The mesh with an emission (3,) on all its corners."""
+    colour = np.broadcast_to(np.asarray(emission, float), mesh.materials.albedo.shape)
+    return replace(mesh, materials=mesh.materials.replaced(emission=colour))
 
 
 def wall(x, height, half_width, n=3, name="wall", albedo=0.0):

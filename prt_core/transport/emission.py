@@ -33,6 +33,8 @@ from prt_core.transport.surface_light import SurfaceLight
 # Rays of each kind that a point casts in a turn; turns go in pairs, whose halves are compared.
 TURN = 32
 MOST_TURNS = 32
+# The share of all cosine-distributed rays that has to meet an emitter for them to do alone.
+_OFTEN = 1 / 8
 # Received light less than so much of an emitter's mean radiance is as good as none.
 _NOTHING = 1e-9
 # Received light of an emitter: in its own three colours, and of its largest channel alone, which
@@ -110,7 +112,9 @@ def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turn
             means = ways[:, :, i] / turns[i]
             spreads = ((means[:, 0] - means[:, 1]) ** 2).sum(axis=(1, 2)) / 4
             if pair == 0:
-                best[i] = spreads[1] <= spreads[0]
+                # That few rays agree by chance says nothing.
+                often = block.met[i] >= _OFTEN * max(block.n_looked, 1)
+                best[i] = often and spreads[1] <= spreads[0]
             spread[i] = spreads[best[i]]
             size[i] = (means[best[i]].mean(axis=0) ** 2).sum()
         active = [
@@ -135,6 +139,8 @@ class _Block:
         self._geometric = scene.points.geometric_normals[points]
         # What nothing can be in front of has no emitter in front of it either.
         self._blind = scene.open_points[points]
+        # Of cosine-distributed rays: those that met each emitter, and all.
+        self.met, self.n_looked = np.zeros(len(lights), np.int64), 0
         places, normals = self._origins.astype(np.float64), self._normals.astype(np.float64)
         self._chances = [light.chances(places, normals) for light in lights]
         for chances in self._chances:
@@ -160,10 +166,12 @@ class _Block:
         directions = directions[above]
         if not len(point):
             return
+        self.n_looked += len(point)
         found = self._cast(self._origins[point], directions)
         met = np.where(found.triangle >= 0, self._scene.triangle_emitter[found.triangle], -1)
         for i in active:
             mine = np.flatnonzero(met == i)
+            self.met[i] += len(mine)
             if not len(mine):
                 continue
             triangle, barycentric = found.triangle[mine], found.barycentric[mine]

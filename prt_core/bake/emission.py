@@ -187,6 +187,8 @@ def read_emission(store, scene, rounds):
     direct = store.read(_DIRECT, (*shape, CHANNELS), "float32")
     received = store.read(_RECEIVED, (*shape, 6), "float32") if rounds else None
     for name, values in ((_DIRECT, direct), (_RECEIVED, received)):
-        good = values is None or not values.size or (values.min() >= 0 and np.isfinite(values).all())
+        good = (
+            values is None or not values.size or (values.min() >= 0 and np.isfinite(values).all())
+        )
         expect(good, f"{store.path}: '{name}' is out of range; the bake is damaged")
     return Emission(scene.emitters, direct, received)

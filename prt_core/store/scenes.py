@@ -126,9 +126,7 @@ def read_scene(store):
         for name, (dtype, width) in _POINTS.items()
     }
     emitters, point_emitter, triangle_emitter = _read_emitters(store, n_points)
-    points = BakePoints(
-        **points, **_read_materials(store, n_points), emitter=point_emitter
-    )
+    points = BakePoints(**points, **_read_materials(store, n_points), emitter=point_emitter)
     vertices = store.read("scene_vertices", (None, 3), "float64")
     triangles = store.read("scene_triangles", (None, 3), "int32")
     lattice = store.read("scene_lattice", (None,), "int32")

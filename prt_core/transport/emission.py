@@ -247,7 +247,9 @@ class _Block:
         size = self._caster.batch
         return Hits.joined(
             [
-                self._caster.intersect(origins[first : first + size], directions[first : first + size])
+                self._caster.intersect(
+                    origins[first : first + size], directions[first : first + size]
+                )
                 for first in range(0, len(origins), size)
             ]
         )

@@ -52,4 +52,5 @@ class ExitRadiance:
             Linear Rec.709, of the type of what was received.
         """
         between = (1,) * (self.received.ndim - 2)
-        return self.albedo.reshape(len(self.albedo), *between, -1) * self.received
+        shape = len(self.albedo), *between, self.albedo.shape[1]
+        return self.albedo.reshape(shape) * self.received

@@ -230,9 +230,7 @@ class _Pieces:
         edge, children = np.zeros(len(triangles), np.int64), np.full((len(triangles), 2), -1)
         leaves = np.arange(len(triangles))
         while len(leaves) < _PIECES:
-            length = np.linalg.norm(
-                positions[leaves][:, [1, 2, 0]] - positions[leaves], axis=2
-            )
+            length = np.linalg.norm(positions[leaves][:, [1, 2, 0]] - positions[leaves], axis=2)
             longest = length.max(axis=1)
             cut = np.flatnonzero(longest >= 0.75 * longest.max())
             cut = cut[np.argsort(-longest[cut], kind="stable")][: _PIECES - len(leaves)]

@@ -147,7 +147,9 @@ class TransportRows(Rows):
         scale = natural_scale(self.resolution) if self.natural else None
         even = (3**-0.5,) * 3
         groups, lefts = [Group(even, direct=True)], []
-        if self.rank and transport.gather is not None and transport.bounces != 0:
+        # A K without entries, where all that is met are sides without light, bounces nothing.
+        bounces = transport.gather is not None and transport.gather.nnz and transport.bounces != 0
+        if self.rank and bounces:
             albedo = transport.bounced_albedo
             grey = (albedo == albedo[:, :1]).all()
             channels = [0] if grey else [0, 1, 2]

@@ -159,7 +159,12 @@ def test_objects_of_one_material_are_one_light_and_those_of_others_are_others():
         return mesh
 
     floor = plane(3, name="floor")
-    meshes = [floor, lamp("a", 0, "neon", 1.0), lamp("b", 0.3, "bulb", 2.0), lamp("c", 0.6, "neon", 1.0)]
+    meshes = [
+        floor,
+        lamp("a", 0, "neon", 1.0),
+        lamp("b", 0.3, "bulb", 2.0),
+        lamp("c", 0.6, "neon", 1.0),
+    ]
     scene = Scene.from_meshes(meshes, max_hidden=0)
     assert scene.emitters == ("neon", "bulb")
     of_triangle = scene.triangle_emitter[np.argsort(scene.triangle_object, kind="stable")]

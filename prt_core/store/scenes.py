@@ -188,7 +188,10 @@ def _read_emitters(store, n_points):
     names = store.facts.get("emitters", [])
     with damage_said(store.path):
         texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
-        expect(texts and len(set(names)) == len(names), "the names of its emitters are")
+        good = texts and len(set(names)) == len(names)
+        # Where something emits light there is somebody whose light it is.
+        good = good and bool(names) == ("emission" in store.facts.get("materials", _FIRST))
+        expect(good, "the names of its emitters are")
     if not names:
         return (), np.full(n_points, -1, np.int32), None
     point, triangle = (

@@ -89,9 +89,8 @@ def emission_steps(store, scene, caster, settings, seconds):
     emitters = slice(0, n_emitters)
 
     def one(caster, index):
-        # Half of what is allowed: it adds to the errors of visibility and bounces.
-        tolerance = settings.tolerance / 2
-        return emitted_light(scene, caster, lights, parts[index], settings.seed, tolerance)
+        points, seed = parts[index], settings.seed
+        return emitted_light(scene, caster, lights, points, seed, settings.tolerance)
 
     group = max(caster.threads, os.cpu_count() or 1) * _TOGETHER
     todo = [

@@ -2,13 +2,13 @@
 
 Two ways to find it, each good where the other is poor: cosine-distributed rays, which meet an
 emitter often where it fills much of what a point sees (a sky made of a mesh, a panel at hand), and
-shadow rays to places on the emitter (a tube, a screen across the room). Both are cast, as many of
-one as of the other, and each sample is weighed by how likely either way was to find it: the
-balance heuristic of multiple importance sampling (Veach and Guibas 1995), which counts nothing
-twice and has no bright dots where a wall touches a lamp.
+shadow rays to places on the emitter (a tube, a screen across the room). Both are cast, and each
+sample is weighed by how likely either way was to find it: the power heuristic of multiple
+importance sampling (Veach and Guibas 1995), which counts nothing twice, has no bright dots where a
+wall touches a lamp, and leaves what one way finds surely to it.
 
 Where after the first turns the first kind alone is as good as both together, as under a sky, a
-block of points goes on with it alone.
+block of points goes on with it alone; where it hardly ever meets an emitter, with few of it.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,11 @@ from prt_core.transport.surface_light import SurfaceLight
 # Rays of each kind that a point casts in a turn; turns go in pairs, whose halves are compared.
 TURN = 32
 MOST_TURNS = 32
-# The share of all cosine-distributed rays that has to meet an emitter for them to do alone.
-_OFTEN = 1 / 8
+# The share of all cosine-distributed rays that has to meet an emitter for them to do alone; and
+# that all emitters together have to be met by for more than _FEW of them to be cast in a turn.
+_OFTEN, _SELDOM, _FEW = 1 / 8, 1 / 16, 8
+# Points on either side that say how far off one of a block is.
+_BESIDE = 8
 # Received light less than so much of an emitter's mean radiance is as good as none.
 _NOTHING = 1e-9
 # Received light of an emitter: in its own three colours, and of its largest channel alone, which
@@ -98,34 +101,49 @@ def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turn
     n = points.stop - points.start
     # What both kinds of rays find together, and what cosine-distributed ones find alone.
     ways = np.zeros((2, 2, len(lights), n, CHANNELS))
-    turns, best = np.zeros((2, len(lights)), np.int64)
+    turns, best = np.zeros((len(lights), n), np.int64), np.zeros(len(lights), np.int64)
     spread, size = np.zeros((2, len(lights)))
-    active = [i for i, light in enumerate(lights) if not light.is_dark]
+    # Which points go on casting rays for each emitter.
+    active = np.repeat([[not light.is_dark] for light in lights], n, axis=1)
+    active &= ~block.blind
     for pair in range(most_turns // 2):
-        if not active:
+        if not active.any():
             break
-        aiming = [i for i in active if best[i] == 0]
         for half in (0, 1):
-            block.turn(half, pair, active, aiming, ways[:, half])
-        turns[active] += 1
-        for i in active:
-            means = ways[:, :, i] / turns[i]
-            spreads = ((means[:, 0] - means[:, 1]) ** 2).sum(axis=(1, 2)) / 4
+            block.turn(half, pair, active, best == 0, ways[:, half])
+        turns += active
+        if pair == 0:
+            block.look_less()
+        for i in np.flatnonzero(active.any(axis=1)):
+            means = ways[:, :, i] / np.maximum(turns[i], 1)[:, None]
+            spreads = ((means[:, 0] - means[:, 1]) ** 2).sum(axis=2) / 4
             if pair == 0:
                 # That few rays agree by chance says nothing.
                 often = block.met[i] >= _OFTEN * max(block.n_looked, 1)
-                best[i] = often and spreads[1] <= spreads[0]
-            spread[i] = spreads[best[i]]
+                best[i] = often and spreads[1].sum() <= spreads[0].sum()
+            spread[i] = spreads[best[i]].sum()
             size[i] = (means[best[i]].mean(axis=0) ** 2).sum()
-        active = [
-            i
-            for i in active
-            if spread[i] > tolerance**2 * size[i]
-            and size[i] > n * (_NOTHING * lights[i].radiance.max()) ** 2
-        ]
+            allowed = tolerance**2 * size[i]
+            nothing = size[i] <= n * (_NOTHING * lights[i].radiance.max()) ** 2
+            done = nothing or spread[i] <= allowed
+            active[i] &= ~done & _tells(spreads[best[i]], allowed / 2)
     received = ways.sum(axis=1)[best, np.arange(len(lights))]
-    received /= np.maximum(2 * turns, 1)[:, None, None]
+    received /= np.maximum(2 * turns, 1)[:, :, None]
     return Emitted(received.astype(np.float32), spread, size, block.n_rays)
+
+
+def _tells(spread, allowed):
+    """(n,) bool: all points but those whose `spread` (n,) is small, `allowed` together.
+
+    By chance both halves of a point's rays may agree: it is taken to be as far off as those beside
+    it are in the mean.
+    """
+    beside = np.ones(2 * _BESIDE + 1) / (2 * _BESIDE + 1)
+    spread = np.maximum(spread, np.convolve(spread, beside)[_BESIDE : _BESIDE + len(spread)])
+    order = np.argsort(spread, kind="stable")
+    tells = np.empty(len(spread), bool)
+    tells[order] = np.cumsum(spread[order]) > allowed
+    return tells
 
 
 class _Block:
@@ -138,30 +156,42 @@ class _Block:
         self._normals = scene.points.normals[points]
         self._geometric = scene.points.geometric_normals[points]
         # What nothing can be in front of has no emitter in front of it either.
-        self._blind = scene.open_points[points]
+        self.blind = scene.open_points[points]
         # Of cosine-distributed rays: those that met each emitter, and all.
+        self._first, self._looks = 0, TURN
         self.met, self.n_looked = np.zeros(len(lights), np.int64), 0
         places, normals = self._origins.astype(np.float64), self._normals.astype(np.float64)
         self._chances = [light.chances(places, normals) for light in lights]
-        for chances in self._chances:
-            chances[self._blind] = 0
 
     def turn(self, half, pair, active, aiming, ways):
-        """Add what TURN rays of each kind find of the `active` emitters to `ways`.
+        """Add what a turn of each kind of rays finds to `ways`.
 
-        The second kind is cast only to those that are `aiming`.
+        Parameters
+        ----------
+        half, pair : int
+        active : (n_emitters, n) bool
+            Points that cast rays for each emitter.
+        aiming : (n_emitters,) bool
+            Emitters to which the second kind is cast.
+        ways : (2, n_emitters, n, CHANNELS) float64
         """
         self._meet(half, pair, active, aiming, ways)
-        self._aim(half, pair, aiming, ways[0])
+        self._aim(half, pair, active & aiming[:, None], ways[0])
+
+    def look_less(self):
+        """Cast few cosine-distributed rays from now on where they hardly ever meet an emitter."""
+        if self.met.sum() < _SELDOM * self.n_looked:
+            self._first, self._looks = TURN - _FEW, _FEW
 
     def _meet(self, half, pair, active, aiming, ways):
         """Cosine-distributed rays, and which emitters they meet."""
         n = len(self._normals)
         shift = generator(self._seed, Stage.EMISSION_RAYS, half, self._start)
         shift = shift.random((n, 2), np.float32)
-        directions = cosine_directions(self._normals, shift, TURN, pair * TURN)
+        looks = self._looks
+        directions = cosine_directions(self._normals, shift, looks, self._first + pair * looks)
         above = np.matmul(directions, self._geometric[:, :, None])[:, :, 0] > 0
-        above &= ~self._blind[:, None]
+        above &= active.any(axis=0)[:, None]
         point = np.nonzero(above)[0]
         directions = directions[above]
         if not len(point):
@@ -169,24 +199,24 @@ class _Block:
         self.n_looked += len(point)
         found = self._cast(self._origins[point], directions)
         met = np.where(found.triangle >= 0, self._scene.triangle_emitter[found.triangle], -1)
-        for i in active:
-            mine = np.flatnonzero(met == i)
+        for i in np.unique(met[met >= 0]):
+            mine = np.flatnonzero((met == i) & active[i, point])
             self.met[i] += len(mine)
-            if not len(mine):
-                continue
             triangle, barycentric = found.triangle[mine], found.barycentric[mine]
-            _add(ways[1, i], point[mine], self._sent(triangle, barycentric) / TURN)
-            if i in aiming:
+            sent = self._sent(triangle, barycentric)
+            _add(ways[1, i], point[mine], sent / looks)
+            if aiming[i]:
                 some = point[mine], triangle, barycentric, directions[mine]
-                self._weigh(i, *some, found.distance[mine].astype(np.float64), ways[0])
+                by_rays, by_aim = self._densities(i, *some, found.distance[mine].astype(float))
+                _add(ways[0, i], point[mine], sent * _share(by_rays, by_aim)[:, None] / looks)
 
     def _aim(self, half, pair, active, sums):
         """Shadow rays to places on the emitters."""
         uv = sobol_points(int(np.ceil(np.log2((pair + 1) * TURN))))
         uv = uv[pair * TURN : (pair + 1) * TURN]
         aimed = []
-        for i in active:
-            seeing = np.flatnonzero(self._chances[i].any(axis=1))
+        for i in np.flatnonzero(active.any(axis=1)):
+            seeing = np.flatnonzero(active[i] & self._chances[i].any(axis=1))
             if not len(seeing):
                 continue
             shift = generator(self._seed, Stage.EMISSION_SAMPLES, half, i, self._start)
@@ -213,24 +243,21 @@ class _Block:
         for i, *some in aimed:
             seen = np.flatnonzero(free[first : first + len(some[0])])
             first += len(some[0])
-            self._weigh(i, *(values[seen] for values in some), sums)
+            point, triangle, barycentric, *way = (values[seen] for values in some)
+            by_rays, by_aim = self._densities(i, point, triangle, barycentric, *way)
+            # Radiance L brings L cosine / pi for each unit of solid angle: L times the density of
+            # the cosine-distributed rays, over that of the sample.
+            weight = _share(by_aim, by_rays) * by_rays / (by_aim * self._looks)
+            _add(sums[i], point, self._sent(triangle, barycentric) * weight[:, None])
 
-    def _weigh(self, i, point, triangle, barycentric, direction, distance, sums):
-        """Add samples of an emitter, by the balance heuristic.
-
-        Sent radiance L brings L cosine / pi for each unit of solid angle: L times the density with
-        which cosine-distributed rays go that way. TURN rays go there with that density, TURN with
-        that of the emitter's samples.
-        """
-        light = self._lights[i]
+    def _densities(self, i, point, triangle, barycentric, direction, distance):
+        """How many samples of either kind go a way in a turn, for unit of solid angle, (m,)."""
         cosine = np.einsum("nx,nx->n", direction, self._normals[point].astype(np.float64))
-        by_rays = np.maximum(cosine, 0) / np.pi
         normal = self._scene.triangle_normals[triangle].astype(np.float64)
         faced = np.abs(np.einsum("nx,nx->n", direction, normal))
-        by_area = light.density(self._chances[i], point, triangle, barycentric)
-        both = by_rays + by_area * distance**2 / np.maximum(faced, 1e-12)
-        weight = np.where(by_rays > 0, by_rays / np.maximum(both, 1e-300), 0) / TURN
-        _add(sums[i], point, self._sent(triangle, barycentric) * weight[:, None])
+        by_area = self._lights[i].density(self._chances[i], point, triangle, barycentric)
+        by_rays = self._looks * np.maximum(cosine, 0) / np.pi
+        return by_rays, TURN * by_area * distance**2 / np.maximum(faced, 1e-12)
 
     def _sent(self, triangle, barycentric):
         """(m, CHANNELS) float64 radiance of places on emitters."""
@@ -269,3 +296,8 @@ def _add(sums, point, values):
     """Add `values` (m, CHANNELS) to the `sums` (n, CHANNELS) of their points."""
     for channel, column in enumerate(values.T):
         sums[:, channel] += np.bincount(point, column, len(sums))
+
+
+def _share(own, other):
+    """(m,) what counts of samples by the power heuristic, of their own density and the other."""
+    return own**2 / np.maximum(own**2 + other**2, 1e-300)

@@ -14,7 +14,6 @@ kind of rays finds it (see `transport.emission`).
 """
 
 import heapq
-import itertools
 
 import numpy as np
 
@@ -287,26 +286,27 @@ def _near_each_other(features, power, count):
     power : (n,) float64
     count : int
     """
-    groups, waiting, numbers = [], [], itertools.count()
+    whole, waiting = [], []
 
-    def add(group):
+    def add(path, group):
         extent = np.ptp(features[group], axis=0)
-        # The number settles ties, so that arrays are never compared.
         rank = -power[group].sum() * extent.max() ** 2
-        heapq.heappush(waiting, (rank, next(numbers), int(extent.argmax()), group))
+        heapq.heappush(waiting, (rank, path, int(extent.argmax()), group))
 
     if len(features):
-        add(np.arange(len(features)))
-    while waiting and len(groups) + len(waiting) < count:
-        _, _, axis, group = heapq.heappop(waiting)
+        add((), np.arange(len(features)))
+    while waiting and len(whole) + len(waiting) < count:
+        _, path, axis, group = heapq.heappop(waiting)
         values = features[group, axis]
         low = values <= (values.min() + values.max()) / 2
         if low.all():
-            groups.append(group)
+            whole.append((path, group))
         else:
-            add(group[low])
-            add(group[~low])
-    return groups + [group for *_, group in waiting]
+            add((*path, 0), group[low])
+            add((*path, 1), group[~low])
+    # Neighbours one after the other: numbers that are spread evenly then are so on the emitter.
+    whole += [(path, group) for _, path, _, group in waiting]
+    return [group for _, group in sorted(whole, key=lambda item: item[0])]
 
 
 def _summed(group, values, count):

@@ -147,9 +147,7 @@ class TransportRows(Rows):
         scale = natural_scale(self.resolution) if self.natural else None
         even = (3**-0.5,) * 3
         groups, lefts = [Group(even, direct=True)], []
-        # A K without entries, where all that is met are sides without light, bounces nothing.
-        bounces = transport.gather is not None and transport.gather.nnz and transport.bounces != 0
-        if self.rank and bounces:
+        if self.rank and transport.gather is not None and transport.bounces != 0:
             albedo = transport.bounced_albedo
             grey = (albedo == albedo[:, :1]).all()
             channels = [0] if grey else [0, 1, 2]
@@ -257,6 +255,9 @@ def opponent_groups(left, right, error=_OPPONENT_ERROR):
     mix = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
     sizes, right = [len(part) for part in right], np.concatenate(right).astype(np.float64)
     rank, allowed = max(sizes), error * np.linalg.norm(right)
+    if not rank:
+        # No light from far away is bounced, as in a room without windows.
+        return [], []
     along, across = np.linalg.qr(right.T)
     stacked = np.hstack(left)
     gram = sum(

@@ -60,6 +60,13 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
 
     Parameters
     ----------
+    store : BakeStore
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : BakeSettings
+    seconds : dict of str -> float
+        By stage; added to.
     emitted : (n_points, k) float32, optional
         Directly received light of emitters, under which the error is measured as well.
 

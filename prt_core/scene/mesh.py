@@ -36,9 +36,6 @@ class Mesh:
         Of the corners; an array is the diffuse albedo, in [0, 1], and all else has its default.
     corner_material : (n_corners,) int, optional
         Corners of different materials never share a point.
-    material_names : tuple of str
-        Names of the materials by their number in `corner_material`; what has none is called as the
-        mesh. Surfaces that emit light are told apart by them: those of one name are one light.
     receives : bool
         Whether its colours are wanted; other objects cast shadows and bounce only.
     two_sided : bool
@@ -55,6 +52,9 @@ class Mesh:
         For geometry images.
     paint : Paint, optional
         The materials between the corners; default: as they say, in between.
+    material_names : tuple of str
+        Names of the materials by their number in `corner_material`; what has none is called as the
+        mesh. Surfaces that emit light are told apart by them: those of one name are one light.
     """
 
     name: str

@@ -283,7 +283,14 @@ class Scene:
         return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
 
     def emission_at(self, triangle, barycentric):
-        """(m, 3) float64: radiance that places of emitters send out, by both their faces."""
+        """(m, 3) float64: radiance that places of emitters send out, by both their faces.
+
+        Parameters
+        ----------
+        triangle : (m,) int
+        barycentric : (m, 2) float
+            Weights of the second and third corner.
+        """
         if self.surfaces is not None:
             return self.surfaces.quantity_at("emission", triangle, barycentric)
         front = np.zeros(len(triangle), bool)

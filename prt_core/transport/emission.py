@@ -68,7 +68,14 @@ class Emitted:
 
 
 def surface_lights(scene, caster, seed=0):
-    """The `SurfaceLight` of each emitter of a scene."""
+    """The `SurfaceLight` of each emitter of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    caster : RayCaster
+    seed : int
+    """
     expect_kind("scene", scene, Scene)
     expect_caster(caster)
     expect_seed(seed)

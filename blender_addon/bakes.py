@@ -8,7 +8,7 @@ from prt_core import BakeStore, PRTError
 from prt_core.blender.identity import origin_of
 from prt_core.errors import expect
 from prt_core.scene import changes
-from prt_core.store import compressed_facts, is_removable
+from prt_core.store import compressed_attributes, is_removable
 from prt_core.store.places import beside
 
 from . import plan, preview
@@ -32,19 +32,19 @@ def refresh(scene, select=""):
     for path in sorted(plan.folder(scene).glob("*.prt")):
         try:
             store = BakeStore(path)
-            facts, n_bytes = store.facts, store.nbytes()
+            attributes, n_bytes = store.attributes, store.nbytes()
         except (PRTError, OSError) as error:
             if is_removable(path):
                 item = status.bakes.add()
                 item.name, item.path, item.unreadable = path.stem, str(path), str(error)
             continue
-        report = facts.get("report") or {}
+        report = attributes.get("report") or {}
         item = status.bakes.add()
         item.name, item.path = path.stem, str(path)
-        item.complete = bool(facts.get("complete"))
+        item.complete = bool(attributes.get("complete"))
         item.waiting = beside(path).is_dir()
         item.megabytes = n_bytes / 1e6
-        item.seconds = sum((facts.get("seconds") or {}).values())
+        item.seconds = sum((attributes.get("seconds") or {}).values())
         item.error = -1.0 if report.get("error") is None else report["error"]
         item.points = report.get("points", 0)
         item.method = report.get("method") or "exhaustive"
@@ -54,9 +54,9 @@ def refresh(scene, select=""):
         item.back_end = report.get("back_end", "")
         item.rate = report.get("rays_per_second") or 0.0
         item.compressed = _compressed_line(store)
-        item.origin = of_another(scene, facts, path) or ""
+        item.origin = of_another(scene, attributes, path) or ""
         item.notes = "\n".join(report.get("messages") or ())
-        for name, digest in (facts.get("source") or {}).items():
+        for name, digest in (attributes.get("source") or {}).items():
             source = item.source.add()
             source.name, source.digest = name, digest
     order = [item.path for item in status.bakes]
@@ -78,9 +78,9 @@ def goes_on(scene):
     )
 
 
-def of_another(scene, facts, path):
+def of_another(scene, attributes, path):
     """The file and scene that a bake is of in words, where it is not this one; else None."""
-    origin = facts.get("origin")
+    origin = attributes.get("origin")
     if not origin:
         return None
     folder, here = Path(path).parent, origin_of(scene, Path(path).parent)
@@ -107,29 +107,29 @@ def expect_ours(scene, path):
         )
     try:
         # To be written: what was stopped in its first moments is nobody's.
-        facts = BakeStore(path, "a").facts
+        attributes = BakeStore(path, "a").attributes
     except PRTError as error:
         raise PRTError(f"{error}; {remedy}") from error
     # What has no identity yet was stopped before it held anything.
-    known = not facts.get("identity") or facts.get("origin")
+    known = not attributes.get("identity") or attributes.get("origin")
     known = known or preview.path_of(scene) == str(path)
     expect(known, f"{path.name}: is a bake of an unknown file; {remedy}")
-    another = of_another(scene, facts, path)
+    another = of_another(scene, attributes, path)
     expect(another is None, f"{path.name}: is a bake of {another}; {remedy}")
 
 
 def _compressed_line(store):
     """The compressed form of a bake in one line, empty where there is none."""
     try:
-        facts = compressed_facts(store)
+        attributes = compressed_attributes(store)
     except PRTError:
         return "damaged; compress again"
-    if facts is None:
+    if attributes is None:
         return ""
-    as_asked = "" if facts["tolerance_met"] is not False else " (NOT as asked)"
+    as_asked = "" if attributes["tolerance_met"] is not False else " (NOT as asked)"
     return (
-        f"{facts['method']}, error {facts['error']:.2%}{as_asked}, "
-        f"{facts['bytes'] / 1e6:.1f} MB, {facts['milliseconds']:.1f} ms"
+        f"{attributes['method']}, error {attributes['error']:.2%}{as_asked}, "
+        f"{attributes['bytes'] / 1e6:.1f} MB, {attributes['milliseconds']:.1f} ms"
     )
 
 

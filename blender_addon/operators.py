@@ -154,7 +154,9 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         yield from freshness.warn_steps(self, self.scene, there, pace)
         subject = path if self.method == "none" else there.bake
         # The preview shows points, of which a form of the image says nothing.
-        self.facts = yield from compress_bake_steps(subject, self.method, tolerance, of="points")
+        self.form_report = yield from compress_bake_steps(
+            subject, self.method, tolerance, of="points"
+        )
         there.relighter.close()
         asked = request(self.scene)
         radiance = yield from asked.steps(there, pace)
@@ -164,15 +166,15 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         there, asked, radiance = result
         run(live.show_steps(self.scene.session_uid, there, radiance, asked))
         bakes.refresh(self.scene)
-        if self.facts is None:
+        if self.form_report is None:
             work.say("The compressed form is gone")
             return
-        facts = self.facts
+        report = self.form_report
         text = (
-            f"Compressed by {facts['method']} to {facts['bytes'] / 1e6:.1f} MB, "
-            f"{facts['milliseconds']:.1f} ms a light, error {facts['error']:.2%}"
+            f"Compressed by {report['method']} to {report['bytes'] / 1e6:.1f} MB, "
+            f"{report['milliseconds']:.1f} ms a light, error {report['error']:.2%}"
         )
-        notes = list(missed(facts))
+        notes = list(missed(report))
         for note in notes:
             self.report({"WARNING"}, note)
         self.report({"INFO"}, text)

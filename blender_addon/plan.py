@@ -18,7 +18,7 @@ from prt_core.blender.depsgraph import read_meshes_steps
 from prt_core.blender.identity import by_uid, place_of
 from prt_core.blender.stand_ins import is_copy, is_kept, renders
 from prt_core.rays.caster import known_casters
-from prt_core.runtime.progress import beside
+from prt_core.runtime.progress import in_thread
 from prt_core.scene import mesh_digests
 
 from .naming import bake_name
@@ -165,7 +165,7 @@ def read_steps(scene, messages=None, pace=None):
     try:
         wanted = receivers(scene), two_sided(scene)
         meshes = yield from read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
-        digests = yield from beside("scene", mesh_digests, meshes)
+        digests = yield from in_thread("scene", mesh_digests, meshes)
     except PRTError:
         _READINGS[uid] = Reading({}, {}, {}, shape_of(by_uid(bpy.data.scenes, uid)))
         raise
@@ -235,7 +235,7 @@ def steps(scene, pace=None, rays_per_second=None):
     try:
         settings = bake_settings(scene)
         meshes = yield from read_steps(scene, made.messages, pace)
-        built = yield from beside("scene", Scene.from_meshes, meshes)
+        built = yield from in_thread("scene", Scene.from_meshes, meshes)
         made.messages += built.messages
         made.cost = preflight(built, settings, made.back_end, rays_per_second)
     except PRTError as error:

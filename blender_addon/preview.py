@@ -11,7 +11,7 @@ from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import PREVIEW
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.relight.relighter import Relighter
-from prt_core.runtime.progress import beside
+from prt_core.runtime.progress import in_thread
 from prt_core.scene import changes
 
 from . import plan, views
@@ -87,7 +87,7 @@ def load_steps(path, caster="auto"):
     """Load a bake into memory, in place of the one there; returns the `Preview`."""
     path = str(path)
     if not _HELD or _HELD[0].path != path:
-        bake = yield from beside("load", load, path)
+        bake = yield from in_thread("load", load, path)
         forget()
         _HELD.append(Preview(path, bake, caster))
     return _HELD[0]

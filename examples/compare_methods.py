@@ -13,7 +13,7 @@ from prt_core.evaluate import colour_error
 bake = prt_core.load(sys.argv[1])
 transport = bake.transport
 light = prt_core.environment_light(bake, sys.argv[2], rotation=70)
-truth = transport.relight(light)
+truth = transport.radiance(light)
 rows = prt_core.run(TransportRows(transport).prepare_steps())
 
 # Not more components than half of the points: the example runs on small scenes as well.

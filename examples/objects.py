@@ -22,11 +22,11 @@ run(steps, lambda p: print(f"\r{p.stage} {p.done:,} of {p.total:,}", end=""))
 bake = load("example_objects.prt")
 transport = bake.transport
 light = EnvironmentMap.read(image).to_cube_map(bake.cube_map, rotation=45)
-direct = transport.relight(light, bounces=0)
-everything = transport.relight(light)
+direct = transport.radiance(light, bounces=0)
+everything = transport.radiance(light)
 print(f"\nbounces add {everything.mean() / direct.mean() - 1:.1%}")
 
 # The bake does not know the albedo: T follows when it changes.
 transport.albedo = np.full_like(transport.albedo, 0.9)
 caster = bake.make_caster()
-write_png("example_objects.png", to_srgb(render_view(bake, transport.relight(light), caster)))
+write_png("example_objects.png", to_srgb(render_view(bake, transport.radiance(light), caster)))

@@ -18,7 +18,7 @@ relighter = prt_core.Relighter(bake)
 caster = bake.make_caster()
 for step in range(steps):
     start = time.perf_counter()
-    radiance = relighter.relight(light, rotation=360 * step / steps)
+    radiance = relighter.radiance(light, rotation=360 * step / steps)
     spent = time.perf_counter() - start
     picture = render_view(bake, radiance, caster, width=480, height=300)
     write_png(f"turn_{step + 1:03d}.png", to_srgb(picture))

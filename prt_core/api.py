@@ -23,7 +23,13 @@ from prt_core.relight.environments import Environments
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
-from prt_core.runtime.progress import Errands, beside, beside_each, run, steps_beside
+from prt_core.runtime.progress import (
+    MainThreadCalls,
+    each_in_thread,
+    in_thread,
+    run,
+    steps_in_thread,
+)
 from prt_core.scene import Scene, mesh_digests
 from prt_core.store import BakeStore, remove_compressed
 
@@ -150,11 +156,11 @@ def bake_blend_steps(
     calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
     if certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
-    built, source, *probes = yield from beside_each("scene", *calls)
+    built, source, *probes = yield from each_in_thread("scene", *calls)
     built.messages[:0] = messages
     built = yield from image_steps(built, meshes, camera, settings.caster, image)
     if not probes and certified(len(built.points)):
-        probes = yield from beside_each("scene", (studio_lights, studio_images(), cube_map))
+        probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace,
         probes[0] if probes else None, origin,
@@ -247,16 +253,16 @@ def compress_bake_steps(
     if lights is not None and not isinstance(lights, dict):
         lights = named_images(lights)
     if not isinstance(bake, Bake):
-        bake = yield from beside("load", load, expect_path("bake", bake))
+        bake = yield from in_thread("load", load, expect_path("bake", bake))
     if lights is None:
         with suppress(PRTError):  # without Blender plain skies stand in
             lights = studio_lights()
     steps = compress_steps(bake, settings, lights)
-    result = yield from steps_beside(steps, Errands(), "compress")
+    result = yield from steps_in_thread(steps, MainThreadCalls(), "compress")
     return result
 
 
-def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
+def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
     """Colours of a baked scene under a light.
 
     Parameters
@@ -285,7 +291,7 @@ def relight(bake, light=None, *, caster="auto", transport="auto", **keywords):
     return bake.colours(relight_points(bake, light, **asked))
 
 
-def relight_points(bake, light=None, *, caster="auto", transport="auto", **keywords):
+def relight_points(bake, light=None, *, caster="auto", form="auto", **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
     lighting = lighting_of(light, **keywords)
     relighter = Relighter(_loaded(bake), caster, transport)

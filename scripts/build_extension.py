@@ -67,9 +67,9 @@ def main():
 def build(addon, platform, pythons, output, wheels):
     """Build and validate one zip; returns its path."""
     manifest = (addon / "blender_manifest.toml").read_text()
-    facts = tomllib.loads(manifest)
+    attributes = tomllib.loads(manifest)
     with tempfile.TemporaryDirectory() as folder:
-        stage = Path(folder) / facts["id"]
+        stage = Path(folder) / attributes["id"]
         ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
         shutil.copytree(addon, stage, ignore=ignored)
         shutil.copy(ROOT / "LICENSE", stage)
@@ -88,7 +88,7 @@ def build(addon, platform, pythons, output, wheels):
         for path in stage.rglob("*"):
             os.utime(path, (_TIME, _TIME))
         output.mkdir(parents=True, exist_ok=True)
-        path = output / f"{facts['id']}-{facts['version']}-{platform}.zip"
+        path = output / f"{attributes['id']}-{attributes['version']}-{platform}.zip"
         blender_ext("build", "--source-dir", stage, "--output-filepath", path)
         blender_ext("validate", path)
     return path

@@ -87,7 +87,7 @@ def shown(bake, rays, environment, turn):
     """Radiance, picture and the seconds of the relighting alone."""
     light = environment.to_cube_map(bake.cube_map, turn)
     start = time.perf_counter()
-    radiance = bake.transport.relight(light)
+    radiance = bake.transport.radiance(light)
     seconds = time.perf_counter() - start
     turned = prt_core.sphere.rotation_matrix(turn)
     return radiance, rays.picture(radiance, lambda d: environment.sample(d @ turned)), seconds

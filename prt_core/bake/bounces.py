@@ -13,7 +13,7 @@ from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.dilate import dilate
-from prt_core.store import damage_said
+from prt_core.store import damage_as_error
 from prt_core.transport import Sharing, all_bounces, gather_parts
 from prt_core.transport.gather import ROUND
 from prt_core.transport.visibility import received_light
@@ -129,7 +129,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
                 add_seconds(seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", parts[some[-1]].stop, n_points)
         start = time.perf_counter()
-        with damage_said(store.path, "'gather'"):
+        with damage_as_error(store.path, "'gather'"):
             error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)

@@ -12,7 +12,7 @@ from prt_core.compress import (
     Task,
     candidate_names,
     choose_steps,
-    method_asked,
+    method_from_text,
     method_names,
 )
 from prt_core.compress.choice.choose import (
@@ -34,9 +34,9 @@ from prt_core.errors import (
     system_errors,
 )
 from prt_core.light import EnvironmentMap, TurningLight
-from prt_core.relight.forms import Compressed
+from prt_core.relight.forms import CompressedForm
 from prt_core.runtime.machine import peak_bytes
-from prt_core.runtime.progress import Progress, beside
+from prt_core.runtime.progress import Progress, in_thread
 from prt_core.store import BakeStore, write_compressed
 from prt_core.version import __version__
 
@@ -53,7 +53,7 @@ class CompressSettings:
     ----------
     method : str
         `auto`, or a registered method (`compress.method_names()`); settings of its own that are
-        to be the same all along its ladder as NAME:key=value,key=value.
+        to be the same all along its budgets as NAME:key=value,key=value.
     tolerance : float, optional
         Relative L2 error of relit colours: in the mean over lights, and twice that under the
         worst of them. Default 0.01 where nothing else is asked for.
@@ -83,7 +83,7 @@ class CompressSettings:
             f"method: expected auto, {', '.join(names)} or none, got {shown(self.method)}",
         )
         if name != "auto":
-            method_asked(self.method)
+            method_from_text(self.method)
         expect_seed(self.seed)
         self.limits  # noqa: B018  (checks them)
 
@@ -109,7 +109,7 @@ def compress_steps(bake, settings=None, lights=None):
     Returns
     -------
     dict
-        The facts that are stored: method, of ("points" or "image"), settings, why, trials, bytes,
+        The attributes that are stored: method, of ("points" or "image"), settings, why, trials, bytes,
         bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst, worst_light,
         lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
     """
@@ -138,16 +138,16 @@ def _compress(bake, settings, lights):
     if task.dense is not None and settings.method == "auto":
         # Clusters of the points that are known best, and the others after them.
         names = ["sparse_cpca" if name == "cpca" else name for name in names]
-    turning = yield from beside("lights", _turning, lights, bake.cube_map)
+    turning = yield from in_thread("lights", _turning, lights, bake.cube_map)
     few = list(turning.items())[:: max(1, len(turning) // _CHOICE_LIGHTS)]
     few = {name: light.at(_CHOICE) for name, light in few}
     limits = settings.limits
     ranked, trials = yield from choose_steps(task, names, limits, few)
     new = yield from new_lights(task, turning, lights)
-    methods = {method.name: method for method in map(method_asked, names)}
+    methods = {method.name: method for method in map(method_from_text, names)}
     made, found, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
     spent = time.perf_counter() - began
-    made.facts = {
+    made.attributes = {
         "method": made.method,
         "of": task.subject.name,
         "settings": settings_of(made.model),
@@ -160,17 +160,17 @@ def _compress(bake, settings, lights):
         "notes": [note for light in lights.values() for note in light.notes],
         "tolerance_met": met(limits, found),
         "peak_bytes": peak_bytes(),
-        "fingerprint": (yield from beside("store", task.subject.fingerprint)),
+        "fingerprint": (yield from in_thread("store", task.subject.fingerprint)),
         "versions": {
             "prt_core": __version__,
             "numpy": np.__version__,
             "python": platform.python_version(),
         },
     }
-    state = yield from beside("store", made.model.state)
-    for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.facts):
+    state = yield from in_thread("store", made.model.state)
+    for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.attributes):
         yield Progress("store", 0, 0)
-    return made.facts
+    return made.attributes
 
 
 def _task(bake, settings):
@@ -199,25 +199,25 @@ def _fit_best(task, methods, ranked, trials, limits, lights):
     """
     failed, beyond = set(), []
     for chosen, why in ranked:
-        if (chosen.method, chosen.rung) in failed:
+        if (chosen.method, chosen.budget) in failed:
             continue
         try:
             method = methods[chosen.method]
             made, found, trial = yield from _fit(task, method, chosen, limits, lights, failed)
         except FAILURES as error:
             reason = f"of all points: {reason_of(error)}"
-            trials.append(Trial(chosen.method, chosen.settings, chosen.rung, failure=reason))
+            trials.append(Trial(chosen.method, chosen.settings, chosen.budget, failure=reason))
             continue
         if limits.excess(trial) > 1:
             beyond.append(trial)
             continue
-        other = "" if trial.rung == chosen.rung else f"; of all points {trial.settings}"
+        other = "" if trial.budget == chosen.budget else f"; of all points {trial.settings}"
         return made, found, why + other
     raise PRTError(limits.beyond(beyond) if beyond else none_left(trials))
 
 
 def _fit(task, method, chosen, limits, lights, failed):
-    """Fit the chosen rung to all points; a few rungs up or down where the sample was wrong.
+    """Fit the chosen budget to all points; a few budget_numbers up or down where the sample was wrong.
 
     Returns
     -------
@@ -227,28 +227,28 @@ def _fit(task, method, chosen, limits, lights, failed):
     trial : Trial
         Measured on all points.
     """
-    ladder, rung, way, best = method.ladder(task), chosen.rung, 0, None
+    budgets, budget, way, best = method.budgets(task), chosen.budget, 0, None
     for _ in range(1 + _TURNS):
-        model = ladder[rung]
+        model = budgets[budget]
         try:
-            failed.add((chosen.method, rung))
+            failed.add((chosen.method, budget))
             yield from model.fit_steps(task.rows)
             if method.finish is not None:
-                yield from beside("seams", method.finish, model, task)
-            made = Compressed(chosen.method, model)
+                yield from in_thread("seams", method.finish, model, task)
+            made = CompressedForm(chosen.method, model)
             found = yield from measure_steps(task, made, lights)
-            trial = _measured(made, found, rung)
+            trial = _measured(made, found, budget)
         except FAILURES:
-            # A rung beside the chosen one is tried for being better only.
+            # A budget beside the chosen one is tried for being better only.
             if best is None:
                 raise
             break
         if best is None or _better(trial, best[2], limits):
             best = made, found, trial
         step = -1 if limits.excess(trial) > 1 else 1 if met(limits, found) is False else 0
-        if not step or way == -step or not 0 <= rung + step < len(ladder):
+        if not step or way == -step or not 0 <= budget + step < len(budgets):
             break
-        way, rung = step, rung + step
+        way, budget = step, budget + step
     return best
 
 
@@ -261,9 +261,9 @@ def _better(trial, other, limits):
     return key(trial) < key(other)
 
 
-def _measured(made, found, rung):
+def _measured(made, found, budget):
     figures = found["error"], found["worst"], found["bytes"] / 1e6, found["milliseconds"]
-    return Trial(made.method, describe(made.model), rung, *figures, 0.0)
+    return Trial(made.method, describe(made.model), budget, *figures, 0.0)
 
 
 def _turning(lights, cube_map):

@@ -13,7 +13,7 @@ from prt_core.errors import expect
 from prt_core.rays import cast_on_all_cores
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.threads import on_all_cores
-from prt_core.store import damage_said
+from prt_core.store import damage_as_error
 from prt_core.transport import emitted_light, received_with_bounces, surface_lights
 from prt_core.transport.emission import CHANNELS
 
@@ -107,7 +107,7 @@ def emission_steps(store, scene, caster, settings, seconds):
         yield Progress("emission", parts[some[-1]].stop, n_points)
     add_seconds(seconds, "emission", time.perf_counter() - start)
     store.update(seconds=seconds)
-    with damage_said(store.path, f"'{_DIRECT}'"):
+    with damage_as_error(store.path, f"'{_DIRECT}'"):
         rays, spread, size = np.moveaxis(figures[...].sum(axis=0), 1, 0)
         probes = _probes(direct[...])
     errors = np.sqrt(spread / np.maximum(size, 1e-300))
@@ -149,7 +149,7 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds):
         return
     start, n_points = time.perf_counter(), len(scene.points)
     yield Progress("emission", 0, len(scene.emitters))
-    with damage_said(store.path, "'gather'"):
+    with damage_as_error(store.path, "'gather'"):
         blocked = store.read("blocked", (n_points,), "float32")
         gather = read_gather(store.array("gather"), range(rounds), blocked)
     direct, albedo = store.array(_DIRECT), scene.points.mean_albedo

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from prt_core.bake.visibility import blocks
 from prt_core.errors import expect, expect_array, expect_offers, shown
 from prt_core.runtime.threads import on_all_cores
-from prt_core.store import BakeStore, damage_said
+from prt_core.store import BakeStore, damage_as_error
 from prt_core.transport import gather_directions, gather_operator, ray_ends
 from prt_core.transport.gather import ROUND
 
@@ -82,7 +82,7 @@ def gather_terms(bake, weigh, blocked=None):
             0 < len(weights) == n_terms,
             f"weights: expected those of {n_terms or 1} terms, got those of {len(weights)}",
         )
-        with damage_said(store.path, "'gather'"):
+        with damage_as_error(store.path, "'gather'"):
             ends = ray_ends(hits[block])
             expect(ends.max() < n_points, "a ray ends at a point that does not exist")
         return [
@@ -122,10 +122,10 @@ def _rays_of(bake):
         for name in ("positions", "normals")
     ]
     expect(
-        all(same) and store.facts["settings"] == bake.settings,
+        all(same) and store.attributes["settings"] == bake.settings,
         f"{bake.path}: the bake was replaced since it was loaded; load it again",
     )
-    rounds = store.facts.get("rounds", 0)
+    rounds = store.attributes.get("rounds", 0)
     expect(
         rounds > 0,
         f"{bake.path}: has no bounce rays, for they were not asked for or are too weak to matter; "

@@ -9,14 +9,14 @@ from prt_core.errors import PRTError, expect, expect_named
 from prt_core.light import Lamp
 from prt_core.light.environment import expect_radiance
 from prt_core.scene import Camera
-from prt_core.store import damage_said
+from prt_core.store import damage_as_error
 
-# How the arrays that hold the world's light begin; the fact "world" names the one that does.
+# How the arrays that hold the world's light begin; the attribute "world" names the one that does.
 _WORLD = "world"
 
 
-def light_facts(lamps=(), world=None, camera=None, source=None, origin=None):
-    """What `keep_lights` takes: facts of lamps, camera, source and origin, and the world's light.
+def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None):
+    """What `keep_lights` takes: attributes of lamps, camera, source and origin, and the world's light.
 
     Parameters
     ----------
@@ -25,22 +25,22 @@ def light_facts(lamps=(), world=None, camera=None, source=None, origin=None):
 
     Returns
     -------
-    facts : dict
+    attributes : dict
     world : (n_directions, 3) float32, or None
     """
-    facts = {
+    attributes = {
         "lamps": [asdict(lamp) for lamp in lamps],
         "camera": camera and camera.to_dict(),
         "source": source or {},
         "origin": origin or {},
     }
-    return facts, world
+    return attributes, world
 
 
-def keep_lights(store, facts, world):
+def keep_lights(store, attributes, world):
     """Put them in place of those that a store has; where they are the same it is not touched."""
-    name, old = None, store.facts.get("world")
-    with damage_said(store.path):
+    name, old = None, store.attributes.get("world")
+    with damage_as_error(store.path):
         spare = _new_name(old)
     if world is not None:
         # A finished bake keeps the old light until the new one is named.
@@ -49,11 +49,11 @@ def keep_lights(store, facts, world):
         store.keep(name, world)
         store.files.sync(name)
     if store.is_complete:
-        arrays = {key: value for key, value in store.facts["arrays"].items() if key != old}
-        facts["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
+        arrays = {key: value for key, value in store.attributes["arrays"].items() if key != old}
+        attributes["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
     # Whoever began a bake has it.
-    facts["origin"] = store.facts.get("origin") or facts["origin"]
-    store.update(world=name, **facts)
+    attributes["origin"] = store.attributes.get("origin") or attributes["origin"]
+    store.update(world=name, **attributes)
     # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
     for other in store.names():
         if other.startswith(_WORLD) and other != name:
@@ -68,14 +68,14 @@ def read_lights(store, cube_map):
     PRTError
         They are damaged or out of range.
     """
-    facts = store.facts
-    with damage_said(store.path):
-        lamps = [Lamp(**lamp) for lamp in facts["lamps"]]
-        camera, source, name = facts["camera"], facts["source"], facts["world"]
+    attributes = store.attributes
+    with damage_as_error(store.path):
+        lamps = [Lamp(**lamp) for lamp in attributes["lamps"]]
+        camera, source, name = attributes["camera"], attributes["source"], attributes["world"]
         if camera is not None:
             camera = Camera(**camera)
         expect_named("source", source, str, "digests")
-        origin = expect_named("origin", facts["origin"], str, "names")
+        origin = expect_named("origin", attributes["origin"], str, "names")
         expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
         world = None
         if name is not None:

@@ -13,7 +13,7 @@ from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import DENSE
 from prt_core.errors import expect, expect_path
 from prt_core.sphere import CubeMap
-from prt_core.store import BakeStore, damage_said, read_scene
+from prt_core.store import BakeStore, damage_as_error, read_scene
 from prt_core.transport import Transport
 
 
@@ -35,16 +35,16 @@ def load(path):
     """
     path = expect_path("bake", path)
     store = BakeStore(path)
-    facts = store.facts
+    attributes = store.attributes
     expect(
         store.is_complete,
         f"{path}: the bake is not finished; run the same 'prt bake' again and it goes on",
     )
     scene = read_scene(store)
-    with damage_said(path):
-        settings = BakeSettings(**facts["settings"])
+    with damage_as_error(path):
+        settings = BakeSettings(**attributes["settings"])
         cube_map = CubeMap(settings.resolution)
-        rounds, report = facts.get("rounds", 0), facts["report"]
+        rounds, report = attributes.get("rounds", 0), attributes["report"]
         expect(
             type(rounds) is int and 0 <= rounds <= MOST_ROUNDS and isinstance(report, dict),
             "the number of its rounds or its report is damaged",
@@ -70,7 +70,7 @@ def load(path):
 
 def _read_dense(store, n_points):
     """The densely sampled points; None where the bake's method has none."""
-    if DENSE not in store.facts["arrays"]:
+    if DENSE not in store.attributes["arrays"]:
         return None
     dense = store.read(DENSE, (None,), "int32")
     good = len(dense) and dense[0] >= 0 and dense[-1] < n_points and (np.diff(dense) > 0).all()
@@ -87,6 +87,6 @@ def _read_gather(store, n_points, rounds):
     )
     with (
         stored_hits(store, n_points, rounds) as hits,
-        damage_said(store.path, "'gather'"),
+        damage_as_error(store.path, "'gather'"),
     ):
         return read_gather(hits, range(rounds), blocked)

@@ -8,7 +8,7 @@ from prt_core.compress import border_pairs, neighbour_pairs, seam
 from prt_core.compress.choice.choose import WORST, radiance_of, relative_l2
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
-from prt_core.runtime.progress import Progress, beside
+from prt_core.runtime.progress import Progress, in_thread
 
 # Degrees about z, other than those of the lights that a method is chosen under.
 _ROTATIONS = 65.0, 185.0, 305.0
@@ -33,11 +33,11 @@ def new_lights(task, turning, lights):
         for turn in _ROTATIONS:
             # The exact side takes the environment the exact way, so turning is measured as well.
             cube_map = task.transport.cube_map
-            light = yield from beside("lights", image.to_cube_map, cube_map, turn)
+            light = yield from in_thread("lights", image.to_cube_map, cube_map, turn)
             found[f"{name} at {turn:g}°"] = light
-    colours = yield from beside("measure", task.colours, found)
-    quick = {f"{n} at {t:g}°": (turning[n], t) for n in lights for t in _ROTATIONS}
-    return {name: (*quick[name], colours[name]) for name in found}
+    colours = yield from in_thread("measure", task.colours, found)
+    evaluator = {f"{n} at {t:g}°": (turning[n], t) for n in lights for t in _ROTATIONS}
+    return {name: (*evaluator[name], colours[name]) for name in found}
 
 
 def measure_steps(task, made, lights):
@@ -57,7 +57,7 @@ def measure_steps(task, made, lights):
         worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
     """
     subject, n_directions = task.subject, task.transport.n_directions
-    quick = yield from beside("measure", made.relighter, subject)
+    evaluator = yield from in_thread("measure", made.evaluator, subject)
     labels = getattr(made.model, "labels_", None)
     border = None
     if labels is not None:
@@ -68,14 +68,14 @@ def measure_steps(task, made, lights):
     def one(name, turning, turn, truth):
         light = turning.at(turn)
         start = time.perf_counter()
-        found = radiance_of(quick, subject, light)
+        found = radiance_of(evaluator, subject, light)
         spent.append(time.perf_counter() - start)
         errors[name] = relative_l2(found, truth)
         if border is not None:
             seams.append(seam(found, truth, border)["largest"])
 
     for name, light in lights.items():
-        yield from beside("measure", one, name, *light)
+        yield from in_thread("measure", one, name, *light)
         yield Progress("measure", len(errors), len(lights))
     bad = [name for name, error in errors.items() if not np.isfinite(error)]
     expect(

@@ -49,7 +49,7 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
     traced = sum(seconds.get(stage, 0) for stage in _RAY_STAGES)
     by_kind = {
         "rays_visibility": seen["rays"],
-        "rays_details": store.facts.get("rays_details", 0),
+        "rays_details": store.attributes.get("rays_details", 0),
         "rays_gather": bounced.rays,
         "rays_short": bounced.short_rays,
     }
@@ -92,10 +92,10 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
 def _spared(scene, cube_map, seen):
     """What was not done because the scene does not need it."""
     found = {}
-    facts = seen["sampling"]
-    if facts:
-        found["visibility_rays"] = facts["hemisphere_entries"] - seen["rays"]
-        found["open_points"] = facts.get("open_points", 0)
+    attributes = seen["sampling"]
+    if attributes:
+        found["visibility_rays"] = attributes["hemisphere_entries"] - seen["rays"]
+        found["open_points"] = attributes.get("open_points", 0)
     albedo = np.hstack([scene.points.albedo, scene.points.mean_albedo])
     if (albedo.reshape(-1, 2, 3) == albedo.reshape(-1, 2, 3)[..., :1]).all():
         found["grey"] = True

@@ -79,7 +79,7 @@ def object_lines(objects, most=_MOST):
     Parameters
     ----------
     objects : list of dict
-        As a bake's facts have them: name, n_corners, receives.
+        As a bake's report have them: name, n_corners, receives.
     most : int
         That are written out.
     """
@@ -115,9 +115,9 @@ def _spared(skipped):
         yield "two of three channels of the bounces where the light is grey: all materials are"
 
 
-def trial_lines(facts):
+def trial_lines(report):
     """The short table of what was tried on a sample of the points, and why one was chosen."""
-    trials = facts["trials"]
+    trials = report["trials"]
     width = max((len(trial["settings"]) for trial in trials), default=0)
     head = f"{'settings':{width}}"
     if trials:
@@ -131,42 +131,42 @@ def trial_lines(facts):
                 f"{trial['megabytes']:7.1f}  {trial['milliseconds']:6.1f}"
             )
         yield f"                   {trial['method']:10}  {trial['settings']:{width}}  {figures}"
-    yield f"chosen: {facts['method']}, {facts['why']}"
+    yield f"chosen: {report['method']}, {report['why']}"
 
 
-def compressed_lines(facts):
+def compressed_lines(report):
     """Lines on a compressed form: what it is, how near, how large, how fast."""
-    settings = ", ".join(f"{k} {v}" for k, v in facts["settings"].items() if v is not None)
+    settings = ", ".join(f"{k} {v}" for k, v in report["settings"].items() if v is not None)
     settings = f" ({settings})" if settings else ""
-    of = ", of the image" if facts.get("of") == "image" else ""
-    yield f"  method  {facts['method']}{settings}{of}, {facts['seconds']:.1f} s"
+    of = ", of the image" if report.get("of") == "image" else ""
+    yield f"  method  {report['method']}{settings}{of}, {report['seconds']:.1f} s"
     yield (
-        f"  error   {facts['error']:.2%} of relit colours in the mean over {facts['lights']} "
-        f"lights it was not chosen under, {facts['worst']:.2%} under {facts['worst_light']}"
-        f"{', within the tolerance' if facts['tolerance_met'] else ''}"
+        f"  error   {report['error']:.2%} of relit colours in the mean over {report['lights']} "
+        f"lights it was not chosen under, {report['worst']:.2%} under {report['worst_light']}"
+        f"{', within the tolerance' if report['tolerance_met'] else ''}"
     )
     yield (
-        f"  size    {facts['bytes'] / 1e6:.1f} MB, {facts['bits_a_coefficient']:.2f} bits a "
+        f"  size    {report['bytes'] / 1e6:.1f} MB, {report['bits_a_coefficient']:.2f} bits a "
         "coefficient"
     )
     yield (
-        f"  speed   {facts['milliseconds']:.1f} ms a light in the median, "
-        f"{facts['milliseconds_worst']:.1f} ms the slowest"
+        f"  speed   {report['milliseconds']:.1f} ms a light in the median, "
+        f"{report['milliseconds_worst']:.1f} ms the slowest"
     )
-    yield from (f"  note    {note}" for note in facts.get("notes", ()))
-    yield from (f"  MISSED  {line}" for line in missed(facts))
+    yield from (f"  note    {note}" for note in report.get("notes", ()))
+    yield from (f"  MISSED  {line}" for line in missed(report))
 
 
-def missed(facts):
+def missed(report):
     """What was asked of a compressed form and is not kept, a line each."""
-    if facts["tolerance_met"] is False:
+    if report["tolerance_met"] is False:
         yield (
-            f"NOT within the tolerance of {facts['tolerance']:.2%}: the error is "
-            f"{facts['error']:.2%}, {facts['worst']:.2%} under the worst light; ask for less, "
-            "or relight with --transport exact"
+            f"NOT within the tolerance of {report['tolerance']:.2%}: the error is "
+            f"{report['error']:.2%}, {report['worst']:.2%} under the worst light; ask for less, "
+            "or relight with --form exact"
         )
-    asked = (facts.get("asked") or {}).get("milliseconds")
-    if asked is not None and facts["milliseconds"] > asked:
+    asked = (report.get("asked") or {}).get("milliseconds")
+    if asked is not None and report["milliseconds"] > asked:
         yield (
-            f"NOT within {asked:g} ms: a light takes {facts['milliseconds']:.1f} ms in the median"
+            f"NOT within {asked:g} ms: a light takes {report['milliseconds']:.1f} ms in the median"
         )

@@ -6,19 +6,19 @@ from dataclasses import asdict
 from prt_core.bake.bounces import Bounced, bounce_steps
 from prt_core.bake.emission import bounced_emission_steps, emission_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
-from prt_core.bake.lights import keep_lights, light_facts
+from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.report import bake_report
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
-from prt_core.runtime.progress import STOP, Errands, Progress, steps_beside
+from prt_core.runtime.progress import STOP, MainThreadCalls, Progress, steps_in_thread
 from prt_core.scene import expect_camera, with_details
 from prt_core.sphere import CubeMap
 from prt_core.store import (
     begin_bake,
     check_scene,
-    damage_said,
+    damage_as_error,
     finish_bake,
     read_details,
     write_scene,
@@ -98,15 +98,15 @@ def bake_steps(
         with system_errors(path), unless_begun(path):
             if pace is None:
                 return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
-            errands = Errands()
+            calls = MainThreadCalls()
 
             def relayed():
                 # Threaded rays are cast where the work is, and a stop waits for a part of them.
-                found = errands.call(caster)
-                return found if found.threads > 1 else RelayCaster(found, errands, pace)
+                found = calls.call(caster)
+                return found if found.threads > 1 else RelayCaster(found, calls, pace)
 
             work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
-            return (yield from steps_beside(work, errands, "scene"))
+            return (yield from steps_in_thread(work, calls, "scene"))
     finally:
         for item in made:
             item.close()
@@ -116,7 +116,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
-    facts, world = light_facts(*parts)
+    attributes, world = light_attributes(*parts)
     identity = {
         "scene": scene.fingerprint(),
         **{k: v for k, v in asdict(settings).items() if k != "caster"},
@@ -125,24 +125,24 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     store = begin_bake(path, identity, restart)
     if store.is_complete:
         if store.is_sound():
-            keep_lights(store, facts, world)
-            with damage_said(path):
-                return finish_bake(store, path).facts["report"]
+            keep_lights(store, attributes, world)
+            with damage_as_error(path):
+                return finish_bake(store, path).attributes["report"]
         # What is damaged is made again, as if the bake had been stopped before.
         store.update(complete=False)
     # A caster that cannot be made leaves no folder.
     caster = new_caster()
-    went_on = "identity" in store.facts
-    if not went_on:
+    resumed = "identity" in store.attributes
+    if not resumed:
         # Whose it is at once: one of an unknown file is never replaced unasked.
-        store.update(identity=identity, settings=asdict(settings), **facts)
-    with damage_said(path):
+        store.update(identity=identity, settings=asdict(settings), **attributes)
+    with damage_as_error(path):
         seconds = {
             stage: expect_number(f"seconds of {stage}", value, least=0)
-            for stage, value in store.facts.get("seconds", {}).items()
+            for stage, value in store.attributes.get("seconds", {}).items()
         }
     scene = yield from _detailed(store, scene, caster, settings, seconds)
-    keep_lights(store, facts, world)
+    keep_lights(store, attributes, world)
     yield Progress("scene", 0, 0)
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
@@ -153,11 +153,11 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
         work = store, scene, cube_map, caster, settings, seconds, emitted.probes
         bounced = yield from bounce_steps(*work)
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
-    with damage_said(path):
+    with damage_as_error(path):
         report = bake_report(
             scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store
         )
-    if went_on:
+    if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")
         # Some of the rays were cast before the clock was started.
         report["rays_per_second"] = None

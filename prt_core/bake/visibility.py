@@ -65,7 +65,7 @@ def blocks(n_points):
 
 
 def add_seconds(seconds, stage, spent):
-    """Add to the time of a stage; facts are written at its end, not after every block."""
+    """Add to the time of a stage; attributes are written at its end, not after every block."""
     seconds[stage] = seconds.get(stage, 0.0) + spent
 
 
@@ -93,23 +93,25 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
             "tolerance_met": True,
             "sampling": {},
         }
-    facts = store.facts.get("sampled")
+    attributes = store.attributes.get("sampled")
     shape = len(scene.points), -(-cube_map.n_directions // 8)
-    if facts is not None and not (_holds_samples(store, shape) and _holds_dense(store, facts)):
+    if attributes is not None and not (
+        _holds_samples(store, shape) and _holds_dense(store, attributes)
+    ):
         # A block of sampled bits hangs on others: it cannot be made again alone.
-        facts = None
-    while facts is None:
+        attributes = None
+    while attributes is None:
         journal = RayJournal(caster, store)
         try:
-            facts = yield from _sampled(
+            attributes = yield from _sampled(
                 store, scene, cube_map, journal, method, settings, lights, seconds, pace
             )
         except JournalMismatch:
             # Written by another version, or on a machine that rounds otherwise: begin anew.
             continue
-        store.update(sampled=facts, seconds=seconds)
+        store.update(sampled=attributes, seconds=seconds)
     RayJournal.clear(store)
-    return facts
+    return attributes
 
 
 def _sample_arrays(store, shape):
@@ -120,10 +122,10 @@ def _holds_samples(store, shape):
     return all(array.holds(slice(0, shape[0])) for array in _sample_arrays(store, shape))
 
 
-def _holds_dense(store, facts):
+def _holds_dense(store, attributes):
     """Whether the dense points are there, where the sampler had any; they are used from then on."""
     try:
-        return facts.get("dense") is None or len(store.read(DENSE)) == facts["dense"]
+        return attributes.get("dense") is None or len(store.read(DENSE)) == attributes["dense"]
     except PRTError:
         return False
 
@@ -206,7 +208,7 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     spent["store"] = time.perf_counter() - start
     for stage, value in spent.items():
         add_seconds(seconds, stage, value)
-    found = _facts(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
+    found = _attributes(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
     return found if dense is None else {**found, "dense": len(dense.points)}
 
 
@@ -216,8 +218,8 @@ def _small_groups(group, cube_map):
     return (rays < _SMALL)[group]
 
 
-def _facts(scene, cube_map, method, sampled, errors, turns, settings):
-    above = sampled.facts.get("hemisphere_entries")
+def _attributes(scene, cube_map, method, sampled, errors, turns, settings):
+    above = sampled.attributes.get("hemisphere_entries")
     if above is None:
         parts = blocks(len(scene.points))
         above = sum(int(count_bits(horizon_bits(scene, cube_map, part))) for part in parts)
@@ -228,11 +230,11 @@ def _facts(scene, cube_map, method, sampled, errors, turns, settings):
         "rays": int(sampled.rays),
         "entries_percent": 100 * traced / max(len(sampled.bits) * cube_map.n_directions, 1),
         "hemisphere_percent": 100 * traced / max(above, 1),
-        "certificate": [item.facts() for item in errors],
+        "certificate": [item.attributes() for item in errors],
         "visibility_error": worst,
         "tolerance_met": bool(worst <= settings.tolerance),
         "sampling": {
-            **sampled.facts,
+            **sampled.attributes,
             "turns": turns,
             "hemisphere_entries": above,
             "seconds": {stage: round(value, 3) for stage, value in sampled.seconds.items()},

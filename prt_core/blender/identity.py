@@ -63,7 +63,7 @@ def display_names(objects):
 
 
 def origin_of(scene, folder, file=None):
-    """Which file and scene a bake in `folder` is of, as the bake's facts keep it.
+    """Which file and scene a bake in `folder` is of, as the bake's attributes keep it.
 
     The file (default: the open one) is named from the folder on, so that both may move together;
     empty without a name.

@@ -13,7 +13,7 @@ from prt_core.blender.materials import linked_to
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
-from prt_core.runtime.progress import beside, run
+from prt_core.runtime.progress import in_thread, run
 from prt_core.sphere import rotation_matrix
 
 _MOST_MAPS = 4
@@ -50,7 +50,7 @@ def read_world_steps(cube_map, scene=None, suns=True):
     scene = scene or bpy.context.scene
     found = read_environment(scene)
     lamps = [lamp for lamp in read_lamps(scene) if suns and lamp.kind == "sun"]
-    return (yield from beside("light", _on_texels, cube_map, found, lamps))
+    return (yield from in_thread("light", _on_texels, cube_map, found, lamps))
 
 
 def _on_texels(cube_map, found, suns):

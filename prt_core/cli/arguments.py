@@ -48,9 +48,9 @@ def methods_help():
 
 
 def transport_argument(parser):
-    """Add `--transport`."""
+    """Add `--form`."""
     parser.add_argument(
-        "--transport", default="auto", choices=("auto", "exact", "compressed"),
+        "--form", default="auto", choices=("auto", "exact", "compressed"),
         help="what distant light is relit from; auto: the compressed form where it is fresh",
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from prt_core.bake.load import load
 from prt_core.cli.arguments import methods_help, quiet_arguments, scene_argument
 from prt_core.cli.bench_scenes import expect_bench, images_named, scene_named, turned
 from prt_core.cli.show import show_bench, working
-from prt_core.compress import candidate_names, method_asked
+from prt_core.compress import candidate_names, method_from_text
 from prt_core.errors import expect
 from prt_core.runtime.progress import run
 
@@ -24,7 +24,7 @@ def add_bench_compress(kinds, in_blender):
         help=f"of {methods_help()} (all that auto tries)",
     )  # fmt: skip
     compress.add_argument(
-        "--rungs", nargs="+", type=int, metavar="N",
+        "--budgets", nargs="+", type=int, metavar="N",
         help="budgets: which of each method's settings, 0 the smallest (all)",
     )  # fmt: skip
     compress.add_argument("-o", "--output", required=True, metavar="FOLDER", help="of the report")
@@ -48,15 +48,15 @@ def _bench_compress(options):
 
     expect_bench(options)
     expect(
-        options.rungs is None or min(options.rungs) >= 0,
-        f"rungs: expected whole numbers >= 0, got {options.rungs}",
+        options.budgets is None or min(options.budgets) >= 0,
+        f"budgets: expected whole numbers >= 0, got {options.budgets}",
     )
     expect(
         options.resolution is None or not _is_bake(options.scene),
         "--resolution: changes nothing for a bake that is there",
     )
     for name in options.methods:
-        method_asked(name)
+        method_from_text(name)
     silent = options.quiet or options.json
     with working(silent) as bar, tempfile.TemporaryDirectory() as folder:
         images = images_named(options.light, every=True)
@@ -64,7 +64,7 @@ def _bench_compress(options):
         lights = turned(images, options.rotate, bake.cube_map)
         made = {}
         steps = bench_compress_steps(
-            bake, name, options.methods, lights, options.rungs, options.seed, made
+            bake, name, options.methods, lights, options.budgets, options.seed, made
         )
         rows = run(steps, bar)
         caster = bake.make_caster()

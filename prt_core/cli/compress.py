@@ -44,7 +44,7 @@ def _compress(options):
             f"--{name}: changes nothing with --method none",
         )
     with working(options.quiet or options.json) as bar:
-        facts = compress(
+        report = compress(
             options.bake,
             method=options.method,
             tolerance=options.tolerance,
@@ -56,13 +56,13 @@ def _compress(options):
             report=bar,
         )
     if options.json:
-        print(json.dumps({"bake": options.bake, **(facts or {"method": "none"})}))
-        for line in missed(facts) if facts else ():
+        print(json.dumps({"bake": options.bake, **(report or {"method": "none"})}))
+        for line in missed(report) if report else ():
             print(f"prt: {line}", file=sys.stderr)
         return 0
-    if facts is None:
+    if report is None:
         print(f"{options.bake}: holds no compressed form any more")
         return 0
-    for line in (*trial_lines(facts), f"{options.bake}:", *compressed_lines(facts)):
+    for line in (*trial_lines(report), f"{options.bake}:", *compressed_lines(report)):
         print(line)
     return 0

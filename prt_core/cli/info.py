@@ -6,7 +6,7 @@ from prt_core.bake.load import load
 from prt_core.bake.report_lines import compressed_lines, object_lines, report_lines
 from prt_core.errors import PRTError
 from prt_core.relight.forms import load_compressed
-from prt_core.store import BakeStore, compressed_facts, damage_said
+from prt_core.store import BakeStore, compressed_attributes, damage_as_error
 
 
 def add_info(commands):
@@ -21,7 +21,7 @@ def _info(options):
     store = BakeStore(options.bake)
     # All of it is read, so that damage is said here and not only where it is used.
     bake = load(options.bake) if store.is_complete else None
-    with damage_said(options.bake, "its report"):
+    with damage_as_error(options.bake, "its report"):
         if options.json:
             print(json.dumps(_found(store)))
         elif bake is None:
@@ -32,14 +32,14 @@ def _info(options):
 
 
 def _found(store):
-    facts, compressed = store.facts, compressed_facts(store)
+    attributes, compressed = store.attributes, compressed_attributes(store)
     keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
     hidden = ("folder", "values", "arrays")
     return {
-        **{key: facts.get(key) for key in keys},
+        **{key: attributes.get(key) for key in keys},
         "compressed": compressed
         and {key: value for key, value in compressed.items() if key not in hidden},
-        **(facts.get("report") or {}),
+        **(attributes.get("report") or {}),
         "bytes": store.nbytes(),
     }
 
@@ -48,17 +48,17 @@ def _lines(path, bake, store):
     yield from report_lines(path, bake.report)
     settings = ", ".join(f"{key} {value}" for key, value in bake.settings.items())
     yield f"  made    by prt {bake.report['versions']['prt_core']} with {settings}"
-    yield from object_lines(store.facts["objects"])
+    yield from object_lines(store.attributes["objects"])
     for lamp in bake.lamps:
         yield f"  lamp    {lamp.name}: {lamp.kind}"
     for item in bake.report.get("emitters", ()):
         radiance = " ".join(f"{value:.4g}" for value in item["radiance"])
         yield f"  emitter {item['name']}: radiance {radiance}, {item['area']:.3g} square units"
-    facts = compressed_facts(store)
-    if facts:
+    attributes = compressed_attributes(store)
+    if attributes:
         try:
             found, why = load_compressed(bake)
         except PRTError as error:
             found, why = None, str(error)
         yield "compressed:" if found else f"compressed (not used: {why}):"
-        yield from compressed_lines(facts)
+        yield from compressed_lines(attributes)

@@ -106,7 +106,7 @@ def _relight(options):
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.transport), _of(options)
     try:
-        radiance = relighter.relight(lighting, of=of)
+        radiance = relighter.radiance(lighting, of=of)
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
         sky = relighter.sky(lighting) if options.png else None
     finally:
@@ -150,11 +150,11 @@ def _expect_request(options):
     lighting = _lighting(options)
     expect(
         options.transport == "auto" or options.light is not None,
-        "--transport: lamps are always exact; it changes nothing without --light",
+        "--form: lamps are always exact; it changes nothing without --light",
     )
     expect(
         not options.progressive or options.transport != "exact",
-        "--progressive: adds to a compressed form; leave out --transport exact",
+        "--progressive: adds to a compressed form; leave out --form exact",
     )
     expect(
         options.caster == "auto" or options.png or options.lamps or options.sharp_sun,
@@ -250,7 +250,7 @@ def _relight_turn(baked, lighting, options):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
         begun = time.perf_counter()
-        radiance = relighter.relight(lighting, of=of)
+        radiance = relighter.radiance(lighting, of=of)
         spent.append(time.perf_counter() - begun)
         if options.image:
             shown = radiance if of == "image" else baked.image(radiance)
@@ -275,8 +275,8 @@ def _how(relighter):
     """How colours were made, for the line that reports them."""
     if relighter.used == "exact":
         return "exactly"
-    facts = relighter.compressed().facts
-    return f"compressed ({facts['method']}, error {facts['error']:.2%})"
+    attributes = relighter.compressed().attributes
+    return f"compressed ({attributes['method']}, error {attributes['error']:.2%})"
 
 
 def _print_notes(baked, options, notes):

@@ -6,7 +6,7 @@ from concurrent.futures import wait
 import numpy as np
 
 from prt_core.rays.caster import Hits
-from prt_core.runtime.progress import Errands, Pace
+from prt_core.runtime.progress import MainThreadCalls, Pace
 from prt_core.runtime.threads import on_all_cores, started, works_alone
 
 _FEWEST = 1 << 15
@@ -15,20 +15,20 @@ _POLL = 0.05
 
 
 class RelayCaster:
-    """A `RayCaster` whose rays are cast in the thread that serves `errands`, a part at a time.
+    """A `RayCaster` whose rays are cast in the thread that serves `calls`, a part at a time.
 
     Parameters
     ----------
     caster : RayCaster
-    errands : prt_core.runtime.progress.Errands
+    calls : prt_core.runtime.progress.MainThreadCalls
     seconds : float or None
         That a part may take the serving thread; None: no parts.
     """
 
     threads = 1
 
-    def __init__(self, caster, errands, seconds):
-        self._caster, self._errands = caster, errands
+    def __init__(self, caster, calls, seconds):
+        self._caster, self._calls = caster, calls
         self._pace = Pace(seconds, _FEWEST)
         self.name, self.batch = caster.name, caster.batch
 
@@ -43,14 +43,14 @@ class RelayCaster:
     def intersect(self, origins, directions):
         """See `RayCaster`."""
         if not len(origins):
-            return self._errands.call(self._caster.intersect, origins, directions)
+            return self._calls.call(self._caster.intersect, origins, directions)
         parts = self._pace.parts(0, len(origins))
         return Hits.joined(
             [self._cast("intersect", origins[part], directions[part]) for part in parts]
         )
 
     def _cast(self, name, *arguments):
-        result, spent = self._errands.call(_timed, getattr(self._caster, name), *arguments)
+        result, spent = self._calls.call(_timed, getattr(self._caster, name), *arguments)
         self._pace.worked(spent)
         return result
 
@@ -79,15 +79,15 @@ def cast_on_all_cores(caster, function, items):
     items = list(items)
     if caster.threads > 1 or works_alone(items):
         return on_all_cores(lambda item: function(caster, item), items)
-    errands = Errands()
-    relay = RelayCaster(caster, errands, None)
+    calls = MainThreadCalls()
+    relay = RelayCaster(caster, calls, None)
     pieces = started(lambda item: function(relay, item), items)
     try:
         for piece in pieces:
-            piece.add_done_callback(lambda _: errands.wake())
+            piece.add_done_callback(lambda _: calls.wake())
         while not all(piece.done() for piece in pieces):
-            errands.serve(_POLL)
+            calls.serve(_POLL)
     finally:
-        errands.stop()
+        calls.stop()
         wait(pieces)
     return [piece.result() for piece in pieces]

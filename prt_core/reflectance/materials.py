@@ -190,7 +190,7 @@ class Materials:
         """`Materials` in the types that bake points have, and the store."""
         return self.map(lambda quantity, values: np.ascontiguousarray(values, quantity.dtype))
 
-    def told(self):
+    def nondefault(self):
         """Names of the quantities that are not their default everywhere."""
         return [
             name
@@ -202,7 +202,7 @@ class Materials:
     def digested(self):
         """List of arrays that tell these from all others: what a digest of them is made of."""
         arrays = []
-        for name in self.told():
+        for name in self.nondefault():
             if QUANTITIES[name].default is not None:
                 # Without its name one that is not always there could pass for another.
                 arrays.append(np.frombuffer(name.encode(), np.uint8))

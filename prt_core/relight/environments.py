@@ -64,7 +64,7 @@ class Environments:
             self._images[path, stamp] = EnvironmentMap.read(path)
         return self._images[path, stamp]
 
-    def distant(self, light, lighting, quick=None):
+    def distant(self, light, lighting, evaluator=None):
         """What points receive of light from far away, and the sun that is left out of it.
 
         At strength 1 and before it bounces; with a compressed form, whose rows hold the bounces,
@@ -88,16 +88,21 @@ class Environments:
             return None, None
         matrix, sharp = lighting.matrix, lighting.sharp_sun
         key, kept = self._last
-        made_from = (matrix.tobytes(), sharp, quick, None if quick is None else lighting.strength)
+        made_from = (
+            matrix.tobytes(),
+            sharp,
+            evaluator,
+            None if evaluator is None else lighting.strength,
+        )
         same = key is not None and key[0] is light and key[1:] == made_from
         # An array that was given may have other values by now, and a form that comes nearer with
         # each frame has more to say of the same light.
         lasting = isinstance(light, EnvironmentMap) or light is self._bake.world
-        lasting = lasting and not isinstance(quick, IncrementalLighting)
+        lasting = lasting and not isinstance(evaluator, IncrementalLighting)
         if not same or not lasting:
-            if quick is not None:
+            if evaluator is not None:
                 radiance, sun = self._turned(light, matrix, sharp)
-                kept = quick.product(radiance * np.float32(lighting.strength)), sun
+                kept = evaluator.product(radiance * np.float32(lighting.strength)), sun
             else:
                 rest, sun = split_sun(light, matrix) if sharp else (light, None)
                 kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from prt_core.compress import HaarLighting, IncrementalLighting, method_named, method_names
 from prt_core.compress.subject import Subject
 from prt_core.errors import PRTError, expect, system_errors
-from prt_core.store import AGAIN, BakeStore, compressed_facts, damage_said, read_compressed
+from prt_core.store import AGAIN, BakeStore, compressed_attributes, damage_as_error, read_compressed
 
 
 @dataclass
-class Compressed:
+class CompressedForm:
     """A compressed form in memory.
 
     Attributes
@@ -17,22 +17,22 @@ class Compressed:
     method : str
     model : Compressor
         Fitted.
-    facts : dict
+    attributes : dict
         Settings, size, error and time (see `compress_steps`).
     """
 
     method: str
     model: object
-    facts: dict = field(default_factory=dict)
+    attributes: dict = field(default_factory=dict)
 
     @property
     def of(self):
         """What it holds: "points" or "image"."""
-        return self.facts.get("of", "points")
+        return self.attributes.get("of", "points")
 
-    def relighter(self, subject):
+    def evaluator(self, subject):
         """What gives its `product(light)` quickest, with all bounces; `subject`: what it is of."""
-        return method_named(self.method).relighter(self.model, subject.read_bits)
+        return method_named(self.method).evaluator(self.model, subject.read_bits)
 
 
 def load_compressed(bake):
@@ -56,23 +56,23 @@ def load_compressed(bake):
 
 def _load(bake):
     store = BakeStore(bake.path)
-    facts = compressed_facts(store)
-    if facts is None:
+    attributes = compressed_attributes(store)
+    if attributes is None:
         return None, "there is no compressed form; make one with 'prt compress'"
-    if facts.get("method") not in method_names():
-        return None, f"its method {facts.get('method')!r:.40} is not known here; {AGAIN}"
-    subject = Subject(bake.transport, bake.scene.image if facts.get("of") == "image" else None)
-    if facts.get("fingerprint") != subject.fingerprint():
+    if attributes.get("method") not in method_names():
+        return None, f"its method {attributes.get('method')!r:.40} is not known here; {AGAIN}"
+    subject = Subject(bake.transport, bake.scene.image if attributes.get("of") == "image" else None)
+    if attributes.get("fingerprint") != subject.fingerprint():
         return None, f"the compressed form is of another state of the bake; {AGAIN}"
-    state = read_compressed(store, facts)
+    state = read_compressed(store, attributes)
     expect(
         (state.get("n_points"), state.get("n_directions"))
         == (subject.n_rows, bake.transport.n_directions),
         f"{bake.path}: its compressed form has another number of points or directions; {AGAIN}",
     )
-    with damage_said(bake.path, "its compressed form", AGAIN):
-        model = method_named(facts["method"]).kind.from_state(state)
-    return Compressed(facts["method"], model, facts), ""
+    with damage_as_error(bake.path, "its compressed form", AGAIN):
+        model = method_named(attributes["method"]).kind.from_state(state)
+    return CompressedForm(attributes["method"], model, attributes), ""
 
 
 class FormInUse:
@@ -111,13 +111,13 @@ class FormInUse:
             self._form[0] is not None and self._form[2] is not transport.albedo
         ):
             found, self.why = load_compressed(self._bake)
-            quick = None if found is None else self._quickest(found)
-            self._form = found, quick, transport.albedo
+            evaluator = None if found is None else self._evaluator_of(found)
+            self._form = found, evaluator, transport.albedo
         return self._form[0]
 
-    def _quickest(self, form):
+    def _evaluator_of(self, form):
         if not self._progressive:
-            return form.relighter(Subject.of_bake(self._bake, form.of))
+            return form.evaluator(Subject.of_bake(self._bake, form.of))
         expect(
             isinstance(form.model, HaarLighting),
             f"progressive: adds to a compressed form by haar, this one is by {form.method}; "
@@ -125,7 +125,7 @@ class FormInUse:
         )
         return IncrementalLighting(form.model)
 
-    def relighter(self, transport, bounces, of="points"):
+    def evaluator(self, transport, bounces, of="points"):
         """What relights it; None where the exact way is to be taken.
 
         Parameters

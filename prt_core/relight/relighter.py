@@ -19,9 +19,9 @@ from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps
 from prt_core.relight.lighting import Lighting, lighting_of
-from prt_core.runtime.progress import maybe_beside, run
+from prt_core.runtime.progress import maybe_in_thread, run
 
-TRANSPORTS = ("auto", "exact", "compressed")
+FORMS = ("auto", "exact", "compressed")
 
 
 class Relighter:
@@ -54,11 +54,11 @@ class Relighter:
         What is to be said of the image last read (see `read_picture`).
     """
 
-    def __init__(self, bake, caster="auto", transport="auto", progressive=False):
+    def __init__(self, bake, caster="auto", form="auto", progressive=False):
         # A `Bake`; that module is on a floor above this one.
         parts = "scene", "transport", "make_caster"
         expect_offers("bake", bake, parts, "what `load` returns")
-        self.bake, self.transport = bake, expect_one_of("transport", transport, TRANSPORTS)
+        self.bake, self.transport = bake, expect_one_of("transport", transport, FORMS)
         expect_kind("caster", caster, str, "the name of one")
         self.used, self.notes = "exact", ()
         self._form = FormInUse(bake, expect_flag("progressive", progressive))
@@ -102,32 +102,34 @@ class Relighter:
         subject = Subject.of_bake(self.bake, expect_one_of("of", of, ("points", "image")))
         lamps, image = chosen_lamps(self.bake, lighting), lighting.environment
         apart = pace and isinstance(image, Path) and reads_in_threads(image)
-        light = yield from maybe_beside(apart, "image", self._environments.read, lighting)
+        light = yield from maybe_in_thread(apart, "image", self._environments.read, lighting)
         self.notes = getattr(light, "notes", ())
-        quick = None
+        evaluator = None
         if light is not None and self.transport != "exact":
             unread, work = pace and not self._form.is_read, (self.transport, lighting.bounces, of)
-            quick = yield from maybe_beside(unread, "compressed form", self._form.relighter, *work)
-        self.used = "exact" if quick is None else "compressed"
-        work = (self._environments.distant, light, lighting, quick)
-        distant, sun = yield from maybe_beside(pace, "light", *work)
+            evaluator = yield from maybe_in_thread(
+                unread, "compressed form", self._form.evaluator, *work
+            )
+        self.used = "exact" if evaluator is None else "compressed"
+        work = (self._environments.distant, light, lighting, evaluator)
+        distant, sun = yield from maybe_in_thread(pace, "light", *work)
         lamps += [] if sun is None else [sun]
         parts = yield from self._lamps.steps(lamps, lighting.lamp_samples, pace)
         factors = [lighting.lamp_factor] * len(parts)
         if sun is not None:
             factors[-1] = lighting.strength
-        emitted = yield from maybe_beside(pace, "emission", self._emitted.of, lighting)
-        if distant is not None and quick is None:
+        emitted = yield from maybe_in_thread(pace, "emission", self._emitted.of, lighting)
+        if distant is not None and evaluator is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
         radiance = None
-        if quick is not None:
+        if evaluator is not None:
             own = self._form.read().of == of
             radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
-        if parts or (quick is None and emitted is None):
+        if parts or (evaluator is None and emitted is None):
             work = (self._with_bounces, parts, factors, lighting.bounces)
-            received = yield from maybe_beside(pace, "bounces", *work)
+            received = yield from maybe_in_thread(pace, "bounces", *work)
             exact = subject.radiance_of_points(received)
-            radiance = exact if quick is None else exact + radiance
+            radiance = exact if evaluator is None else exact + radiance
         if emitted is not None:
             shining = subject.radiance_of_points(*emitted)
             radiance = shining if radiance is None else shining + radiance

@@ -82,17 +82,17 @@ class Pace:
             self._units = max(min(max(wanted, self._units / 4), self._units * 2), self._fewest)
 
 
-def beside(stage, function, *arguments):
+def in_thread(stage, function, *arguments):
     """Run pure numpy work in a thread, as a generator of `Progress` that returns its result.
 
     For single calls that take long and cannot be cut; `function` must not touch Blender's data.
     """
-    (result,) = yield from beside_each(stage, (function, *arguments))
+    (result,) = yield from each_in_thread(stage, (function, *arguments))
     return result
 
 
-def beside_each(stage, *calls):
-    """`beside` for several calls at once, each in a thread of its own; returns their results.
+def each_in_thread(stage, *calls):
+    """`in_thread` for several calls at once, each in a thread of its own; returns their results.
 
     Parameters
     ----------
@@ -107,10 +107,10 @@ def beside_each(stage, *calls):
         return [future.result() for future in futures]
 
 
-def maybe_beside(allowed, stage, function, *arguments):
-    """`beside` where that is allowed, else at once; returns the result."""
+def maybe_in_thread(allowed, stage, function, *arguments):
+    """`in_thread` where that is allowed, else at once; returns the result."""
     if allowed:
-        return (yield from beside(stage, function, *arguments))
+        return (yield from in_thread(stage, function, *arguments))
     return function(*arguments)
 
 
@@ -118,8 +118,8 @@ class _Stopped(BaseException):
     """The caller of work in a thread wants no more of it."""
 
 
-class Errands:
-    """What work in a thread has done by the thread that drives it (see `steps_beside`)."""
+class MainThreadCalls:
+    """What work in a thread has done by the thread that drives it (see `steps_in_thread`)."""
 
     def __init__(self):
         self._asked, self._stopped = queue.SimpleQueue(), False
@@ -127,37 +127,37 @@ class Errands:
 
     def call(self, function, *arguments):
         """The result of a function that is called in the driving thread; waits for it."""
-        errand = Future()
+        call = Future()
         with self._lock:
             if self._stopped:
                 raise _Stopped
-            self._asked.put((errand, function, arguments))
-        return errand.result()
+            self._asked.put((call, function, arguments))
+        return call.result()
 
     def wake(self):
         """End the wait of `serve`."""
         self._asked.put((Future(), int, ()))
 
     def serve(self, timeout):
-        """Wait for an errand, `timeout` seconds at most, and do it."""
+        """Wait for a call, `timeout` seconds at most, and do it."""
         try:
-            errand, function, arguments = self._asked.get(timeout=timeout)
+            call, function, arguments = self._asked.get(timeout=timeout)
         except queue.Empty:
             return
         try:
-            errand.set_result(function(*arguments))
+            call.set_result(function(*arguments))
         except BaseException as error:
-            errand.set_exception(error)
+            call.set_exception(error)
 
     def stop(self):
-        """Nothing is done any more; who waits for an errand is told so."""
+        """Nothing is done any more; who waits for a call is told so."""
         with self._lock:
             self._stopped = True
         while not self._asked.empty():
             self._asked.get()[0].set_exception(_Stopped())
 
 
-def steps_beside(steps, errands, stage):
+def steps_in_thread(steps, calls, stage):
     """Drive a generator in a thread of its own; the same `Progress`, or less of it, and result.
 
     Closing it ends `steps` at its next step, and waits for that.
@@ -165,8 +165,8 @@ def steps_beside(steps, errands, stage):
     Parameters
     ----------
     steps : generator of Progress
-        Must not touch what belongs to the caller's thread, but by `errands`.
-    errands : Errands
+        Must not touch what belongs to the caller's thread, but by `calls`.
+    calls : MainThreadCalls
     stage : str
         Of the first `Progress`.
     """
@@ -179,13 +179,13 @@ def steps_beside(steps, errands, stage):
 
     with ThreadPoolExecutor(1) as pool:
         future = pool.submit(run, steps, note)
-        # So that the end of the work wakes the caller as an errand does.
-        future.add_done_callback(lambda _: errands.wake())
+        # So that the end of the work wakes the caller as a call does.
+        future.add_done_callback(lambda _: calls.wake())
         try:
             while not future.done():
-                errands.serve(_POLL)
+                calls.serve(_POLL)
                 yield latest[0]
         finally:
             stopped.set()
-            errands.stop()
+            calls.stop()
         return future.result()

@@ -22,7 +22,7 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.runtime.seeds import Stage, generator
-from prt_core.sampling.asking import Asking
+from prt_core.sampling.agreement_state import AgreementState
 from prt_core.sampling.neighbours import surface_levels
 from prt_core.sampling.sampled import expect_sampled, register_sampler
 
@@ -119,13 +119,13 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     Returns
     -------
     Sampled
-        `facts`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
+        `attributes`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
         entries traced by reason: first, disagree, check, follow, rest; given_up (points that
         were traced whole because neighbours know nothing of them).
     """
     settings = AgreementSettings() if settings is None else settings
     expect_kind("settings", settings, AgreementSettings)
-    work = Asking(scene, cube_map, caster, tally, pace, settings.seed)
+    work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed)
     yield from work.begin()
     rng = generator(settings.seed, Stage.AGREEMENT)
     # Details stand where little agrees: they come last, when all around them is known.
@@ -192,13 +192,13 @@ def refine_agreement(
     expect_kind("settings", settings, AgreementSettings)
     turn = expect_whole("turn", turn, 0)
     expect_sampled(sampled, scene, cube_map)
-    work = Asking(scene, cube_map, caster, tally, pace, settings.seed, sampled)
+    work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed, sampled)
     points = expect_mask("points", points, len(scene.points))
     yield from work.begin()
     ordered = work.in_order()
     level = ordered[points[ordered] & ~work.open[ordered]]
     yield from work.ask(level, ordered, settings, settings.edge_halvings, (_REFINE + turn,))
-    return work.result(sampled.facts.get("levels", []))
+    return work.result(sampled.attributes.get("levels", []))
 
 
 def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
@@ -220,12 +220,12 @@ def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
     Sampled
     """
     expect_sampled(sampled, scene, cube_map)
-    work = Asking(scene, cube_map, caster, tally, pace, 0, sampled)
+    work = AgreementState(scene, cube_map, caster, tally, pace, 0, sampled)
     points = expect_mask("points", points, len(scene.points))
     yield from work.begin()
     # Open points as well: what is asked for whole is judged by rays alone.
     yield from work.trace_whole("rest", np.flatnonzero(points))
-    return work.result(sampled.facts.get("levels", []))
+    return work.result(sampled.attributes.get("levels", []))
 
 
 def _interleaved(ordered):

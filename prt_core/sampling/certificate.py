@@ -89,7 +89,7 @@ class ObjectError:
         """The largest relit error; that of the matrix where there is no light."""
         return max((e.error for e in self.relit.values()), default=self.matrix.error)
 
-    def facts(self):
+    def attributes(self):
         """The same as plain numbers and dicts, for a report."""
         return asdict(self)
 

@@ -146,7 +146,7 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
     Returns
     -------
     HuangSampled
-        `facts`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of each
+        `attributes`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of each
         sparse point, mean) and duality_gap (the largest, as a share of |y|^2).
     """
     settings = HuangSettings() if settings is None else settings
@@ -163,14 +163,14 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
     sparse = SparsePoints(scene, cube_map, tracer, dense, settings, clock.around, pace)
     for points, neighbours in sparse_blocks(scene, dense, settings):
         bits[points], traced[points] = yield from sparse.fill(points, neighbours)
-    facts = {
+    attributes = {
         "dense_points": len(dense.points),
         "dense_entries": dense_rays,
         "sparse_entries": tracer.rays - dense_rays,
         "mean_rank": float(dense.rank.mean()) if len(dense.rank) else 0.0,
-        **sparse.facts(),
+        **sparse.attributes(),
     }
-    return HuangSampled(bits, traced, tracer.rays, seconds, facts, dense)
+    return HuangSampled(bits, traced, tracer.rays, seconds, attributes, dense)
 
 
 class _Clock:

@@ -27,7 +27,7 @@ class Sampled:
     rays : int
     seconds : dict of str -> float
         By stage.
-    facts : dict
+    attributes : dict
         What a report tells: levels, counts, what was skipped. Plain numbers, strings, lists.
     """
 
@@ -35,7 +35,7 @@ class Sampled:
     traced: np.ndarray
     rays: int
     seconds: dict = field(default_factory=dict)
-    facts: dict = field(default_factory=dict)
+    attributes: dict = field(default_factory=dict)
 
 
 def expect_sampled(sampled, scene, cube_map):

@@ -87,7 +87,7 @@ class SparsePoints:
         self.gap, self.nonzero, self.solved = 0.0, 0, 0
         self._fixed = {}
 
-    def facts(self):
+    def attributes(self):
         """neighbours_used and duality_gap (see `sample_huang`)."""
         return {
             "neighbours_used": self.nonzero / max(self.solved, 1),

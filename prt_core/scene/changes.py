@@ -35,7 +35,7 @@ def mesh_digests(meshes):
             np.array([mesh.receives, mesh.two_sided, mesh.own_mesh]),
         ):
             digest.update(np.ascontiguousarray(array))
-        if "emission" in mesh.materials.told():
+        if "emission" in mesh.materials.nondefault():
             # What emits light is known by the name of its material.
             digest.update("\0".join(mesh.material_names).encode())
         if mesh.paint is not None:

@@ -32,7 +32,7 @@ def find_emitters(meshes, stacked, levels, built):
     points = built.points
     triangle_emitter = np.full(len(levels), -1, np.int32)
     point_emitter = np.full(len(points), -1, np.int32)
-    if "emission" not in points.told():
+    if "emission" not in points.nondefault():
         return (), triangle_emitter, point_emitter
     first_corner = stacked["triangle_corners"].astype(np.int64)[:, 0]
     keys = np.column_stack(

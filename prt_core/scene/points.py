@@ -67,10 +67,10 @@ class BakePoints:
         """(n_points, 3) float32: what is bounced."""
         return self.mean_materials.albedo
 
-    def told(self):
+    def nondefault(self):
         """Names of the quantities of materials that are not their default everywhere."""
-        told = {*self.materials.told(), *self.mean_materials.told()}
-        return [name for name in QUANTITIES if name in told]
+        nondefault = {*self.materials.nondefault(), *self.mean_materials.nondefault()}
+        return [name for name in QUANTITIES if name in nondefault]
 
     def arrays(self):
         """Name -> array of everything stored; what is its default everywhere is left out."""
@@ -79,7 +79,7 @@ class BakePoints:
             value = getattr(self, field.name)
             if field.name in MATERIALS:
                 prefix = MATERIALS[field.name]
-                arrays |= {prefix + name: getattr(value, name) for name in self.told()}
+                arrays |= {prefix + name: getattr(value, name) for name in self.nondefault()}
             elif field.name != "emitter" or (value >= 0).any():
                 arrays[field.name] = value
         return arrays

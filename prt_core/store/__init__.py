@@ -1,14 +1,14 @@
 """A bake on disk: a Zarr v3 group that survives a kill and refuses what is not its own."""
 
+from prt_core.store.attributes import damage_as_error
 from prt_core.store.begin import begin_bake, finish_bake
 from prt_core.store.compressed import (
     AGAIN,
-    compressed_facts,
+    compressed_attributes,
     read_compressed,
     remove_compressed,
     write_compressed,
 )
-from prt_core.store.facts import damage_said
 from prt_core.store.journal import JournalMismatch, RayJournal
 from prt_core.store.places import is_removable, remove_bake
 from prt_core.store.scenes import check_scene, read_details, read_scene, write_scene
@@ -21,8 +21,8 @@ __all__ = [
     "RayJournal",
     "begin_bake",
     "check_scene",
-    "compressed_facts",
-    "damage_said",
+    "compressed_attributes",
+    "damage_as_error",
     "finish_bake",
     "is_removable",
     "read_compressed",

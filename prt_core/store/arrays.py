@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from prt_core.errors import PRTError, expect
+from prt_core.store.attributes import digest
 from prt_core.store.chunks import MEND, open_zarr
-from prt_core.store.facts import digest
 
 
 class BakeArray:

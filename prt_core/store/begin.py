@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from prt_core.errors import PRTError, expect
-from prt_core.store.facts import damage_said
+from prt_core.store.attributes import damage_as_error
 from prt_core.store.places import (
     beside,
     expect_removable,
@@ -47,15 +47,15 @@ def begin_bake(path, identity, restart=False):
     if restart is True and swapping:
         # All that the restart had not done yet is to remove the old bake.
         found = _read(path)
-        if found is not None and found.facts.get("identity") == identity:
+        if found is not None and found.attributes.get("identity") == identity:
             remove_leftovers(path)
             return found
     if restart is True or _waits_beside(path, identity):
         return _begin_beside(path, identity)
     store = BakeStore(path, "a")
     remove_leftovers(path)
-    with damage_said(path):
-        found = store.facts.get("identity") or identity
+    with damage_as_error(path):
+        found = store.attributes.get("identity") or identity
         different = sorted(key for key in identity if found.get(key) != identity[key])
     if different and restart == "changed":
         return _begin_beside(path, identity)
@@ -93,7 +93,7 @@ def _begin_beside(path, identity):
     if os.path.lexists(path):
         expect_removable(path)
     found = _read(beside(path))
-    if found is not None and found.facts.get("identity") not in (None, identity):
+    if found is not None and found.attributes.get("identity") not in (None, identity):
         found = None
     if found is None:
         remove_bake_folder(beside(path))
@@ -106,7 +106,7 @@ def _waits_beside(path, identity):
     if os.path.lexists(path) or not os.path.lexists(beside(path)):
         return False
     found = _read(beside(path))
-    return found is not None and found.facts.get("identity") == identity
+    return found is not None and found.attributes.get("identity") == identity
 
 
 def _read(path):

@@ -1,21 +1,21 @@
 """The compressed form of a bake, in a folder of the bake's own group.
 
-Its arrays are written into a new folder; then one atomic write of the bake's facts names it, and
+Its arrays are written into a new folder; then one atomic write of the bake's attributes names it, and
 only then the folder before goes. A kill leaves the old form or the new one, and at most a folder
-that nobody names and the next one removes. The facts hold a digest of each of its arrays.
+that nobody names and the next one removes. The attributes hold a digest of each of its arrays.
 """
 
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.store.facts import damage_said
+from prt_core.store.attributes import damage_as_error
 from prt_core.store.store import COMPRESSED
 
 # What to do about a compressed form that is damaged.
 AGAIN = "compress again"
 
 
-def write_compressed(store, state, facts):
+def write_compressed(store, state, attributes):
     """Store a compressor's state in place of the one that is there; a generator of array names.
 
     Parameters
@@ -25,11 +25,11 @@ def write_compressed(store, state, facts):
     state : dict
         Arrays of any shape, and values that JSON knows, by name.
         See `Compressor.state`.
-    facts : dict
+    attributes : dict
         Method, settings, what it is of, size, error and time.
     """
     try:
-        kept = (compressed_facts(store) or {}).get("folder")
+        kept = (compressed_attributes(store) or {}).get("folder")
     except PRTError:
         kept = None
     _remove_others(store, kept)
@@ -42,12 +42,14 @@ def write_compressed(store, state, facts):
         else:
             values[name] = value
     store.files.sync(folder)
-    store.update(**{COMPRESSED: {**facts, "folder": folder, "values": values, "arrays": arrays}})
+    store.update(
+        **{COMPRESSED: {**attributes, "folder": folder, "values": values, "arrays": arrays}}
+    )
     _remove_others(store, folder)
 
 
-def compressed_facts(store):
-    """Facts of the compressed form, None where there is none.
+def compressed_attributes(store):
+    """Attributes of the compressed form, None where there is none.
 
     Parameters
     ----------
@@ -58,36 +60,36 @@ def compressed_facts(store):
     PRTError
         They are damaged.
     """
-    facts = store.facts.get(COMPRESSED)
-    if facts is None:
+    attributes = store.attributes.get(COMPRESSED)
+    if attributes is None:
         return None
-    with damage_said(store.path, "what is said of its compressed form", AGAIN):
-        folder = facts["folder"]
+    with damage_as_error(store.path, "what is said of its compressed form", AGAIN):
+        folder = attributes["folder"]
         good = folder == f"{COMPRESSED}{int(folder.removeprefix(COMPRESSED))}"
-        good &= isinstance(facts["values"], dict) and isinstance(facts["arrays"], dict)
+        good &= isinstance(attributes["values"], dict) and isinstance(attributes["arrays"], dict)
         # Names lead nowhere but into the folder.
-        good &= all(name.isidentifier() for name in facts["arrays"])
+        good &= all(name.isidentifier() for name in attributes["arrays"])
     expect(good, f"{store.path}: what is said of its compressed form is damaged; {AGAIN}")
-    return facts
+    return attributes
 
 
-def read_compressed(store, facts):
+def read_compressed(store, attributes):
     """The state that `write_compressed` was given.
 
     Parameters
     ----------
     store : BakeStore
-    facts : dict
-        See `compressed_facts`.
+    attributes : dict
+        See `compressed_attributes`.
 
     Returns
     -------
     dict
     """
-    state = dict(facts["values"])
-    for name in facts["arrays"]:
+    state = dict(attributes["values"])
+    for name in attributes["arrays"]:
         try:
-            state[name] = store.read(f"{facts['folder']}/{name}")
+            state[name] = store.read(f"{attributes['folder']}/{name}")
         except PRTError as error:
             raise PRTError(
                 f"{store.path}: '{name}' of its compressed form cannot be read; {AGAIN}"
@@ -108,7 +110,7 @@ def remove_compressed(store):
     bool
         Whether there was one.
     """
-    there = store.facts.get(COMPRESSED) is not None
+    there = store.attributes.get(COMPRESSED) is not None
     if there:
         store.update(**{COMPRESSED: None})
     _remove_others(store, None)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.store.facts import parse
+from prt_core.store.attributes import parse
 
 # Bytes of a decoded chunk, at most: what a reader must be ready to allocate for it.
 MOST_CHUNK = 16 << 20

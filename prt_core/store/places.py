@@ -12,7 +12,7 @@ import stat
 from pathlib import Path
 
 from prt_core.errors import PRTError, expect
-from prt_core.store.facts import FILE, is_foreign, read_facts
+from prt_core.store.attributes import FILE, is_foreign, read_attributes
 from prt_core.store.files import Files, file_error, is_part, remove_tree, sync_folder
 
 # What file managers put into any folder.
@@ -151,10 +151,10 @@ def _named(path, suffix):
 def _is_complete(path):
     try:
         files = Files(path)
-        facts = read_facts(files) if files.exists() else None
+        attributes = read_attributes(files) if files.exists() else None
     except PRTError:
         return False
-    return facts is not None and facts.get("complete") is True
+    return attributes is not None and attributes.get("complete") is True
 
 
 def _strange(folder, depth, chunks=False):

@@ -13,7 +13,7 @@ from prt_core.scene import (
     Scene,
     SceneObject,
 )
-from prt_core.store.facts import damage_said
+from prt_core.store.attributes import damage_as_error
 
 _POINTS = {
     "positions": ("float64", 3),
@@ -64,7 +64,7 @@ def write_scene(store, scene):
     Returns
     -------
     dict
-        Facts that belong to it, for `BakeStore.update`.
+        Attributes that belong to it, for `BakeStore.update`.
     """
     for name, array in scene.points.arrays().items():
         store.keep(f"point_{name}", array)
@@ -83,7 +83,7 @@ def write_scene(store, scene):
     emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
     return {
         **emitters,
-        "materials": scene.points.told(),
+        "materials": scene.points.nondefault(),
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         "centre": scene.centre,
         "size": scene.size,
@@ -138,10 +138,10 @@ def read_scene(store):
     corners = {name: store.read(f"object_{name}", (None,), "int32") for name in _CORNERS}
     faces = store.read("object_face_sizes", (None,), "int32")
     details = _read_details(store)
-    facts = store.facts
-    with damage_said(store.path):
+    attributes = store.attributes
+    with damage_as_error(store.path):
         objects, corner, face = [], 0, 0
-        for item in facts["objects"]:
+        for item in attributes["objects"]:
             strange = [
                 key
                 for key, kind in _OBJECT.items()
@@ -161,15 +161,15 @@ def read_scene(store):
             )
             corner, face = part.stop, face + item["n_faces"]
         scene = Scene(
-            centre=np.array(facts["centre"], np.float64).reshape(3),
-            size=facts["size"],
+            centre=np.array(attributes["centre"], np.float64).reshape(3),
+            size=attributes["size"],
             vertices=vertices,
             triangles=triangles,
             points=points,
             objects=objects,
             lattice=lattice,
             lattice_back=lattice_back,
-            image=_read_image(store, facts["image"]),
+            image=_read_image(store, attributes["image"]),
             details=details,
             emitters=emitters,
             triangle_emitter=triangle_emitter,
@@ -185,12 +185,12 @@ def read_scene(store):
 
 def _read_emitters(store, n_points):
     """Names of the emitters, and which of them each point and triangle belongs to."""
-    names = store.facts.get("emitters", [])
-    with damage_said(store.path):
+    names = store.attributes.get("emitters", [])
+    with damage_as_error(store.path):
         texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
         good = texts and len(set(names)) == len(names)
         # Where something emits light there is somebody whose light it is.
-        good = good and bool(names) == ("emission" in store.facts.get("materials", _FIRST))
+        good = good and bool(names) == ("emission" in store.attributes.get("materials", _FIRST))
         expect(good, "the names of its emitters are")
     if not names:
         return (), np.full(n_points, -1, np.int32), None
@@ -203,8 +203,8 @@ def _read_emitters(store, n_points):
 
 def _read_materials(store, n_points):
     """Name -> `Materials`: those that each point has."""
-    names = store.facts.get("materials", _FIRST)
-    with damage_said(store.path):
+    names = store.attributes.get("materials", _FIRST)
+    with damage_as_error(store.path):
         whole = all(name in names for name, q in QUANTITIES.items() if q.default is None)
         expect(
             isinstance(names, list) and set(names) <= set(QUANTITIES) and whole,
@@ -241,7 +241,7 @@ def read_details(store, scene):
         found = _read_details(store)
     except PRTError:
         return None
-    same = found.digest() == store.facts.get("details") and _lie_on(found, scene)
+    same = found.digest() == store.attributes.get("details") and _lie_on(found, scene)
     return (found.triangle, found.barycentric, found.back) if same else None
 
 

@@ -1,10 +1,10 @@
-"""`BakeStore`: facts and arrays of a bake in a Zarr v3 group, which says when it is not whole.
+"""`BakeStore`: attributes and arrays of a bake in a Zarr v3 group, which says when it is not whole.
 
-    NAME.prt/zarr.json          the facts, sealed (facts.py)
+    NAME.prt/zarr.json          the attributes, sealed (attributes.py)
              ARRAY/zarr.json    how it lies in chunks (layout.py)
              ARRAY/c/0/0 ...    the chunks, each with its digest (chunks.py)
 
-Every file is written beside its place and renamed (files.py). A finished bake's facts name a digest
+Every file is written beside its place and renamed (files.py). A finished bake's attributes name a digest
 of each of its arrays. Nothing is pickled, and nothing outside the folder is read or written.
 """
 
@@ -14,21 +14,21 @@ import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_one_of, expect_path
 from prt_core.store.arrays import BakeArray
-from prt_core.store.chunks import MEND
-from prt_core.store.facts import (
+from prt_core.store.attributes import (
     FILE,
     FORMAT,
     VERSION,
-    damage_said,
+    damage_as_error,
     digest,
-    read_facts,
-    write_facts,
+    read_attributes,
+    write_attributes,
 )
+from prt_core.store.chunks import MEND
 from prt_core.store.files import Files
 from prt_core.store.layout import MOST_TEXT, Layout
 from prt_core.store.places import expect_only_arrays, finish_swap
 
-# The fact that names the compressed form, and how its folders begin.
+# The attribute that names the compressed form, and how its folders begin.
 COMPRESSED = "compressed"
 _MODES = ("r", "r+", "a")
 
@@ -42,7 +42,7 @@ class BakeStore:
         `NAME.prt`.
     mode : {"r", "r+", "a"}
         Read what is there; write to it as well; the same, and begin where there is nothing yet.
-        The folder is made when the first fact or array is written.
+        The folder is made when the first attribute or array is written.
 
     Attributes
     ----------
@@ -63,29 +63,29 @@ class BakeStore:
         there = self.files.exists()
         expect(there or mode == "a", f"{path}: there is no such bake")
         self._made, self._used = there, set()
-        self._facts = read_facts(self.files) if there else None
-        if self._facts is None:
+        self._attributes = read_attributes(self.files) if there else None
+        if self._attributes is None:
             expect(
                 mode == "a",
                 f"{path}: holds no bake, or one that was stopped in its first moments; 'prt bake' "
                 "begins it",
             )
             if there:
-                # Arrays without facts do no harm: each chunk says itself what it belongs to.
+                # Arrays without attributes do no harm: each chunk says itself what it belongs to.
                 expect_only_arrays(self.path)
-            self._facts = {"format": FORMAT, "version": VERSION, "complete": False}
+            self._attributes = {"format": FORMAT, "version": VERSION, "complete": False}
         if there:
             if mode != "r":
                 self.files.sweep()
             self.files.check()
 
     @property
-    def facts(self):
+    def attributes(self):
         """The group's attributes: settings, report, objects, versions."""
-        return dict(self._facts)
+        return dict(self._attributes)
 
-    def update(self, **facts):
-        """Replace facts, in one atomic write that is on the disk when this returns.
+    def update(self, **attributes):
+        """Replace attributes, in one atomic write that is on the disk when this returns.
 
         Where they are what is there, nothing is written.
 
@@ -97,18 +97,18 @@ class BakeStore:
         if not self._made:
             self.files.make()
             self._made = True
-        now = read_facts(self.files)
+        now = read_attributes(self.files)
         expect(
-            (now or {}).get("seal") == self._facts.get("seal"),
+            (now or {}).get("seal") == self._attributes.get("seal"),
             f"{self.path}: another program changed or removed this bake meanwhile; nothing more "
             "is written, run the same command again",
         )
-        self._facts = write_facts(self.files, {**self._facts, **facts}, now)
+        self._attributes = write_attributes(self.files, {**self._attributes, **attributes}, now)
 
     @property
     def is_complete(self):
         """Whether the bake says that it is finished."""
-        return self._facts.get("complete") is True
+        return self._attributes.get("complete") is True
 
     def __contains__(self, name):
         return FILE in self.files.names(name)
@@ -225,28 +225,28 @@ class BakeStore:
         """Raise `PRTError` unless an array is the one that the bake was finished with."""
         if not self.is_complete:
             return
-        with damage_said(self.path, "its list of arrays"):
+        with damage_as_error(self.path, "its list of arrays"):
             folder, _, name = array.name.rpartition("/")
-            noted = (self._facts[COMPRESSED] if folder else self._facts)["arrays"]
+            noted = (self._attributes[COMPRESSED] if folder else self._attributes)["arrays"]
             expect(
                 name in noted and array.digest() == noted[name],
                 f"{self.path}: '{array.name}' is not what the bake was finished with; {MEND}",
             )
 
-    def seal(self, **facts):
-        """Finish the bake: note a digest of each array, and facts, once all is on the disk.
+    def seal(self, **attributes):
+        """Finish the bake: note a digest of each array, and attributes, once all is on the disk.
 
         Arrays are those that were written or read by this object; others are nobody's.
         """
         self.files.sync()
         arrays = {name: self.array(name).digest() for name in sorted(self._used)}
-        self.update(arrays=arrays, complete=True, **facts)
+        self.update(arrays=arrays, complete=True, **attributes)
 
     def is_sound(self):
         """Whether all arrays are what the bake was finished with."""
         try:
-            with damage_said(self.path):
-                for name in self._facts["arrays"]:
+            with damage_as_error(self.path):
+                for name in self._attributes["arrays"]:
                     self.expect_sealed(self.array(name))
         except PRTError:
             return False
@@ -259,5 +259,5 @@ class BakeStore:
     @property
     def _binding(self):
         """What chunks belong to: the scene, the settings, and where its details lie."""
-        bound = [self._facts.get(name) for name in ("identity", "details")]
+        bound = [self._attributes.get(name) for name in ("identity", "details")]
         return digest(json.dumps(bound, sort_keys=True).encode())

@@ -26,8 +26,8 @@ from prt_core.sphere import sobol_points, square_to_cosine, tangent_frames
 from prt_core.transport.sharing import DARK, MISS, Sharing
 
 ROUND = 32
-# A ray that was not cast: the one in slot s of its round stands for it where its hit is STAND - s.
-STAND = -4
+# A ray that was not cast: the one in slot s of its round stands for it where its hit is REPRESENTED - s.
+REPRESENTED = -4
 # Rays of a point that are likely to meet nothing, of which one is cast.
 _GROUP = 16
 # Blocks of points and rounds whose rays are cast in one call.
@@ -42,7 +42,7 @@ class Gathered:
     ----------
     hits : (n, ROUND) int32
         Bake points, in the order of the rays; MISS where the ray left the scene, DARK where it
-        met a side without light, STAND - s where the ray in slot s of the row stands for it.
+        met a side without light, REPRESENTED - s where the ray in slot s of the row stands for it.
     n_back : (n_objects,) int64
         Hits on back sides that return no light, by object.
     n_hidden : int
@@ -170,12 +170,12 @@ class _Rays:
         self._hits = np.where(wanted, np.int32(MISS), np.int32(DARK))
         if spared is not None:
             wanted &= ~spared[points, None]
-        self._silent = self._speaker = np.empty(0, np.int64)
+        self._represented = self._representative = np.empty(0, np.int64)
         if clear is not None:
             quiet = wanted & clear(points, directions)
-            self._silent, self._speaker = _speakers(quiet, rng)
+            self._represented, self._representative = _representatives(quiet, rng)
             wanted &= ~quiet
-            wanted.reshape(-1)[self._speaker] = True
+            wanted.reshape(-1)[self._representative] = True
         self._wanted = wanted
         self.pick = rng.random(np.count_nonzero(wanted), np.float32)
         self.directions = directions[wanted]
@@ -185,8 +185,10 @@ class _Rays:
         """`Gathered` from their `Hits` and where these were handed."""
         hits = self._hits
         hits[self._wanted] = ends
-        silent = self._silent != self._speaker
-        hits.reshape(-1)[self._silent[silent]] = STAND - self._speaker[silent] % ROUND
+        represented = self._represented != self._representative
+        hits.reshape(-1)[self._represented[represented]] = (
+            REPRESENTED - self._representative[represented] % ROUND
+        )
         n_back = np.bincount(
             self._scene.triangle_object[found.triangle[unlit]], minlength=len(self._scene.objects)
         )
@@ -199,23 +201,23 @@ class _Rays:
         )
 
 
-def _speakers(quiet, rng):
+def _representatives(quiet, rng):
     """Of each `_GROUP` set entries of a row one at random; which entry stands for which.
 
     Returns
     -------
-    silent, speaker : (m,) int64
+    silent, representative : (m,) int64
         Places in the flat array: all that are set, and the one that stands for each.
     """
-    silent = np.flatnonzero(quiet)
+    represented = np.flatnonzero(quiet)
     counts = np.count_nonzero(quiet, axis=1)
     start = np.cumsum(counts) - counts
-    row = silent // quiet.shape[1]
-    group = (np.arange(len(silent)) - start[row]) // _GROUP
+    row = represented // quiet.shape[1]
+    group = (np.arange(len(represented)) - start[row]) // _GROUP
     chance = rng.random((len(quiet), -(-quiet.shape[1] // _GROUP)))[row, group]
     first = _GROUP * group
     size = np.minimum(_GROUP, counts[row] - first)
-    return silent, silent[start[row] + first + (chance * size).astype(np.int64)]
+    return represented, represented[start[row] + first + (chance * size).astype(np.int64)]
 
 
 def cosine_directions(normals, shift, count=ROUND, first=0):

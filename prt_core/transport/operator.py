@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from prt_core.errors import expect, expect_array, expect_whole
-from prt_core.transport.gather import ROUND, STAND
+from prt_core.transport.gather import REPRESENTED, ROUND
 from prt_core.transport.sharing import DARK, MISS
 
 # Rays of a row that should meet something, at least, for the row to be scaled.
@@ -36,15 +36,17 @@ def ray_ends(hits):
     PRTError
         A ray stands for one that does so itself, or for none.
     """
-    silent = hits <= STAND
-    if silent.any():
+    represented = hits <= REPRESENTED
+    if represented.any():
         slot = np.arange(hits.shape[1])
-        speaker = np.where(silent, slot - slot % ROUND + STAND - hits.astype(np.int64), slot)
-        good = hits.min() > STAND - ROUND and hits.shape[1] % ROUND == 0
-        hits = np.take_along_axis(hits, speaker, axis=1) if good else hits
+        representative = np.where(
+            represented, slot - slot % ROUND + REPRESENTED - hits.astype(np.int64), slot
+        )
+        good = hits.min() > REPRESENTED - ROUND and hits.shape[1] % ROUND == 0
+        hits = np.take_along_axis(hits, representative, axis=1) if good else hits
     expect(
         not hits.size or hits.min() >= DARK,
-        f"hits: expected points, {MISS}, {DARK}, or {STAND} and less for the slot of a ray of the "
+        f"hits: expected points, {MISS}, {DARK}, or {REPRESENTED} and less for the slot of a ray of the "
         f"same {ROUND} that was cast, got something else",
     )
     return hits

@@ -46,7 +46,7 @@ SHARES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
 TURNS = (0.0, 120.0, 240.0)
 CLUSTERS = (50, 120)
 PAGE = "compression"
-SCENES, RUNGS = ("bunny", "dragon", "05_street_bench"), (1, 2, 3)
+SCENES, BUDGETS = ("bunny", "dragon", "05_street_bench"), (1, 2, 3)
 
 
 def images():
@@ -184,9 +184,9 @@ def scenes_table(folder, *names):
             else:
                 (blend,) = (ROOT / "blend_scenes").glob(f"{name}*.blend")
                 _run("-m", "prt_core", "bake", blend, "-o", bake, "--caster", "embree")
-            rungs = map(str, RUNGS)
+            budget_numbers = map(str, BUDGETS)
             rows = _run("-m", "prt_core", "bench", "compress", bake, "-o", folder / name,
-                        "--rungs", *rungs, "--json")  # fmt: skip
+                        "--budgets", *budget_numbers, "--json")  # fmt: skip
             kept.write_text(rows)
         found[name] = json.loads(kept.read_text())
     sizes = ", ".join(f"{name} {rows[0]['points']:,} points" for name, rows in found.items())
@@ -226,7 +226,7 @@ def bounces_table(path):
     transport, method = bake.transport, method_named("cpca")
     lights = [image.to_cube_map(bake.cube_map, turn)
               for image in images().values() for turn in TURNS]  # fmt: skip
-    truth = [transport.relight(light) for light in lights]
+    truth = [transport.radiance(light) for light in lights]
     lines = [
         f"Where the bounces are: clustered PCA of all of them, or of the direct light with K at "
         f"run time; {transport.n_points:,} points, {len(lights)} lights.",
@@ -235,12 +235,12 @@ def bounces_table(path):
         "|---" * 7 + "|",
     ]
     whole = Task.of(transport, bake.scene.points)
-    for rung in RUNGS[:2]:
+    for budget in BUDGETS[:2]:
         for inside in (True, False):
             task = whole
             if not inside:
                 task = replace(whole, rows=TransportRows(transport, rank=0))
-            model = method.ladder(task)[rung]
+            model = method.budgets(task)[budget]
             run(model.fit_steps(task.rows))
             method.finish(model, task)
             quick = method.relighter(model, transport)
@@ -276,11 +276,11 @@ def frames_table(blend, path, n_frames=48):
     import bpy
 
     bake, image = prt_core.load(path), images()["city"]
-    quick = Relighter(bake, transport="compressed")
+    quick = Relighter(bake, form="compressed")
     stages = {"turn and relight": [], "corners": [], "attribute": [], "evaluate": []}
     for frame in range(n_frames + 2):
         marks = [time.perf_counter()]
-        radiance = quick.relight(image, rotation=7.5 * frame)
+        radiance = quick.radiance(image, rotation=7.5 * frame)
         marks.append(time.perf_counter())
         colours = bake.colours(radiance)
         marks.append(time.perf_counter())
@@ -293,12 +293,12 @@ def frames_table(blend, path, n_frames=48):
             for values, spent in zip(stages.values(), np.diff(marks), strict=True):
                 values.append(1e3 * spent)
     total = np.sum(list(stages.values()), axis=0)
-    facts = quick.compressed().facts
+    attributes = quick.compressed().attributes
     corners = sum(len(part) for part in colours.values())
     parts = ", ".join(f"{name} {np.median(v):.1f}" for name, v in stages.items())
     return [
         f"A frame in Blender without a window, {len(radiance):,} points, {corners:,} corners, "
-        f"{facts['method']} of {facts['bytes'] / 1e6:.0f} MB: {np.median(total):.1f} ms in the "
+        f"{attributes['method']} of {attributes['bytes'] / 1e6:.0f} MB: {np.median(total):.1f} ms in the "
         f"median, {np.percentile(total, 95):.1f} ms at 95 % ({parts} ms): "
         f"{1e3 / np.median(total):.0f} frames a second.",
     ]
@@ -308,7 +308,7 @@ def memory_table(blend, path, resolution=64):
     """What `prt compress --method wavelet4d` holds while it compresses a large matrix."""
     _run("-m", "prt_core", "bake", blend, "-o", path, "--resolution", resolution,
          "--caster", "embree", "--restart")  # fmt: skip
-    facts = json.loads(
+    attributes = json.loads(
         _run("-m", "prt_core", "compress", path, "--method", "wavelet4d", "--json").splitlines()[-1]
     )
     bake = prt_core.load(path)
@@ -316,8 +316,8 @@ def memory_table(blend, path, resolution=64):
     return [
         f"`prt compress --method wavelet4d` at 6 x {resolution} x {resolution}: {n_points:,} "
         f"points, a matrix of {4 * 3 * n_points * n_directions / 1e9:.1f} GB in "
-        f"{facts['seconds']:.0f} s with a peak of {facts['peak_bytes'] / 1e9:.2f} GB; "
-        f"{facts['bytes'] / 1e6:.1f} MB, relit colours {facts['error']:.2%} off in the mean of "
+        f"{attributes['seconds']:.0f} s with a peak of {attributes['peak_bytes'] / 1e9:.2f} GB; "
+        f"{attributes['bytes'] / 1e6:.1f} MB, relit colours {attributes['error']:.2%} off in the mean of "
         "Blender's eight.",
     ]
 

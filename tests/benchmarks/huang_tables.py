@@ -127,7 +127,7 @@ class Sparse:
             "final": relative(*errors[1]),
             "entries": float(count_bits(wanted, axis=1).mean()),
             "neighbours": float((neighbours >= 0).sum(axis=1).mean()),
-            "used": work.facts()["neighbours_used"],
+            "used": work.attributes()["neighbours_used"],
         }
 
 

@@ -222,7 +222,7 @@ def remeshed(bake, mesh):
     u, v = octahedral_square(place[vertex[used][first]])
     found = []
     for light in studio_lights(bake):
-        radiance = bake.transport.relight(light)
+        radiance = bake.transport.radiance(light)
         picture, truth = bake.image(radiance), radiance[point]
         # Past its border the square goes on as it came.
         picture = np.concatenate([picture[:1, ::-1], picture, picture[-1:, ::-1]])
@@ -343,7 +343,7 @@ def times(scene, item):
     if item != "all":
         names = [o.name for o in bake.scene.objects]
         mine = np.flatnonzero(points.object_index == names.index(item))
-    truth, albedo = bake.transport.relight(lights[0])[mine], bake.transport.albedo[mine]
+    truth, albedo = bake.transport.radiance(lights[0])[mine], bake.transport.albedo[mine]
     models = {}
     for mode in MODES:
         for error in ERRORS:

@@ -51,8 +51,10 @@ def measure(command, scene, folder):
             "--caster", caster, "--quiet", user="user",
         )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
-        facts = json.loads((folder / f"h_{caster}.prt" / "zarr.json").read_text())["attributes"]
-        headless[caster] = sum(facts["report"]["seconds"].values())
+        attributes = json.loads((folder / f"h_{caster}.prt" / "zarr.json").read_text())[
+            "attributes"
+        ]
+        headless[caster] = sum(attributes["report"]["seconds"].values())
     return {"scene": scene, "version": blender.version, "headless": headless, **found}
 
 

@@ -41,7 +41,7 @@ def main(zip_path, blend, folder):
         "wavelets": command(["compress", bake, "--method", "wavelet4d", "--tolerance", "0.1"]),
         "quick": command(
             ["relight", bake, "--light", str(lights / "city.exr"), "--output",
-             str(folder / "quick.npz"), "--transport", "compressed"]
+             str(folder / "quick.npz"), "--form", "compressed"]
         ),
         "info": command(["info", bake]),
         "missing": command(["info", str(folder / "nothing.prt")]),

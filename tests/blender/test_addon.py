@@ -64,7 +64,7 @@ def test_the_bake_button_is_the_api(baked, tmp_path):
     one, two = BakeStore(path), BakeStore(tmp_path / "api.prt")
     for name in ("visibility", "gather", "point_positions", "world1"):
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
-    assert one.facts["identity"] == two.facts["identity"]
+    assert one.attributes["identity"] == two.attributes["identity"]
 
 
 def test_relight_is_the_api(baked, hdri):
@@ -105,16 +105,16 @@ def test_a_studio_light(baked, hdri):
 
 
 def test_a_second_bake_goes_on_and_a_changed_scene_is_baked_anew(baked):
-    first = BakeStore(preview.path_of(baked)).facts["identity"]
+    first = BakeStore(preview.path_of(baked)).attributes["identity"]
     bpy.ops.prt.bake()
-    assert BakeStore(preview.path_of(baked)).facts["identity"] == first
+    assert BakeStore(preview.path_of(baked)).attributes["identity"] == first
     baked.objects["ball"].location.x += 0.3
     bpy.ops.prt.refresh()
     made, _ = plan.of(baked)
     state = blender_addon.bakes.state(baked, bpy.context.window_manager.prt.bakes[0])
     assert "stale: ball changed" in state[0]
     bpy.ops.prt.bake()
-    assert BakeStore(preview.path_of(baked)).facts["identity"] != first
+    assert BakeStore(preview.path_of(baked)).attributes["identity"] != first
     assert blender_addon.bakes.state(baked, bpy.context.window_manager.prt.bakes[0])[0] == "fresh"
     there = prt_core.load(preview.path_of(baked)).scene
     assert made.cost.points == len(there.points) - len(there.details)
@@ -439,7 +439,7 @@ def test_a_stopped_bake_goes_on_to_the_same_bytes(scene, tmp_path):
     while next(steps).stage != "visibility":
         pass
     steps.close()
-    assert not BakeStore(path).facts.get("complete")
+    assert not BakeStore(path).attributes.get("complete")
     bpy.ops.prt.refresh()
     assert blender_addon.bakes.state(scene, work.status().bakes[0])[0] == "stopped"
     bpy.ops.prt.bake()
@@ -486,7 +486,7 @@ def test_a_changed_scene_keeps_its_old_bake_until_the_new_one_is_finished(baked)
     from prt_core.api import bake_blend_steps
 
     path = plan.output_path(baked)
-    before = BakeStore(path).facts["identity"]
+    before = BakeStore(path).attributes["identity"]
     bpy.data.objects["ball"].location.x += 0.1
     steps = bake_blend_steps(
         None, path, plan.bake_settings(baked), restart="changed", pace=0.001, scene=baked
@@ -494,9 +494,9 @@ def test_a_changed_scene_keeps_its_old_bake_until_the_new_one_is_finished(baked)
     while next(steps).stage != "visibility":
         pass
     steps.close()
-    assert BakeStore(path).facts["identity"] == before and prt_core.load(path)
+    assert BakeStore(path).attributes["identity"] == before and prt_core.load(path)
     bpy.ops.prt.bake()
-    assert BakeStore(path).facts["identity"] != before
+    assert BakeStore(path).attributes["identity"] != before
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
@@ -643,18 +643,18 @@ def test_compress_is_the_api(baked, hdri, tmp_path):
     degrees = use_image(baked, hdri("city"), 30)
     baked.prt.use_lamps, baked.prt.compress_tolerance = False, 0.05
     assert bpy.ops.prt.compress(method="cpca") == {"FINISHED"}
-    facts = prt_core.compress(path, method="cpca", tolerance=baked.prt.compress_tolerance)
-    assert "Compressed by cpca" in said() and facts["tolerance_met"]
+    attributes = prt_core.compress(path, method="cpca", tolerance=baked.prt.compress_tolerance)
+    assert "Compressed by cpca" in said() and attributes["tolerance_met"]
     one, two = BakeStore(preview.path_of(baked)), BakeStore(path)
     for name in ("labels", "bases", "weights"):
         name = f"compressed1/{name}"
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
-    check_colours(prt_core.relight(path, hdri("city"), rotation=degrees, transport="compressed"))
+    check_colours(prt_core.relight(path, hdri("city"), rotation=degrees, form="compressed"))
     item = work.status().bakes[0]
-    assert item.compressed.startswith(f"cpca, error {facts['error']:.2%}")
+    assert item.compressed.startswith(f"cpca, error {attributes['error']:.2%}")
     baked.prt.use_compressed = False
     bpy.ops.prt.relight()
-    exact = prt_core.relight(path, hdri("city"), rotation=degrees, transport="exact")
+    exact = prt_core.relight(path, hdri("city"), rotation=degrees, form="exact")
     check_colours(exact)
     baked.prt.use_compressed = True
     assert bpy.ops.prt.compress(method="none") == {"FINISHED"}

@@ -11,7 +11,7 @@ import pytest
 import prt_core
 from blender_addon import bakes, live, naming, operators, plan, preview, saving, work
 from prt_core import BakeStore
-from prt_core.store.facts import write_facts
+from prt_core.store.attributes import write_attributes
 from prt_core.store.places import beside
 from tests.blender.conftest import colours_on, cube, quick
 
@@ -43,7 +43,7 @@ def error_of(operator, **options):
 
 
 def identity(path):
-    return BakeStore(path).facts["identity"]
+    return BakeStore(path).attributes["identity"]
 
 
 def stop_at_visibility(scene, close=True):
@@ -105,7 +105,9 @@ def test_a_bake_of_another_file_is_not_replaced_unasked(baked_floor, tmp_path):
     assert "hero.prt: is a bake of '../scene.blend', scene 'Scene'; give this one" in said
     assert work.status().failed and identity(hero) == before
     bpy.ops.prt.bake(restart=True)
-    assert identity(hero) != before and BakeStore(hero).facts["origin"]["file"] == "../v02.blend"
+    assert (
+        identity(hero) != before and BakeStore(hero).attributes["origin"]["file"] == "../v02.blend"
+    )
     # Moved together they still belong together.
     shutil.copytree(tmp_path / "prt", tmp_path / "moved" / "prt")
     shutil.copy(tmp_path / "v02.blend", tmp_path / "moved")
@@ -216,7 +218,7 @@ def test_a_stopped_bake_gets_its_name_with_the_file(tmp_path):
     cube("cube", scene.collection)
     stop_at_visibility(scene)
     save_as(tmp_path / "late.blend")
-    assert not BakeStore(tmp_path / "prt" / "late_Scene.prt").facts.get("complete")
+    assert not BakeStore(tmp_path / "prt" / "late_Scene.prt").attributes.get("complete")
     assert bpy.ops.prt.bake() == {"FINISHED"} and shown().name == "late_Scene.prt"
 
 
@@ -264,7 +266,7 @@ def test_a_stopped_bake_that_is_to_replace_another_goes_with_the_file_too(tmp_pa
     assert not old.exists() and not beside(old).exists()
     assert bpy.ops.prt.bake() == {"FINISHED"} and identity(path) != before
     assert any("went on" in text for text in preview.held(scene).bake.report["messages"])
-    assert BakeStore(path).facts["origin"]["file"] == "../new.blend"
+    assert BakeStore(path).attributes["origin"]["file"] == "../new.blend"
 
 
 def test_a_changed_scene_leaves_the_old_bake_until_the_new_one_is_finished(baked_floor):
@@ -298,7 +300,7 @@ def test_a_bake_is_deleted_with_what_was_to_replace_it(baked_floor):
 
 def older(path):
     store = BakeStore(path)
-    write_facts(store.files, {**store.facts, "version": 2})
+    write_attributes(store.files, {**store.attributes, "version": 2})
 
 
 def edited(path):

@@ -112,7 +112,7 @@ def test_cycles_agrees_on_where_the_light_is(world, hdri):
     points = scene.points
     transport = Transport(cube_map, bits, None, points.normals, points.albedo)
     light = EnvironmentMap.read(hdri("courtyard")).to_cube_map(cube_map)
-    ours = transport.relight(light)
+    ours = transport.radiance(light)
     cycles_truth.set_light(bpy.context.scene, "courtyard")
     cycles_truth.set_cycles(bpy.context.scene, 512, 0)
     names = [item.name for item in scene.objects]

@@ -36,8 +36,8 @@ def test_bake_and_relight(prt, blender):
     # In the same Blender: another rounds normals in another way.
     done = blender.run("-b", "floor.blend", "-P", "api.py", user="headless")
     found, wanted = (prt_core.BakeStore(blender.folder / f"{n}.prt") for n in ("floor", "api"))
-    assert found.facts["report"]["back_end"] == "embree"
-    assert found.facts["identity"] == wanted.facts["identity"], done.stdout + done.stderr
+    assert found.attributes["report"]["back_end"] == "embree"
+    assert found.attributes["identity"] == wanted.attributes["identity"], done.stdout + done.stderr
     for name in ("visibility", "gather"):
         np.testing.assert_array_equal(found.read(name), wanted.read(name))
     with np.load(blender.folder / "floor.npz") as one, np.load(blender.folder / "api.npz") as two:

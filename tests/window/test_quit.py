@@ -13,7 +13,7 @@ def test_a_bake_that_the_window_was_closed_on_goes_on(blender):
     assert report["running"] and report["code"] == 0, report["said_all"]
     assert not any("prt_" in line for line in report["said_all"].splitlines() if "File" in line)
     path = blender.folder / "prt" / "quit.prt"
-    assert BakeStore(path).facts["complete"] is False
+    assert BakeStore(path).attributes["complete"] is False
     try:
         load(path)
     except PRTError as error:

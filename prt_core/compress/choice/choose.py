@@ -1,8 +1,8 @@
 """Which method, and which of its settings: tried on a sample of the points.
 
-Each method's ladder is bisected, on patches of neighbouring points or on an even sample, under a
-few lights, for the rung where it is near enough or too large or too slow for what was asked. A
-rung that fails is out of the race and says why; the others go on. Methods that are seldom
+Each method's budgets is bisected, on patches of neighbouring points or on an even sample, under a
+few lights, for the budget where it is near enough or too large or too slow for what was asked. A
+budget that fails is out of the race and says why; the others go on. Methods that are seldom
 the best are tried only where none of the others keeps what was asked for.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from prt_core.compress.choice.methods import Task, describe, method_asked
+from prt_core.compress.choice.methods import Task, describe, method_from_text
 from prt_core.errors import (
     PRTError,
     expect,
@@ -21,7 +21,7 @@ from prt_core.errors import (
     expect_number,
 )
 from prt_core.light.environment import expect_radiance
-from prt_core.runtime.progress import Progress, beside
+from prt_core.runtime.progress import Progress, in_thread
 
 _POINTS, _PATCHES, _FEW = 3072, 12, 64
 # Lights are timed so often; what is slower than this (ms) is not live.
@@ -88,12 +88,12 @@ class Limits:
 
 @dataclass
 class Trial:
-    """One rung on the sample; size and time are what all points would need.
+    """One budget on the sample; size and time are what all points would need.
 
     Attributes
     ----------
     method, settings : str
-    rung : int
+    budget : int
     error, worst : float or None
         Relative L2 of relit colours, in the mean over the lights and under the worst. These and
         the following are None where it failed.
@@ -108,7 +108,7 @@ class Trial:
 
     method: str
     settings: str
-    rung: int
+    budget: int
     error: float | None = None
     worst: float | None = None
     megabytes: float | None = None
@@ -147,7 +147,7 @@ def choose_steps(task, names, limits, lights):
     expect_kind("limits", limits, Limits)
     names = expect_all("names", names, str, "methods' names")
     expect(names, "names: expected at least one method")
-    methods = [method_asked(name) for name in names]
+    methods = [method_from_text(name) for name in names]
     expect(
         len({method.name for method in methods}) == len(methods),
         f"names: expected each method once, got {', '.join(names)}",
@@ -158,17 +158,17 @@ def choose_steps(task, names, limits, lights):
     }
     expect(lights, "lights: expected at least one")
     # What cannot be is said before the work; nothing is chosen of one setting, which is measured.
-    ladder = methods[0].ladder(task) if len(methods) == 1 else ()
+    budgets = methods[0].budgets(task) if len(methods) == 1 else ()
     yield from task.rows.prepare_steps()
-    if len(ladder) == 1:
-        return [(Trial(methods[0].name, describe(ladder[0]), 0), "all that was asked for")], []
-    truths = yield from beside("choice", task.colours, lights)
+    if len(budgets) == 1:
+        return [(Trial(methods[0].name, describe(budgets[0]), 0), "all that was asked for")], []
+    truths = yield from in_thread("choice", task.colours, lights)
     trials, samples = [], {}
     for first in (True, False):
         for method in (m for m in methods if m.first(task) == first):
             if method.local not in samples:
                 patches = _PATCHES if method.local else None
-                points = yield from beside("choice", task.sample, _POINTS, patches)
+                points = yield from in_thread("choice", task.sample, _POINTS, patches)
                 here = {name: truth[points] for name, truth in truths.items()}
                 samples[method.local] = task.some(points), here
             part, here = samples[method.local]
@@ -199,17 +199,17 @@ def reason_of(error):
 
 
 def _climb(task, part, method, limits, lights, truths):
-    """Trials of one method: by bisection of its ladder, to the rung where a limit is crossed."""
+    """Trials of one method: by bisection of its budgets, to the budget where a limit is crossed."""
     trials = []
-    ladder, whole = method.ladder(part), method.ladder(task)
+    budgets, whole = method.budgets(part), method.budgets(task)
     start = yield from _start(part, method, lights)
-    low, high = 0, len(ladder)
+    low, high = 0, len(budgets)
     while low < high:
-        rung = (low + high) // 2
+        budget = (low + high) // 2
         growth = 1.0 if method.local else _GROWTH
-        trial = Trial(method.name, describe(whole[rung]), rung, growth=growth)
+        trial = Trial(method.name, describe(whole[budget]), budget, growth=growth)
         try:
-            yield from _try(trial, ladder[rung], method, task, part, lights, truths, start)
+            yield from _try(trial, budgets[budget], method, task, part, lights, truths, start)
             near = limits.tolerance is not None and limits.near(trial)
             enough = near or limits.excess(trial) > 1
         except FAILURES as error:
@@ -217,17 +217,17 @@ def _climb(task, part, method, limits, lights, truths):
             # A nearer one needs more memory still; of other failures nobody knows.
             enough = isinstance(error, MemoryError)
         trials.append(trial)
-        low, high = (low, rung) if enough else (rung + 1, high)
-    return sorted(trials, key=lambda trial: trial.rung)
+        low, high = (low, budget) if enough else (budget + 1, high)
+    return sorted(trials, key=lambda trial: trial.budget)
 
 
 def _try(trial, model, method, task, part, lights, truths, start):
-    """Fit a rung to the sample and fill in its `Trial`."""
+    """Fit a budget to the sample and fill in its `Trial`."""
     began = time.perf_counter()
     yield from model.fit_steps(part.rows)
     trial.seconds = time.perf_counter() - began
-    quick = method.relighter(model, part.subject.read_bits)
-    errors, spent = yield from beside("choice", relit, quick, part.subject, lights, truths)
+    evaluator = method.evaluator(model, part.subject.read_bits)
+    errors, spent = yield from in_thread("choice", relit, evaluator, part.subject, lights, truths)
     scale = task.n_points / part.n_points
     trial.error, trial.worst = float(np.mean(errors)), max(errors)
     trial.megabytes = method.size(model, task.n_points) / 1e6
@@ -239,18 +239,18 @@ def _start(part, method, lights):
     """Seconds that a light costs however few the points are."""
     few = part.some(np.arange(min(part.n_points, _FEW)))
     failure = None
-    for model in method.ladder(few):
+    for model in method.budgets(few):
         try:
             yield from model.fit_steps(few.rows)
         except FAILURES as error:
             failure = error
             continue
-        quick = method.relighter(model, few.subject.read_bits)
-        return min((yield from beside("choice", _times, quick, few.subject, lights)))
+        evaluator = method.evaluator(model, few.subject.read_bits)
+        return min((yield from in_thread("choice", _times, evaluator, few.subject, lights)))
     raise failure
 
 
-def relit(quick, subject, lights, truths):
+def relit(evaluator, subject, lights, truths):
     """Errors of colours under each light, and the least time of one.
 
     Raises
@@ -259,12 +259,12 @@ def relit(quick, subject, lights, truths):
         The colours are not finite.
     """
     errors = [
-        relative_l2(radiance_of(quick, subject, light), truths[name])
+        relative_l2(radiance_of(evaluator, subject, light), truths[name])
         for name, light in lights.items()
     ]
     bad = [name for name, error in zip(lights, errors, strict=True) if not np.isfinite(error)]
     expect(not bad, f"its colours are not finite under {', '.join(bad)}")
-    return errors, min(_times(quick, subject, lights))
+    return errors, min(_times(evaluator, subject, lights))
 
 
 def radiance_of(form, subject, light):
@@ -272,13 +272,13 @@ def radiance_of(form, subject, light):
     return subject.radiance(form.product(light))
 
 
-def _times(quick, subject, lights):
+def _times(evaluator, subject, lights):
     """Seconds of each light, some of them again."""
     spent = []
     for _ in range(_REPEATS):
         for light in lights.values():
             start = time.perf_counter()
-            radiance_of(quick, subject, light)
+            radiance_of(evaluator, subject, light)
             spent.append(time.perf_counter() - start)
     return spent
 

@@ -1,6 +1,6 @@
 """The methods that can be asked for by name.
 
-    register_method(Method("mine", Mine, ladder=lambda task: [Mine(error=e) for e in (0.1, 0.01)]))
+    register_method(Method("mine", Mine, budgets=lambda task: [Mine(error=e) for e in (0.1, 0.01)]))
 
 is all that a compressor needs to be chosen, stored, relit from, measured and offered on the
 command line.
@@ -181,7 +181,7 @@ class Method:
     name : str
     kind : type
         A `Compressor` with `state` and `from_state`.
-    ladder : callable(Task) -> list of Compressor
+    budgets : callable(Task) -> list of Compressor
         Not fitted: the smallest and fastest first, the nearest to the truth last.
     relighter : callable(model, Transport or None) -> object
         What gives a fitted model's `product(light)` quickest; default: the model itself.
@@ -208,8 +208,8 @@ class Method:
 
     name: str
     kind: type
-    ladder: Callable
-    relighter: Callable = _itself
+    budgets: Callable
+    evaluator: Callable = _itself
     finish: Callable | None = None
     local: bool = True
     size: Callable = _in_proportion
@@ -227,7 +227,7 @@ class Method:
         return {k: p.default for k, p in parameters.items() if k not in self.fixed}
 
     def with_settings(self, texts):
-        """This method with some settings the same all along its ladder.
+        """This method with some settings the same all along its budgets.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class Method:
         Returns
         -------
         Method
-            Settings of the ladder that are the same now are there once.
+            Settings of the budgets that are the same now are there once.
 
         Raises
         ------
@@ -260,17 +260,17 @@ class Method:
         except PRTError as error:
             raise PRTError(f"method: '{self.name}': {error}") from error
 
-        def ladder(task):
+        def budgets(task):
             more = {key: self.made(task, key, word) for key, word in words.items()}
             found = []
-            for model in self.ladder(task):
+            for model in self.budgets(task):
                 model.set_params(**values, **more)
                 params = model.get_params()
                 if all(params != other.get_params() for other in found):
                     found.append(model)
             return found
 
-        return replace(self, ladder=ladder)
+        return replace(self, budgets=budgets)
 
 
 def register_method(method):
@@ -300,7 +300,7 @@ def method_named(name):
     return _METHODS[name]
 
 
-def method_asked(text):
+def method_from_text(text):
     """The `Method` of a `text`, NAME or NAME:key=value,key=value.
 
     Raises

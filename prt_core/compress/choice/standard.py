@@ -1,4 +1,4 @@
-"""The methods of this library by name, each with its ladder from small to near."""
+"""The methods of this library by name, each with its budgets from small to near."""
 
 import numpy as np
 from scipy.spatial import cKDTree

@@ -4,7 +4,7 @@ import numpy as np
 
 from prt_core.compress.base import Compressor, as_rows, pieces
 from prt_core.compress.clusters.affine import Affine, fit_affine
-from prt_core.compress.clusters.seams import guests
+from prt_core.compress.clusters.seams import border_points
 from prt_core.compress.rows.row_code import RowCode
 from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import expect, expect_array, expect_indices, expect_number
@@ -25,7 +25,7 @@ class ClusterCompressor(Compressor):
         second slot there (see `blend_borders`).
     place_ : (n_points,) int64
         Slot of each point in its own cluster.
-    guests_ : (g, 2) int64
+    border_points_ : (g, 2) int64
         Points with a second slot, and that slot.
     shares_ : (g,) float32
         Of the second slot in the point's value.
@@ -107,12 +107,12 @@ class ClusterCompressor(Compressor):
     def _of_points(self, points, value):
         """`value(slots, which of the points)`: of their own slots, mixed with their second."""
         second = np.full(self.n_points_, -1)
-        second[self.guests_[:, 0]] = np.arange(len(self.guests_))
+        second[self.border_points_[:, 0]] = np.arange(len(self.border_points_))
         result = value(self.place_[points], slice(None))
         blended = np.flatnonzero(second[points] >= 0)
-        guest = second[points[blended]]
-        other = value(self.guests_[guest, 1], blended)
-        result[blended] += self.shares_[guest, None] * (other - result[blended])
+        border = second[points[blended]]
+        other = value(self.border_points_[border, 1], blended)
+        result[blended] += self.shares_[border, None] * (other - result[blended])
         return result
 
     def _slot_features(self, slots):
@@ -161,29 +161,29 @@ class ClusterCompressor(Compressor):
         self
         """
         self._expect_fitted()
-        expect(not len(self.guests_), "blend_borders: the borders are blended already")
-        points, clusters = guests(self.labels_, pairs)
+        expect(not len(self.border_points_), "blend_borders: the borders are blended already")
+        points, clusters = border_points(self.labels_, pairs)
         members = np.split(self.order_, self.starts_[1:-1])
         order, found, shares, start = [], [], [], 0
         own = self._slot_features(self.place_[points])
         for c, affine in enumerate(self.affine_):
-            guest = points[clusters == c]
-            if len(guest):
-                features = rows.features(guest)
+            border = points[clusters == c]
+            if len(border):
+                features = rows.features(border)
                 weights = (features - affine.mean) @ affine.basis.T
                 here = ((features - own[clusters == c]) ** 2).sum(axis=1)
                 there = ((features - affine.mean - weights @ affine.basis) ** 2).sum(axis=1)
                 shares.append(here / np.maximum(here + there, 1e-30))
                 affine.weights = np.concatenate([affine.weights, weights])
-                slots = start + len(members[c]) + np.arange(len(guest))
-                found.append(np.column_stack([guest, slots]))
+                slots = start + len(members[c]) + np.arange(len(border))
+                found.append(np.column_stack([border, slots]))
             self.place_[members[c]] = start + np.arange(len(members[c]))
-            order += [members[c], guest]
-            start += len(members[c]) + len(guest)
+            order += [members[c], border]
+            start += len(members[c]) + len(border)
         self.order_ = np.concatenate(order)
         self.starts_ = np.concatenate([[0], np.cumsum([len(a.weights) for a in self.affine_])])
         if found:
-            self.guests_ = np.concatenate(found)
+            self.border_points_ = np.concatenate(found)
             self.shares_ = np.minimum(np.concatenate(shares), 0.5)
         return self
 
@@ -208,7 +208,7 @@ class ClusterCompressor(Compressor):
             mean, basis = products[first], products[first + 1 : first + 1 + len(affine.basis)]
             first += 1 + len(affine.basis)
             values[self.starts_[c] : self.starts_[c + 1]] = mean + affine.weights @ basis
-        return blended(values, self.place_, self.guests_, self.shares_)
+        return blended(values, self.place_, self.border_points_, self.shares_)
 
     def _state(self):
         models = self.affine_
@@ -217,7 +217,7 @@ class ClusterCompressor(Compressor):
             "labels": self.labels_,
             "order": self.order_.astype(np.int32),
             "place": self.place_.astype(np.int32),
-            "guests": self.guests_.astype(np.int32),
+            "border_points": self.border_points_.astype(np.int32),
             "shares": self.shares_.astype(np.float32),
             "sizes": np.diff(self.starts_).astype(np.int64),
             "ranks": self.ranks_.astype(np.int64),
@@ -244,8 +244,8 @@ class ClusterCompressor(Compressor):
         self.labels_ = array_of(state, "labels", (n_points,), "int32", len(sizes))
         self.order_ = array_of(state, "order", (n_slots,), "int32", n_points).astype(np.int64)
         self.place_ = array_of(state, "place", (n_points,), "int32", n_slots).astype(np.int64)
-        found = array_of(state, "guests", (None, 2), "int32", max(n_points, n_slots))
-        self.guests_ = found.astype(np.int64)
+        found = array_of(state, "border_points", (None, 2), "int32", max(n_points, n_slots))
+        self.border_points_ = found.astype(np.int64)
         expect_state(
             (found[:, 0] < n_points).all() and (found[:, 1] < n_slots).all(),
             "its borders do not fit its points",
@@ -284,7 +284,7 @@ class ClusterCompressor(Compressor):
         self.order_ = np.argsort(self.labels_, kind="stable")
         self.starts_ = np.concatenate([[0], np.cumsum(np.bincount(self.labels_))])
         self.place_ = np.argsort(self.order_)
-        self.guests_, self.shares_ = np.zeros((0, 2), np.int64), np.zeros(0, np.float32)
+        self.border_points_, self.shares_ = np.zeros((0, 2), np.int64), np.zeros(0, np.float32)
         self.code_ = rows.code
         members = np.split(self.order_, self.starts_[1:-1])
         self.affine_ = []
@@ -306,11 +306,11 @@ class ClusterCompressor(Compressor):
         return self._fitted(rows)
 
 
-def blended(values, place, guests, shares):
+def blended(values, place, border_points, shares):
     """(n_points, n_outputs) from values of slots: each point's own, mixed with its second."""
     result = np.take(values, place, axis=0)
-    if len(guests):
-        points, slots = guests.T
+    if len(border_points):
+        points, slots = border_points.T
         result[points] += shares[:, None] * (values[slots] - result[points])
     return result
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.runtime.parallel import in_parallel
-from prt_core.runtime.progress import Progress, beside
+from prt_core.runtime.progress import Progress, in_thread
 from prt_core.runtime.seeds import Stage, generator
 
 # Points of a block, and distances of a block: each stays in a core's cache.
@@ -38,7 +38,7 @@ def kmeans_steps(coordinates, n_clusters, seed=0):
     if n_clusters == n_points:
         return np.arange(n_points, dtype=np.int32)
     rng = generator(seed, Stage.KMEANS)
-    centres = yield from beside("clusters", _first_centres, coordinates, n_clusters, rng)
+    centres = yield from in_thread("clusters", _first_centres, coordinates, n_clusters, rng)
     labels = np.full(n_points, -1, np.int32)
     for turn in range(_ROUNDS):
         found, distances = yield from _nearest_steps(coordinates, centres, turn)

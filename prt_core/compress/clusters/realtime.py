@@ -232,11 +232,11 @@ class ClusterRelighter:
 
 def _blending(model, slots, n_slots):
     """(n_points, n_slots) CSR: each point's own slot, mixed with its second where it has one."""
-    point, guest = model.guests_.T
+    point, border = model.border_points_.T
     own = np.ones(model.n_points_, np.float32)
     own[point] -= model.shares_
     rows = np.concatenate([np.arange(model.n_points_), point])
-    columns = slots[np.concatenate([model.place_, guest])]
+    columns = slots[np.concatenate([model.place_, border])]
     values = np.concatenate([own, model.shares_]).astype(np.float32)
     return sp.csr_matrix((values, (rows, columns)), shape=(model.n_points_, n_slots))
 

@@ -90,7 +90,7 @@ def seam(colours, truth, pairs):
     return {"largest": float(jumps.max() / size), "rms": float(np.sqrt((jumps**2).mean()) / size)}
 
 
-def guests(labels, pairs):
+def border_points(labels, pairs):
     """The points at borders, and the other cluster that most of their neighbours are in.
 
     Returns

@@ -6,7 +6,7 @@ import numpy as np
 
 from prt_core.compress.linalg import principal_rows
 from prt_core.runtime.parallel import in_parallel
-from prt_core.runtime.progress import Progress, beside
+from prt_core.runtime.progress import Progress, in_thread
 from prt_core.runtime.seeds import Stage, generator
 
 _BLOCK, _SAMPLE_FACTOR, _LEAST_SAMPLE = 512, 4, 1024
@@ -45,7 +45,9 @@ def sketch_basis(rows, points, n_sketch, seed=0):
     rng = generator(seed, Stage.SKETCH)
     n_sample = min(max(_SAMPLE_FACTOR * n_sketch, _LEAST_SAMPLE), len(points))
     sample = np.sort(rng.choice(points, n_sample, replace=False))
-    return (yield from beside("sketch", lambda: principal_rows(rows.features(sample), n_sketch)[0]))
+    return (
+        yield from in_thread("sketch", lambda: principal_rows(rows.features(sample), n_sketch)[0])
+    )
 
 
 def sketch_coordinates(rows, basis, points):

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.compress import Irradiance, Task, border_pairs, method_asked, neighbour_pairs, seam
+from prt_core.compress import (
+    Irradiance,
+    Task,
+    border_pairs,
+    method_from_text,
+    neighbour_pairs,
+    seam,
+)
 from prt_core.compress.choice.choose import FAILURES, radiance_of, reason_of, relative_l2
 from prt_core.compress.choice.methods import describe, settings_of
 from prt_core.errors import expect
@@ -48,7 +55,7 @@ class Truth:
     seconds: list
 
 
-def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=None):
+def bench_compress_steps(bake, name, methods, lights, budget_numbers=None, seed=0, made=None):
     """Fit and measure methods; a generator of `Progress`.
 
     Parameters
@@ -57,10 +64,10 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     name : str
         Of the scene, for the rows.
     methods : sequence of str
-        NAME or NAME:key=value,key=value (see `method_asked`).
+        NAME or NAME:key=value,key=value (see `method_from_text`).
     lights : dict of str -> (n_directions, 3) float32
-    rungs : sequence of int, optional
-        Of each method's ladder (its budgets); default: all.
+    budget_numbers : sequence of int, optional
+        Of each method's budgets (its budgets); default: all.
     seed : int
     made : dict, optional
         Filled with what gives products, by the label of its row (for pictures).
@@ -75,7 +82,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
         relighting reads; seconds count what all methods of a bake share. A method that failed
         has None for all that was to be measured, and `failure` says why.
     """
-    chosen = [method_asked(method) for method in methods]
+    chosen = [method_from_text(method) for method in methods]
     expect(lights, "light: give at least one")
     task = Task.of(bake.transport, bake.scene.points, seed, bake.dense)
     began = time.perf_counter()
@@ -86,11 +93,11 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
     head = {"scene": name, "points": task.n_points, "directions": bake.transport.n_directions}
     rows = [{**head, **row} for row in _references(task, truth)]
     for method in chosen:
-        ladder = method.ladder(task)
-        for rung in range(len(ladder)) if rungs is None else rungs:
-            if rung >= len(ladder):
+        budgets = method.budgets(task)
+        for budget in range(len(budgets)) if budget_numbers is None else budget_numbers:
+            if budget >= len(budgets):
                 continue
-            model = ladder[rung]
+            model = budgets[budget]
             label = f"{method.name} ({describe(model)})"
             row = {
                 **head,
@@ -98,7 +105,7 @@ def bench_compress_steps(bake, name, methods, lights, rungs=None, seed=0, made=N
                 "method": method.name,
                 "label": label,
                 "settings": settings_of(model),
-                "rung": rung,
+                "budget": budget,
             }
             try:
                 found = yield from _measured(method, model, task, truth, pairs, label, made)
@@ -118,16 +125,16 @@ def _measured(method, model, task, truth, pairs, label, made):
         method.finish(model, task)
     seconds = time.perf_counter() - began
     peak = peak_bytes()
-    quick = method.relighter(model, task.subject.read_bits)
+    evaluator = method.evaluator(model, task.subject.read_bits)
     figures = {
         **_size(model.nbytes, task),
         "seconds": seconds,
         "peak_bytes": peak,
         **_matrix(model, truth, task),
-        **(yield from _relit(quick, model, truth, task, pairs, label)),
+        **(yield from _relit(evaluator, model, truth, task, pairs, label)),
     }
     if made is not None:
-        made[label] = quick
+        made[label] = evaluator
     return figures
 
 
@@ -135,7 +142,7 @@ def _truth(transport, lights, seed):
     colours, seconds = {}, []
     for index, (name, light) in enumerate(lights.items()):
         start = time.perf_counter()
-        colours[name] = transport.relight(light)
+        colours[name] = transport.radiance(light)
         seconds.append(time.perf_counter() - start)
         yield Progress("exact", index + 1, len(lights))
     rng = generator(seed, Stage.BENCH_MATRIX)
@@ -145,7 +152,7 @@ def _truth(transport, lights, seed):
     largest = float(np.abs(transport.rows(some)).max())
     # Received light is cut at zero: each half of the noise by itself.
     sides = [
-        transport.relight(np.maximum(w, 0)) - transport.relight(np.maximum(-w, 0)) for w in white
+        transport.radiance(np.maximum(w, 0)) - transport.radiance(np.maximum(-w, 0)) for w in white
     ]
     return Truth(lights, colours, white, sides, largest, seconds)
 
@@ -218,14 +225,14 @@ def _matrix(model, truth, task):
     return {"matrix_l2": float(share), "matrix_psnr": psnr and float(psnr)}
 
 
-def _relit(quick, model, truth, task, pairs, label):
+def _relit(evaluator, model, truth, task, pairs, label):
     labels = getattr(model, "labels_", None)
     border = None if labels is None else border_pairs(labels, pairs)
-    radiance_of(quick, task.subject, next(iter(truth.lights.values())))
+    radiance_of(evaluator, task.subject, next(iter(truth.lights.values())))
     errors, spent, psnr, seams = {}, [], [], []
     for index, (name, light) in enumerate(truth.lights.items()):
         start = time.perf_counter()
-        found = radiance_of(quick, task.subject, light)
+        found = radiance_of(evaluator, task.subject, light)
         spent.append(time.perf_counter() - start)
         wanted = truth.colours[name]
         errors[name] = relative_l2(found, wanted)

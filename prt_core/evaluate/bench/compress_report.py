@@ -90,7 +90,7 @@ def _pictures(bake, caster, rows, made, light_name, light):
     """The scene under one light by each method, where it is nearest to one per cent."""
     camera = replace(auto_camera(bake.scene), tangent=_TANGENT)
     rays = CameraRays(bake.scene, caster, camera, _WIDTH, _HEIGHT)
-    truth = bake.transport.relight(light)
+    truth = bake.transport.radiance(light)
     image = rays.picture(truth)
     stops = -np.log2(max(float(np.percentile(image.max(axis=-1), 97)), 1e-6))
     shown, differences = [("exact", to_srgb(image, stops))], []

@@ -111,7 +111,7 @@ def bench_sampling_steps(scene, cube_map, caster, methods, lights, name, seed=0)
             "seconds": found.seconds["total"],
             "time_ratio": found.seconds["total"] / whole,
             "stages": {k: v for k, v in found.seconds.items() if k != "total"},
-            "peak_bytes": found.facts["peak_bytes"],
+            "peak_bytes": found.attributes["peak_bytes"],
         }
         certified = {}
         if settings is not None:
@@ -156,7 +156,7 @@ def _measured(steps):
         if result is None:
             yield progress
     result.seconds["total"] = spent
-    result.facts["peak_bytes"] = peak_bytes()
+    result.attributes["peak_bytes"] = peak_bytes()
     return result
 
 

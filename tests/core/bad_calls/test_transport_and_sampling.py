@@ -27,7 +27,7 @@ def of_transport(there):
     good = {name: getattr(baked, name) for name in names}
 
     def call(**arguments):
-        return transport.Transport(**arguments).relight(there.light)
+        return transport.Transport(**arguments).radiance(there.light)
 
     may = "gather None", "bounces None", "mean_materials None", "normals"
     return Call(call, {**good, "bounces": 2}, may)

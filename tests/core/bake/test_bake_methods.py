@@ -32,7 +32,7 @@ def test_a_sampled_bake_keeps_the_tolerance_it_reports(scene, tmp_path):
     assert report["entries_percent"] < exact["entries_percent"]
     assert {item["name"] for item in report["certificate"]} == {"ball", "floor"}
     sky = np.ones((bake.cube_map.n_directions, 3), np.float32)
-    lit, wanted = (b.transport.relight(sky) for b in (bake, truth))
+    lit, wanted = (b.transport.radiance(sky) for b in (bake, truth))
     index = bake.scene.points.object_index
     for number, item in enumerate(report["certificate"]):
         mine = index == number

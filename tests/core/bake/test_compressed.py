@@ -25,7 +25,7 @@ from prt_core.compress.choice import methods
 from prt_core.compress.choice.choose import Trial
 from prt_core.light import EnvironmentMap
 from prt_core.relight import Lighting, Relighter
-from prt_core.runtime.progress import Errands, steps_beside
+from prt_core.runtime.progress import MainThreadCalls, steps_in_thread
 from tests.meshes import plane, sphere
 
 LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
@@ -43,7 +43,7 @@ def original(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def chosen(original, tmp_path_factory):
-    """A bake compressed by `auto`, and its facts."""
+    """A bake compressed by `auto`, and its attributes."""
     path = shutil.copytree(original, tmp_path_factory.mktemp("auto") / "a.prt")
     return path, compress(path, tolerance=0.03, lights=standing_lights())
 
@@ -58,71 +58,71 @@ def relative(found, truth):
 
 
 def test_auto_says_what_it_chose_and_how_near_it_is(chosen):
-    path, facts = chosen
+    path, attributes = chosen
     points = SimpleNamespace(image=None)
     quick = {name for name in candidate_names() if method_named(name).first(points)}
-    assert facts["method"] in quick and facts["tolerance_met"] is True
-    assert {t["method"] for t in facts["trials"]} == quick
-    assert 0 < facts["error"] <= 0.03 and facts["error"] <= facts["worst"] <= 0.06
+    assert attributes["method"] in quick and attributes["tolerance_met"] is True
+    assert {t["method"] for t in attributes["trials"]} == quick
+    assert 0 < attributes["error"] <= 0.03 and attributes["error"] <= attributes["worst"] <= 0.06
     bake = load(path)
     # The measured error is that of what `relight` gives, against the exact one.
     errors = []
     for name, light in standing_lights().items():
         for turn in (65, 185, 305):
             found = relight_points(bake, light, rotation=turn)
-            truth = relight_points(bake, light, rotation=turn, transport="exact")
+            truth = relight_points(bake, light, rotation=turn, form="exact")
             errors.append(relative(found, truth))
-            if f"{name} at {turn}°" == facts["worst_light"]:
-                assert errors[-1] == pytest.approx(facts["worst"], rel=1e-4)
-    assert np.mean(errors) == pytest.approx(facts["error"], rel=1e-4)
-    lines = [*trial_lines(facts), *compressed_lines(facts)]
+            if f"{name} at {turn}°" == attributes["worst_light"]:
+                assert errors[-1] == pytest.approx(attributes["worst"], rel=1e-4)
+    assert np.mean(errors) == pytest.approx(attributes["error"], rel=1e-4)
+    lines = [*trial_lines(attributes), *compressed_lines(attributes)]
     assert any("chosen: " in line for line in lines) and "within the tolerance" in lines[-3]
 
 
 def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
     bake = load(chosen[0])
-    exact = Relighter(bake, transport="exact")
+    exact = Relighter(bake, form="exact")
     light = SKY.to_cube_map(bake.cube_map, 30)
-    np.testing.assert_array_equal(exact.relight(SKY, rotation=30), bake.transport.relight(light))
+    np.testing.assert_array_equal(exact.radiance(SKY, rotation=30), bake.transport.radiance(light))
     auto = Relighter(bake)
-    found = auto.relight(SKY, rotation=30)
+    found = auto.radiance(SKY, rotation=30)
     assert auto.used == "compressed" and auto.why == ""
     np.testing.assert_array_equal(found, relight_points(bake, SKY, rotation=30))
-    assert 0 < relative(found, exact.relight(SKY, rotation=30)) < 0.06
+    assert 0 < relative(found, exact.radiance(SKY, rotation=30)) < 0.06
     # Whatever was asked before, and however often.
-    auto.relight(SKY, rotation=200, strength=3)
-    np.testing.assert_array_equal(auto.relight(SKY, rotation=30), found)
-    np.testing.assert_allclose(auto.relight(SKY, rotation=30, strength=2), 2 * found, rtol=1e-6)
+    auto.radiance(SKY, rotation=200, strength=3)
+    np.testing.assert_array_equal(auto.radiance(SKY, rotation=30), found)
+    np.testing.assert_allclose(auto.radiance(SKY, rotation=30, strength=2), 2 * found, rtol=1e-6)
     stepped = run(auto.steps(Lighting(light), pace=0.01))
     np.testing.assert_allclose(stepped, found, rtol=0.02, atol=0.02)
 
 
 def test_lamps_and_sharp_suns_are_exact(chosen):
     bake = load(chosen[0])
-    quick, exact = Relighter(bake), Relighter(bake, transport="exact")
-    lamps = exact.relight(lamps=True)
-    np.testing.assert_array_equal(quick.relight(lamps=True), lamps)
+    quick, exact = Relighter(bake), Relighter(bake, form="exact")
+    lamps = exact.radiance(lamps=True)
+    np.testing.assert_array_equal(quick.radiance(lamps=True), lamps)
     assert quick.used == "exact"
-    both = quick.relight(SKY, lamps=True)
+    both = quick.radiance(SKY, lamps=True)
     assert quick.used == "compressed"
-    np.testing.assert_allclose(both, quick.relight(SKY) + lamps, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(both, quick.radiance(SKY) + lamps, rtol=1e-5, atol=1e-6)
     pixels = SKY.pixels.copy()
     pixels[20, 40] = 5e3
     sun = EnvironmentMap(pixels)
     for turn in (None, 77):
         options = {"rotation": turn, "sharp_sun": True, "lamp_samples": 16}
         # Without its sun the sky is soft: what is left is its error alone.
-        assert relative(quick.relight(sun, **options), exact.relight(sun, **options)) < 0.05
+        assert relative(quick.radiance(sun, **options), exact.radiance(sun, **options)) < 0.05
 
 
 def test_other_bounces_are_exact(chosen):
     bake = load(chosen[0])
     quick = Relighter(bake)
-    exact = Relighter(bake, transport="exact")
-    np.testing.assert_array_equal(quick.relight(SKY, bounces=0), exact.relight(SKY, bounces=0))
+    exact = Relighter(bake, form="exact")
+    np.testing.assert_array_equal(quick.radiance(SKY, bounces=0), exact.radiance(SKY, bounces=0))
     assert quick.used == "exact" and "bounces" in quick.why
     with pytest.raises(PRTError, match="holds the bounces of the bake, not 1"):
-        Relighter(bake, transport="compressed").relight(SKY, bounces=1)
+        Relighter(bake, form="compressed").radiance(SKY, bounces=1)
     with pytest.raises(PRTError, match="transport: expected one of"):
         Relighter(bake, transport="fast")
 
@@ -131,21 +131,21 @@ def test_a_form_of_another_bake_is_not_used(chosen, tmp_path):
     path = shutil.copytree(chosen[0], tmp_path / "a.prt")
     bake, quick = load(path), None
     quick = Relighter(bake)
-    quick.relight(SKY)
+    quick.radiance(SKY)
     assert quick.used == "compressed"
     bake.transport.albedo = bake.transport.albedo * np.float32(0.5)
     np.testing.assert_array_equal(
-        quick.relight(SKY), bake.transport.relight(SKY.to_cube_map(bake.cube_map))
+        quick.radiance(SKY), bake.transport.radiance(SKY.to_cube_map(bake.cube_map))
     )
     assert quick.used == "exact" and "another state of the bake" in quick.why
     with pytest.raises(PRTError, match="compress again"):
-        Relighter(bake, transport="compressed").relight(SKY)
+        Relighter(bake, form="compressed").radiance(SKY)
     # A bake that is made anew has none.
     run(
         bake_steps(load(path).scene, path, BakeSettings(resolution=4, tolerance=0.05), restart=True)
     )
     anew = Relighter(load(path))
-    anew.relight(SKY)
+    anew.radiance(SKY)
     assert "there is no compressed form" in anew.why
 
 
@@ -156,20 +156,20 @@ def test_a_damaged_form_is_said_and_not_used(chosen, tmp_path):
         if chunk.is_file():
             chunk.write_bytes(chunk.read_bytes()[:-3])
     quick = Relighter(load(path))
-    quick.relight(SKY)
+    quick.radiance(SKY)
     assert quick.used == "exact" and "cannot be read" in quick.why
     with pytest.raises(PRTError, match="cannot be read; compress again"):
-        relight_points(load(path), SKY, transport="compressed")
+        relight_points(load(path), SKY, form="compressed")
 
 
 @pytest.mark.parametrize("method", candidate_names())
 def test_each_method_by_its_name(baked, method):
-    facts = compress(baked, method=method, tolerance=0.2, lights=standing_lights())
-    assert facts["method"] == method and facts["tolerance_met"]
-    assert {t["method"] for t in facts["trials"]} == {method}
+    attributes = compress(baked, method=method, tolerance=0.2, lights=standing_lights())
+    assert attributes["method"] == method and attributes["tolerance_met"]
+    assert {t["method"] for t in attributes["trials"]} == {method}
     bake = load(baked)
-    found = relight_points(bake, SKY, transport="compressed")
-    assert relative(found, relight_points(bake, SKY, transport="exact")) < 0.4
+    found = relight_points(bake, SKY, form="compressed")
+    assert relative(found, relight_points(bake, SKY, form="exact")) < 0.4
 
 
 def test_none_removes_it(chosen, tmp_path):
@@ -177,7 +177,7 @@ def test_none_removes_it(chosen, tmp_path):
     assert compress(path, method="none") is None
     assert not list(path.glob("compressed*"))
     relighter = Relighter(load(path))
-    relighter.relight(SKY)
+    relighter.radiance(SKY)
     assert relighter.used == "exact"
     with pytest.raises(PRTError, match="takes no tolerance"):
         compress(path, method="none", tolerance=0.1)
@@ -197,7 +197,7 @@ def test_an_even_sample_must_be_nearer_than_was_asked_for():
 
 def test_what_misses_the_tolerance_when_measured_is_made_nearer(baked, monkeypatch):
     """A sample that promises too much costs another fit, not the tolerance."""
-    ladder = method_named("harmonics").ladder(None)
+    budgets = method_named("harmonics").budgets(None)
     wanted = compress(baked, method="harmonics:order=10", lights=standing_lights())
     made = []
 
@@ -207,15 +207,15 @@ def test_what_misses_the_tolerance_when_measured_is_made_nearer(baked, monkeypat
             return (yield from super().fit_steps(rows))
 
     monkeypatch.setattr(methods, "_METHODS", dict(methods._METHODS))
-    orders = [model.order for model in ladder]
+    orders = [model.order for model in budgets]
     register_method(Method("counted", Counted, lambda _: [Counted(n) for n in orders], local=False))
     tolerance = 1.01 * max(wanted["error"], wanted["worst"] / 2)
     monkeypatch.setattr(Limits, "near", lambda self, trial: True)
-    facts = compress(baked, method="counted", tolerance=tolerance, lights=standing_lights())
+    attributes = compress(baked, method="counted", tolerance=tolerance, lights=standing_lights())
     n_points = load(baked).transport.n_points
     assert [order for order, n in made if n == n_points][-2:] == [5, 10]
-    assert facts["settings"]["order"] == 10 and facts["tolerance_met"] is True
-    assert "of all points order=10" in facts["why"]
+    assert attributes["settings"]["order"] == 10 and attributes["tolerance_met"] is True
+    assert "of all points order=10" in attributes["why"]
 
 
 def test_size_is_kept_where_it_is_asked_for(baked):
@@ -237,7 +237,7 @@ def test_a_stopped_compression_leaves_what_was_there(baked):
     assert {"choice", "measure"} <= set(stages)
     np.testing.assert_array_equal(relight_points(load(baked), SKY), before)
     steps = compress_steps(load(baked), CompressSettings("cpca"), standing_lights())
-    steps = steps_beside(steps, Errands(), "compress")
+    steps = steps_in_thread(steps, MainThreadCalls(), "compress")
     next(steps)
     steps.close()
     np.testing.assert_array_equal(relight_points(load(baked), SKY), before)
@@ -261,16 +261,16 @@ def test_a_method_of_ones_own_needs_one_call(baked, monkeypatch):
         """Registered from outside."""
 
     register_method(Method("mine", Mine, lambda task: [Mine(2), Mine(6)], local=False))
-    facts = compress(baked, method="mine", tolerance=0.25, lights=standing_lights())
-    assert facts["method"] == "mine"
-    relighter = Relighter(load(baked), transport="compressed")
-    relighter.relight(SKY)
+    attributes = compress(baked, method="mine", tolerance=0.25, lights=standing_lights())
+    assert attributes["method"] == "mine"
+    relighter = Relighter(load(baked), form="compressed")
+    relighter.radiance(SKY)
     assert isinstance(relighter.compressed().model, Mine)
     with pytest.raises(PRTError, match="cannot be a method's name"):
         register_method(Method("none", Mine, lambda task: []))
     monkeypatch.undo()
     relighter = Relighter(load(baked))
-    relighter.relight(SKY)
+    relighter.radiance(SKY)
     assert "'mine' is not known here" in relighter.why
 
 
@@ -296,7 +296,7 @@ def test_a_bake_that_is_nowhere_cannot_keep_a_form(original):
     with pytest.raises(PRTError, match="not on disk"):
         run(compress_steps(bake, CompressSettings("cpca")))
     relighter = Relighter(bake)
-    relighter.relight(SKY)
+    relighter.radiance(SKY)
     assert relighter.why == "the bake is not on disk"
 
 

@@ -155,7 +155,7 @@ def test_the_light_of_the_compressed_form_and_of_emitters_add_up(lit, tmp_path):
     compress(path, method="pca", tolerance=0.2)
     form = load(path)
     relighter = Relighter(form)
-    sky, both = (relighter.relight(SKY, emission=e) for e in ("none", "all"))
+    sky, both = (relighter.radiance(SKY, emission=e) for e in ("none", "all"))
     assert relighter.used == "compressed"
     np.testing.assert_allclose(both - sky, shown(again, emission="all"), rtol=1e-4, atol=1e-4)
     steps = relighter.steps(Lighting(SKY), pace=0.01)
@@ -169,7 +169,7 @@ def test_an_image_shows_the_emitters(tmp_path):
     path = tmp_path / "a.prt"
     run(bake_steps(scene, path, SETTINGS))
     seen = load(path)
-    pixels = Relighter(seen).relight(emission={"*": 0, "tube": 1}, of="image")
+    pixels = Relighter(seen).radiance(emission={"*": 0, "tube": 1}, of="image")
     points = shown(seen, emission={"*": 0, "tube": 1})
     np.testing.assert_allclose(pixels, seen.image(points), rtol=1e-5)
     assert set(seen.scene.points.emitter[seen.scene.image.point]) == {-1, 0, 1}

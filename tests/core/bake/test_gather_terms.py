@@ -13,7 +13,7 @@ from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
 from prt_core.store import BakeStore
 from prt_core.transport import gather_operator, ray_ends
-from prt_core.transport.gather import STAND, cosine_directions
+from prt_core.transport.gather import REPRESENTED, cosine_directions
 from tests.meshes import plane, sphere, wall
 
 SETTINGS = BakeSettings(resolution=5, tolerance=0.05, seed=11)
@@ -62,7 +62,7 @@ def test_rays_come_with_the_directions_in_which_they_were_cast(bake):
         assert directions.shape == (block.stop - block.start, hits.shape[1], 3)
         assert directions.dtype == np.float32
         ends = ray_ends(hits[block])
-        cast = hits[block] > STAND
+        cast = hits[block] > REPRESENTED
         towards = points.positions[ends] - bake.scene.ray_origins[block][:, None]
         near = np.linalg.norm(towards, axis=-1)
         met = cast & (ends >= 0) & (near > 0.2)

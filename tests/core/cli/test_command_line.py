@@ -115,7 +115,7 @@ BAD = {
     "bake open.blend --geometry-image ball 0": "geometry image: size: expected a whole number",
     "bake open.blend --geometry-image ball many": "--geometry-image: expected OBJECT N",
     "bake open.blend --geometry-image ball 9999999": "geometry image: size: expected",
-    "bench compress a.prt -o r --rungs -1": "rungs: expected whole numbers >= 0",
+    "bench compress a.prt -o r --budgets -1": "budgets: expected whole numbers >= 0",
     "bench compress a.prt -o r --rotate nan": "--rotate: expected a number, got nan",
     "bench compress a.prt -o r --seed -1": "seed: expected",
     "bench compress a.prt -o r --methods best": "method: expected one of cpca",
@@ -180,7 +180,7 @@ BAD = {
     f"{RELIGHT} --caster embree": "--caster: no ray is cast",
     "relight a.prt --lamps --rotate 3 --output o.npz": "--rotate: changes nothing without --light",
     "relight a.prt --lamps --sharp-sun --output o.npz": "--sharp-sun: changes nothing without",
-    "relight a.prt --lamps --transport exact --output o.npz": "--transport: lamps are always exact",
+    "relight a.prt --lamps --form exact --output o.npz": "--form: lamps are always exact",
     "relight a.prt --light world --rotate 3 --output o.npz": "--rotate: the world's light is fixed",
     "relight a.prt --light world --sharp-sun --output o.npz": "--sharp-sun: needs an environ",
     "relight bare.prt --light world --output o.npz": "the bake has none",
@@ -193,11 +193,11 @@ BAD = {
     "compress a.prt --method none --of image": "--of: changes nothing with --method none",
     "compress a.prt --method block_pca": "'block_pca' takes the pixels of an image",
     f"{RELIGHT} --progressive": "--progressive: changes nothing without --turn",
-    f"{RELIGHT} --turn 2 --progressive --transport exact": "adds to a compressed form",
+    f"{RELIGHT} --turn 2 --progressive --form exact": "adds to a compressed form",
     f"{RELIGHT} --turn 2 --blend o.blend": "--turn: turns an image's light",
     "relight a.prt --light world --turn 2 --output o.npz": "--turn: turns an image's light",
     "relight a.prt --light sky.exr --blend open.blend --scene open.blend": "its own copy",
-    "relight a.prt --light sky.exr --output o.npz --transport compressed": "there is no compressed",
+    "relight a.prt --light sky.exr --output o.npz --form compressed": "there is no compressed",
     "bake open.blend --pixel-samples 3": "--pixel-samples: changes nothing without --camera-pixels",
     "bake open.blend --parametrisation uv": "--parametrisation: changes nothing without",
     "bake open.blend --camera-pixels 9x9 --geometry-image a 9": "a bake holds one",
@@ -272,19 +272,19 @@ def test_an_image_is_compressed_stored_and_relit_as_one(folder, capfd):
     assert "of the image" in told and "columns 9/7" in told
     relight = "relight image.prt --light sky.exr --rotate 40 --image"
     for transport in ("compressed", "exact"):
-        code, out, _ = prt(f"{relight} {transport}.exr --transport {transport}", capfd)
+        code, out, _ = prt(f"{relight} {transport}.exr --form {transport}", capfd)
         assert code == 0 and "3 x 2 pixels relit" in out and transport[:7] in out
     quick, exact = (read_image(folder / f"{t}.exr") for t in ("compressed", "exact"))
     assert quick.shape == exact.shape == (2, 3, 3) and exact.any()
     away = np.linalg.norm(quick - exact)
     assert 0 < away < 0.1 * np.linalg.norm(exact)
-    code, out, _ = prt(f"{relight} turn_#.png --turn 2 --transport compressed", capfd)
+    code, out, _ = prt(f"{relight} turn_#.png --turn 2 --form compressed", capfd)
     assert code == 0 and "2 frames of 3 x 2 pixels relit compressed" in out and "ms" in out
     assert (folder / "turn_1.png").exists() and (folder / "turn_2.png").exists()
     # Of the points there is none: the exact way, or what is wrong in one line.
     code, out, _ = prt("relight image.prt --light sky.exr --output o.npz --image o.png", capfd)
     assert code == 0 and "points relit exactly" in out
-    refused = "relight image.prt --light sky.exr --output o.npz --transport compressed"
+    refused = "relight image.prt --light sky.exr --output o.npz --form compressed"
     code, _, errors = prt(refused, capfd)
     assert code == 2 and len(errors) == 1 and "it is of the image, not of the points" in errors[0]
     line = "compress image.prt --of points --method pca --tolerance 0.3 --light sky.exr"
@@ -307,12 +307,12 @@ def test_a_turning_light_is_relit_progressively(folder, capfd):
     haar = "compress a.prt --method haar:n_terms=3,step=0.001 --tolerance 0.9 --light sky.exr"
     assert prt(haar, capfd)[0] == 0
     found = {}
-    for option in ("--progressive", "--transport compressed", "--transport exact"):
+    for option in ("--progressive", "--form compressed", "--form exact"):
         code, out, _ = prt(f"{relight.removesuffix('--progressive')} {option}", capfd)
         assert code == 0 and "3 frames" in out
         frames = [np.load(folder / f"p_{i}.npz")["ball"] for i in (1, 2, 3)]
         found[option] = np.array(frames)
-    exact = found.pop("--transport exact")
+    exact = found.pop("--form exact")
     # The first frame is three wavelets of the light either way; later ones have more of it.
     progressive, cut = found.values()
     np.testing.assert_allclose(progressive[0], cut[0], rtol=1e-4, atol=1e-5)
@@ -337,7 +337,7 @@ def test_many_bounces_are_as_many_as_matter(folder, capfd):
     """In a moment: nothing is added after a few dozen."""
     for bounces, name in ((1_000_000, "m"), (300, "f")):
         line = f"relight a.prt --light sky.exr --bounces {bounces} --output {name}.npz"
-        assert prt(f"{line} --transport exact", capfd)[0] == 0
+        assert prt(f"{line} --form exact", capfd)[0] == 0
     many, few = (dict(np.load(folder / f"{name}.npz")) for name in "mf")
     for name in many:
         np.testing.assert_array_equal(many[name], few[name])
@@ -405,4 +405,4 @@ def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):
 
 
 def test_stored_lamps_are_what_they_were(folder):
-    assert BakeStore(folder / "a.prt").facts["lamps"][0].keys() == asdict(LAMP).keys()
+    assert BakeStore(folder / "a.prt").attributes["lamps"][0].keys() == asdict(LAMP).keys()

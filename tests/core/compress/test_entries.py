@@ -122,7 +122,7 @@ def test_rows_of_a_transport_with_blended_borders(scene, transport, natural):
     model = ClusteredPCA(6, 3).fit(rows)
     pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
     model.blend_borders(rows, pairs)
-    assert len(model.guests_) and len(model.code_.groups) > 1
+    assert len(model.border_points_) and len(model.code_.groups) > 1
     assert not faults(model, 311)
     every = np.arange(rows.n_points)
     column = np.full(rows.n_points, 101)

@@ -7,7 +7,7 @@ import pytest
 
 from prt_core.errors import PRTError
 from prt_core.rays import RelayCaster, make_caster, relay
-from prt_core.runtime.progress import Errands, Progress, run, steps_beside
+from prt_core.runtime.progress import MainThreadCalls, Progress, run, steps_in_thread
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_relayed_rays_are_cast_in_the_serving_thread_a_part_at_a_time(soup, monk
     caster = make_caster("brute", vertices, triangles)
     wanted = caster.intersect(origins, directions), caster.occluded(origins, directions, distances)
     monkeypatch.setattr(relay, "_FEWEST", 700)
-    errands, threads, sizes = Errands(), set(), []
+    calls, threads, sizes = MainThreadCalls(), set(), []
 
     class Watched:
         name, batch, threads = "watched", 1 << 20, 1
@@ -71,14 +71,14 @@ def test_relayed_rays_are_cast_in_the_serving_thread_a_part_at_a_time(soup, monk
 
     def work():
         yield Progress("rays", 0, 1)
-        relayed = RelayCaster(Watched(), errands, 1e-4)
+        relayed = RelayCaster(Watched(), calls, 1e-4)
         return (
             relayed.intersect(origins, directions),
             relayed.occluded(origins, directions, distances),
-            RelayCaster(Watched(), errands, 1).intersect(origins[:0], directions[:0]),
+            RelayCaster(Watched(), calls, 1).intersect(origins[:0], directions[:0]),
         )
 
-    hits, blocked, none = run(steps_beside(work(), errands, "rays"))
+    hits, blocked, none = run(steps_in_thread(work(), calls, "rays"))
     assert threads == {threading.get_ident()} and max(sizes) == 700 and sum(sizes) == len(origins)
     for name in ("triangle", "barycentric", "distance"):
         np.testing.assert_array_equal(getattr(hits, name), getattr(wanted[0], name))

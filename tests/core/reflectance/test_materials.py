@@ -150,7 +150,7 @@ def test_it_is_in_the_store(roughness, tmp_path):
     run(bake_steps(scene, tmp_path / "a.prt", SETTINGS))
     store = BakeStore(tmp_path / "a.prt")
     assert {"point_roughness", "point_mean_roughness"} <= set(store.names())
-    assert store.facts["materials"] == ["albedo", "roughness"]
+    assert store.attributes["materials"] == ["albedo", "roughness"]
     found = read_scene(store)
     for name in ("materials", "mean_materials"):
         assert getattr(found.points, name).equals(getattr(scene.points, name))
@@ -170,7 +170,7 @@ def test_bakes_from_before_it_was_known_stay_what_they_are(tmp_path, monkeypatch
     transport = load(tmp_path / "a.prt").transport.fingerprint()
     store = BakeStore(tmp_path / "a.prt", "r+")
     # As it was written before its materials were named.
-    store._facts.pop("materials")
+    store._attributes.pop("materials")
     store.update()
     monkeypatch.setitem(QUANTITIES, "roughness", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
     assert prints()[1] == before

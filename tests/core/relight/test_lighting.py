@@ -38,7 +38,7 @@ def test_keywords_and_the_value_give_the_same_colours(bake):
     by_value = lit(bake, lighting)
     np.testing.assert_array_equal(by_value, lit(bake, SKY, **keywords))
     relighter = Relighter(bake, "brute")
-    np.testing.assert_array_equal(by_value, relighter.relight(SKY, **keywords))
+    np.testing.assert_array_equal(by_value, relighter.radiance(SKY, **keywords))
     np.testing.assert_array_equal(by_value, run(relighter.steps(lighting, pace=0.01)))
     colours = relight(bake, lighting, caster="brute")
     for name, values in bake.colours(by_value).items():
@@ -70,9 +70,9 @@ def test_a_sharp_sun_has_the_strength_of_its_image(bake):
 
 def test_an_array_that_was_changed_is_another_light(bake):
     relighter, light = Relighter(bake, "brute"), WORLD.copy()
-    before = relighter.relight(light)
+    before = relighter.radiance(light)
     light *= 2
-    np.testing.assert_allclose(relighter.relight(light), 2 * before, rtol=1e-6)
+    np.testing.assert_allclose(relighter.radiance(light), 2 * before, rtol=1e-6)
 
 
 def test_exposure_is_a_factor_on_what_comes_out(bake):
@@ -93,10 +93,10 @@ def test_the_world_has_its_suns_and_the_lamps_have_them_else(bake):
     np.testing.assert_allclose(with_world, wanted, rtol=1e-6)
     assert (lit(bake, WORLD, lamps=True, lamp_samples=5) > with_world).any()
     relighter = Relighter(bake, "brute")
-    before = relighter.relight("world")
+    before = relighter.radiance("world")
     kept, bake.world = bake.world, 2 * bake.world
     try:
-        np.testing.assert_allclose(relighter.relight("world"), 2 * before, rtol=1e-6)
+        np.testing.assert_allclose(relighter.radiance("world"), 2 * before, rtol=1e-6)
     finally:
         bake.world = kept
 

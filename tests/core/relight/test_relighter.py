@@ -54,10 +54,10 @@ def test_no_lamps_and_no_light_are_dark(bake):
 
 def test_a_progressive_form_comes_nearer_under_a_light_that_stands_still(bake):
     sky = EnvironmentMap(np.random.default_rng(2).random((8, 16, 3)).astype(np.float32) ** 9, "sky")
-    exact = relight_points(bake, sky, transport="exact")
+    exact = relight_points(bake, sky, form="exact")
     compress(bake.path, method="haar:n_terms=2,step=0.0001", tolerance=0.9, lights={"sky": sky})
     relighter = Relighter(load(bake.path), "brute", "compressed", progressive=True)
-    errors = [np.linalg.norm(relighter.relight(sky) - exact) for _ in range(13)]
+    errors = [np.linalg.norm(relighter.radiance(sky) - exact) for _ in range(13)]
     compress(bake.path, method="none")
     assert errors[12] < 5e-3 * np.linalg.norm(exact)
     assert errors[12] < 0.1 * errors[0] and errors[1] < errors[0]
@@ -65,7 +65,7 @@ def test_a_progressive_form_comes_nearer_under_a_light_that_stands_still(bake):
 
 def test_the_notes_of_the_last_image_are_kept(bake):
     relighter = Relighter(bake, "brute")
-    relighter.relight(EnvironmentMap(SKY.pixels, "noted", ("read is A, not B",)))
+    relighter.radiance(EnvironmentMap(SKY.pixels, "noted", ("read is A, not B",)))
     assert relighter.notes == ("read is A, not B",)
-    relighter.relight(SKY)
+    relighter.radiance(SKY)
     assert relighter.notes == ()

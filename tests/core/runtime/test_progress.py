@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from prt_core.runtime.progress import Errands, Pace, Progress, run, steps_beside
+from prt_core.runtime.progress import MainThreadCalls, Pace, Progress, run, steps_in_thread
 
 
 def test_a_dear_call_is_not_cut_ever_smaller():
@@ -28,7 +28,7 @@ def test_parts_cover_everything_once_and_grow_while_they_are_quick():
     assert [part for part in Pace().parts(3, 9)] == [slice(3, 9)]
 
 
-def steps(ended, errands=None, n=200, fails=False):
+def steps(ended, calls=None, n=200, fails=False):
     """Steps that note in which threads they ran, and that they ended."""
     try:
         for done in range(n):
@@ -36,14 +36,14 @@ def steps(ended, errands=None, n=200, fails=False):
             yield Progress("steps", done, n)
         if fails:
             raise ValueError("lost")
-        return threading.get_ident(), errands and errands.call(threading.get_ident)
+        return threading.get_ident(), calls and calls.call(threading.get_ident)
     finally:
         ended.append(threading.get_ident())
 
 
 def test_work_beside_runs_in_another_thread_and_its_errands_in_this_one():
-    errands, ended, shown = Errands(), [], []
-    worker, served = run(steps_beside(steps(ended, errands), errands, "first"), shown.append)
+    calls, ended, shown = MainThreadCalls(), [], []
+    worker, served = run(steps_in_thread(steps(ended, calls), calls, "first"), shown.append)
     assert served == threading.get_ident() != worker and ended == [worker]
     assert shown[0].stage in ("first", "steps") and shown[-1].done > 100
     done = [progress.done for progress in shown]
@@ -51,31 +51,31 @@ def test_work_beside_runs_in_another_thread_and_its_errands_in_this_one():
 
 
 def test_work_beside_ends_when_it_is_closed_and_hands_on_what_it_raises():
-    errands, ended = Errands(), []
-    work = steps_beside(steps(ended, n=10**9), errands, "first")
+    calls, ended = MainThreadCalls(), []
+    work = steps_in_thread(steps(ended, n=10**9), calls, "first")
     for _ in range(3):
         next(work)
     start = time.perf_counter()
     work.close()
     assert len(ended) == 1 and time.perf_counter() - start < 5
     with pytest.raises(ValueError, match="lost"):
-        run(steps_beside(steps(ended, n=1, fails=True), Errands(), "first"))
+        run(steps_in_thread(steps(ended, n=1, fails=True), MainThreadCalls(), "first"))
 
 
 def test_an_errand_that_nobody_does_any_more_does_not_wait():
     """The caller closes the work while it waits for the caller."""
-    errands, waits, ended = Errands(), threading.Event(), []
+    calls, waits, ended = MainThreadCalls(), threading.Event(), []
 
     def work():
         try:
             waits.set()
-            yield Progress("errand", 0, 1)
+            yield Progress("call", 0, 1)
             while True:
-                errands.call(int)
+                calls.call(int)
         finally:
             ended.append(True)
 
-    beside = steps_beside(work(), errands, "first")
+    beside = steps_in_thread(work(), calls, "first")
     next(beside)
     waits.wait()
     time.sleep(0.05)

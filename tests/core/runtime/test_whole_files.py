@@ -175,7 +175,7 @@ def test_a_bake_on_a_full_disk_goes_on_or_is_not_there(tmp_path, scene, monkeypa
     assert (path / "visibility").is_dir()
     run(bake_steps(scene, path, settings))
     light = np.ones((24, 3), np.float32)
-    assert load(path).transport.relight(light).min() > 0
+    assert load(path).transport.radiance(light).min() > 0
 
 
 def full(*_):
@@ -204,10 +204,10 @@ def test_a_compressed_form_on_a_full_disk_leaves_the_old_one(tmp_path, scene):
     path, sky = tmp_path / "a.prt", standing_lights()
     run(bake_steps(scene, path, BakeSettings(resolution=4, caster="brute", bounces=0)))
     compress(path, method="harmonics", tolerance=0.5, lights=sky)
-    before = relight(path, sky["even sky"], transport="compressed")
+    before = relight(path, sky["even sky"], form="compressed")
     with small_disk(256), pytest.raises(PRTError):
         compress(path, method="pca", tolerance=0.1, lights=sky)
-    after = relight(path, sky["even sky"], transport="compressed")
+    after = relight(path, sky["even sky"], form="compressed")
     for name in before:
         np.testing.assert_array_equal(before[name], after[name])
 

@@ -44,10 +44,10 @@ def test_few_rays_and_a_small_error(scene, truth):
     above = horizon_bits(scene, CubeMap(16), slice(0, len(scene.points)))
     assert count_bits(sampled.traced) < 0.3 * count_bits(above)
     assert matrix_error(scene, CubeMap(16), truth, sampled.bits) < 0.03
-    facts = sampled.facts
+    attributes = sampled.attributes
     reasons = ("first", "disagree", "check", "follow", "rest")
-    assert sampled.rays == count_bits(sampled.traced) == sum(facts[key] for key in reasons)
-    assert sum(facts["levels"]) + facts["open_points"] == len(scene.points)
+    assert sampled.rays == count_bits(sampled.traced) == sum(attributes[key] for key in reasons)
+    assert sum(attributes["levels"]) + attributes["open_points"] == len(scene.points)
 
 
 def test_what_was_traced_is_true_and_nothing_is_below_the_horizon(scene, truth):

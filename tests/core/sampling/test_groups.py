@@ -123,7 +123,7 @@ def test_leaves_are_given_up_early_and_a_floor_is_not():
     blind = run(sample_agreement(scene, CUBE, caster, settings))
     found = run(sample_agreement(scene, CUBE, caster, AgreementSettings(
         seed=0, looks=0, most_wrong=0.08)))  # fmt: skip
-    assert blind.facts["given_up"] == 0 and found.facts["given_up"] == (index == 0).sum()
+    assert blind.attributes["given_up"] == 0 and found.attributes["given_up"] == (index == 0).sum()
     # Blind agreement is wrong about a tenth of what leaves see, and more.
     lit = count_bits(truth[index == 0])
     assert count_bits((blind.bits ^ truth)[index == 0]) > 0.1 * lit

@@ -61,8 +61,8 @@ def test_it_is_near_the_truth_at_a_share_of_the_rays(scene):
     # A tenth of the directions instead tells what the features are worth.
     fewer, _ = sampled(scene, features=3)
     assert matrix_error(scene, fewer.bits, truth) > error
-    assert found.facts["duality_gap"] < 1e-6
-    assert 0 < found.facts["neighbours_used"] <= 12
+    assert found.attributes["duality_gap"] < 1e-6
+    assert 0 < found.attributes["neighbours_used"] <= 12
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_tiny_and_empty_objects():
     found, _ = sampled(scene, radius=1e-6, fewest_dense=1, dense_share=0.01)
     assert matrix_error(scene, found.bits, truth_of(scene)) < 0.5
     everything, _ = sampled(scene, dense_share=1.0)
-    assert everything.facts["sparse_entries"] == 0
+    assert everything.attributes["sparse_entries"] == 0
     assert matrix_error(scene, everything.bits, truth_of(scene)) < 0.05
 
 
@@ -128,7 +128,7 @@ def test_an_open_scene_stays_open():
     scene = Scene.from_meshes([plane(9)])
     found, _ = sampled(scene, radius=0.5)
     np.testing.assert_array_equal(found.bits, truth_of(scene))
-    assert found.facts["mean_rank"] == 1
+    assert found.attributes["mean_rank"] == 1
 
 
 def test_where_all_neighbours_agree_their_value_is_taken():
@@ -137,7 +137,7 @@ def test_where_all_neighbours_agree_their_value_is_taken():
     scene = Scene.from_meshes([plane(9, two_sided=True)])
     found, _ = sampled(scene, radius=0.5, normal_weight=1.0)
     np.testing.assert_array_equal(found.bits, truth_of(scene))
-    assert found.facts["sparse_entries"] == 0
+    assert found.attributes["sparse_entries"] == 0
 
 
 def dense_of(scene, **settings):

@@ -97,15 +97,15 @@ def expect_same(path, other):
 
 
 def edit_text(path, change):
-    """Edit the facts as with a text editor."""
+    """Edit the attributes as with a text editor."""
     meta = json.loads((path / "zarr.json").read_text())
     change(meta["attributes"])
     (path / "zarr.json").write_text(json.dumps(meta))
 
 
-def forge_facts(path, **facts):
-    """Edit the facts as this library does, with a new seal."""
-    BakeStore(path, "r+").update(**facts)
+def forge_facts(path, **attributes):
+    """Edit the attributes as this library does, with a new seal."""
+    BakeStore(path, "r+").update(**attributes)
 
 
 def forge_array(path, name, change):
@@ -115,7 +115,7 @@ def forge_array(path, name, change):
     values = change(array.read())
     made = store.create(name, values.shape, values.dtype)
     made[...] = values
-    store.update(arrays={**store.facts["arrays"], name: made.digest()})
+    store.update(arrays={**store.attributes["arrays"], name: made.digest()})
 
 
 def write_zeros(name):

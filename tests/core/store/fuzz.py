@@ -191,12 +191,12 @@ class Fuzzer:
 
     def _compressed_verdict(self, subject, path, asked, exact, forged):
         own = self._colours[subject["method"]]
-        answer = self._ask(do="load", transport="compressed", **asked)
+        answer = self._ask(do="load", form="compressed", **asked)
         verdict = _plain_verdict(answer, own, path, forged, "harmless")
         if verdict[0] not in GOOD:
             return verdict
         # Without the word the bake itself is taken, where its form is not what it was.
-        answer = self._ask(do="load", transport="auto", **asked)
+        answer = self._ask(do="load", form="auto", **asked)
         want = exact if answer.get("colours") == exact else own
         quiet = _plain_verdict(answer, want, path, forged, "harmless")
         return verdict if quiet[0] in GOOD else quiet

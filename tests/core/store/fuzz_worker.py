@@ -56,12 +56,12 @@ def compressed(path, method):
     compress(path, method=method, tolerance=0.3, lights=standing_lights())
 
 
-def colours(path, transport="exact"):
+def colours(path, form="exact"):
     """Digests of what relighting gives, and whether it is finite."""
     bake = load(path)
     relighter = Relighter(bake, transport=transport)
-    radiance = [relighter.relight(light) for light in (world()[::-1].copy(), "world")]
-    radiance.append(relighter.relight(None, lamps=True, lamp_samples=3))
+    radiance = [relighter.radiance(light) for light in (world()[::-1].copy(), "world")]
+    radiance.append(relighter.radiance(None, lamps=True, lamp_samples=3))
     named = bake.colours(radiance[0])
     digest = hashlib.sha256("".join(named).encode())
     for array in (*radiance, *named.values()):

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core import BakeSettings, bake_steps, load, run
-from prt_core.store import BakeStore, compressed_facts
+from prt_core.store import BakeStore, compressed_attributes
 from tests.core.store import fuzz_worker
 
 ROOT = Path(__file__).parents[3]
@@ -266,7 +266,7 @@ def _content(path):
     """All arrays of a bake and its compressed form."""
     store = BakeStore(path)
     found = {name: store.read(name) for name in store.names()}
-    form = compressed_facts(store)
+    form = compressed_attributes(store)
     if form:
         for name in form["arrays"]:
             found[f"compressed/{name}"] = store.read(f"{form['folder']}/{name}")

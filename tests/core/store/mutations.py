@@ -15,7 +15,7 @@ import numpy as np
 
 from prt_core.errors import PRTError
 from prt_core.store import BakeStore
-from prt_core.store.facts import write_facts
+from prt_core.store.attributes import write_attributes
 
 # What a mutation works on.
 
@@ -52,7 +52,7 @@ def two_of(rng, items):
 
 
 def some_file(rng, path):
-    """Facts, a description or a chunk: each third of the time, for chunks are many."""
+    """Attributes, a description or a chunk: each third of the time, for chunks are many."""
     groups = [path / "zarr.json"], texts(path), chunks(path)
     return pick(rng, pick(rng, [some for some in groups if some and some[0].exists()]))
 
@@ -359,13 +359,13 @@ def bomb(rng, path, canary):
 
 def forge_facts(rng, path, canary):
     store = BakeStore(path)
-    facts = store.facts
-    named = "compressed" if facts.get("compressed") and rng.random() < 0.5 else None
-    inside = facts[named] if named else facts
+    attributes = store.attributes
+    named = "compressed" if attributes.get("compressed") and rng.random() < 0.5 else None
+    inside = attributes[named] if named else attributes
     values = [v for v in _VALUES if json.dumps(v)[:1] not in "NI" and v not in (2**63, 10**30)]
     values.remove("\ud800")
     _edit(rng, inside, lambda rng: pick(rng, values))
-    write_facts(store.files, {**facts, "format": "prt bake", "version": 3})
+    write_attributes(store.files, {**attributes, "format": "prt bake", "version": 3})
 
 
 # Arrays that lead to others, and what rays start from; and hits that mean something else than a
@@ -377,7 +377,7 @@ _WRONG = np.nan, np.inf, -1, 2, 1e30, -1e38, 1e-38, 0.4, -1e-3
 
 def _some_array(rng, store):
     """Its name, in the compressed form as well; every other time one that leads to others."""
-    form = store.facts.get("compressed")
+    form = store.attributes.get("compressed")
     if form and rng.random() < 0.7:
         return f"{form['folder']}/{pick(rng, sorted(form['arrays']))}"
     names = store.names()
@@ -387,12 +387,12 @@ def _some_array(rng, store):
 
 def _seal(store, name):
     """Note the digest of an array that was forged, where one is noted."""
-    facts, (folder, _, name) = store.facts, name.rpartition("/")
+    attributes, (folder, _, name) = store.attributes, name.rpartition("/")
     if folder:
-        form, digest = facts["compressed"], store.array(f"{folder}/{name}").digest()
+        form, digest = attributes["compressed"], store.array(f"{folder}/{name}").digest()
         store.update(compressed={**form, "arrays": {**form["arrays"], name: digest}})
-    elif "arrays" in facts:
-        store.update(arrays={**facts["arrays"], name: store.array(name).digest()})
+    elif "arrays" in attributes:
+        store.update(arrays={**attributes["arrays"], name: store.array(name).digest()})
 
 
 def forge_array(rng, path, canary):

@@ -13,7 +13,12 @@ from prt_core.compress import (
     VectorQuantisation,
     neighbour_pairs,
 )
-from prt_core.store import compressed_facts, read_compressed, remove_compressed, write_compressed
+from prt_core.store import (
+    compressed_attributes,
+    read_compressed,
+    remove_compressed,
+    write_compressed,
+)
 from tests.meshes import plane, sphere
 
 LIGHT = np.random.default_rng(2).random((96, 3)).astype(np.float32)
@@ -39,14 +44,14 @@ def rows(original):
     return run(TransportRows(load(original).transport, 20).prepare_steps())
 
 
-def keep(path, model, **facts):
-    for _ in write_compressed(BakeStore(path, "a"), model.state(), facts):
+def keep(path, model, **attributes):
+    for _ in write_compressed(BakeStore(path, "a"), model.state(), attributes):
         pass
 
 
 def kept(path, kind):
     store = BakeStore(path)
-    return kind.from_state(read_compressed(store, compressed_facts(store)))
+    return kind.from_state(read_compressed(store, compressed_attributes(store)))
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: type(k).__name__)
@@ -57,7 +62,7 @@ def test_what_is_read_relights_bit_by_bit(baked, rows, kind):
     found = kept(baked, type(kind))
     np.testing.assert_array_equal(found.product(LIGHT), model.product(LIGHT))
     assert found.nbytes == model.nbytes and found.get_params() == model.get_params()
-    assert compressed_facts(BakeStore(baked))["method"] == "some"
+    assert compressed_attributes(BakeStore(baked))["method"] == "some"
     load(baked)
     assert remove_compressed(BakeStore(baked, "a"))
     assert not remove_compressed(BakeStore(baked, "a"))
@@ -78,7 +83,7 @@ def test_blended_borders_are_kept(baked, rows):
     points = load(baked).scene.points
     pairs = neighbour_pairs(points.positions, points.normals, points.object_index)
     model = ClusteredPCA(4, 2).fit(rows).blend_borders(rows, pairs)
-    assert len(model.guests_)
+    assert len(model.border_points_)
     keep(baked, model)
     found = kept(baked, ClusteredPCA)
     np.testing.assert_array_equal(found.product(LIGHT), model.product(LIGHT))
@@ -113,17 +118,17 @@ def _replace(name, change):
         name_there = f"compressed1/{name}"
         made = store.write(name_there, change(store.read(name_there)))
         # As if by somebody who knows how the store is sealed.
-        facts = store.facts["compressed"]
-        arrays = {**facts["arrays"], name: made.digest()}
-        store.update(compressed={**facts, "arrays": arrays})
+        attributes = store.attributes["compressed"]
+        arrays = {**attributes["arrays"], name: made.digest()}
+        store.update(compressed={**attributes, "arrays": arrays})
 
     return damage
 
 
-def _facts(**changes):
+def _attributes(**changes):
     def damage(path):
         store = BakeStore(path, "a")
-        store.update(compressed={**store.facts["compressed"], **changes})
+        store.update(compressed={**store.attributes["compressed"], **changes})
 
     return damage
 
@@ -147,10 +152,10 @@ def _flip(path):
         (_replace("ranks", lambda a: a * 0 - 5), "clusters do not fit"),
         (_replace("code_ranks", lambda a: a - 7), "code"),
         (lambda p: shutil.rmtree(p / "compressed1" / "means"), "'means' of its compressed"),
-        (_facts(folder="../x"), "is said of its compressed form is damaged"),
-        (_facts(arrays={"../labels": ""}), "is said of its compressed form is damaged"),
-        (_facts(values={}), "'params' is wrong"),
-        (_facts(arrays={}), "is missing"),
+        (_attributes(folder="../x"), "is said of its compressed form is damaged"),
+        (_attributes(arrays={"../labels": ""}), "is said of its compressed form is damaged"),
+        (_attributes(values={}), "'params' is wrong"),
+        (_attributes(arrays={}), "is missing"),
     ],
 )
 def test_damage_gives_one_clear_line(baked, rows, damage, message):

@@ -1,4 +1,4 @@
-"""Facts: what JSON may say, and that a seal notices every change of it."""
+"""Attributes: what JSON may say, and that a seal notices every change of it."""
 
 import json
 import re
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from prt_core import PRTError
-from prt_core.store.facts import parse, read_facts, write_facts
+from prt_core.store.attributes import parse, read_attributes, write_attributes
 from prt_core.store.files import Files
 
 FACTS = {"format": "prt bake", "version": 3, "complete": False, "numbers": [1, 2.5, None, "x"]}
@@ -21,28 +21,28 @@ def files(tmp_path):
 
 
 def test_facts_are_read_as_they_were_written(files):
-    assert read_facts(files) is None
-    written = write_facts(files, {**FACTS, "array": np.arange(3), "one": np.float32(0.1)})
-    assert read_facts(files) == written
+    assert read_attributes(files) is None
+    written = write_attributes(files, {**FACTS, "array": np.arange(3), "one": np.float32(0.1)})
+    assert read_attributes(files) == written
     assert written["array"] == [0, 1, 2] and written["numbers"] == FACTS["numbers"]
     before = (files.root / "zarr.json").stat().st_mtime_ns
-    assert write_facts(files, FACTS | {"seal": "any"}, written) != written
-    now = read_facts(files)
-    assert write_facts(files, now, now) == now
+    assert write_attributes(files, FACTS | {"seal": "any"}, written) != written
+    now = read_attributes(files)
+    assert write_attributes(files, now, now) == now
     assert (files.root / "zarr.json").stat().st_mtime_ns >= before
 
 
 @pytest.mark.parametrize(
-    "facts",
+    "attributes",
     [{"a": float("nan")}, {"a": float("inf")}, {"a": 1 << 70}, {"a": {1: 2, "1": 3}},
      {"a": object()}, {"a": "\ud800"}],
 )  # fmt: skip
-def test_what_could_not_be_read_is_not_written(files, facts):
-    write_facts(files, FACTS)
+def test_what_could_not_be_read_is_not_written(files, attributes):
+    write_attributes(files, FACTS)
     with pytest.raises(PRTError, match="cannot keep what is said of the bake") as caught:
-        write_facts(files, {**FACTS, **facts})
+        write_attributes(files, {**FACTS, **attributes})
     assert "\n" not in str(caught.value)
-    assert read_facts(files)["numbers"] == FACTS["numbers"]
+    assert read_attributes(files)["numbers"] == FACTS["numbers"]
 
 
 @pytest.mark.parametrize(
@@ -93,22 +93,22 @@ def _edited(change):
     ],
 )
 def test_every_edit_is_noticed(files, edit):
-    write_facts(files, FACTS)
+    write_attributes(files, FACTS)
     file = files.root / "zarr.json"
     file.write_text(edit(json.loads(file.read_text())))
     with pytest.raises(PRTError, match="was damaged or edited; bake again with --restart"):
-        read_facts(files)
+        read_attributes(files)
 
 
 def test_facts_that_were_only_laid_out_anew_are_the_same(files):
-    write_facts(files, FACTS)
+    write_attributes(files, FACTS)
     file = files.root / "zarr.json"
     file.write_text(json.dumps(json.loads(file.read_text()), indent=3, sort_keys=True))
-    assert read_facts(files)["numbers"] == FACTS["numbers"]
+    assert read_attributes(files)["numbers"] == FACTS["numbers"]
 
 
 def test_more_facts_than_are_ever_read_are_not_written(files, monkeypatch):
-    monkeypatch.setattr("prt_core.store.facts._MOST_BYTES", 300)
+    monkeypatch.setattr("prt_core.store.attributes._MOST_BYTES", 300)
     with pytest.raises(PRTError, match="300 at most are kept"):
-        write_facts(files, {**FACTS, "names": ["object"] * 100})
-    assert read_facts(files) is None
+        write_attributes(files, {**FACTS, "names": ["object"] * 100})
+    assert read_attributes(files) is None

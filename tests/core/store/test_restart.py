@@ -64,20 +64,20 @@ def test_the_old_bake_stays_until_the_new_one_is_finished(
 ):
     settings = replace(COUNTED, seed=3)
     compress(baked, method="harmonics", tolerance=0.3, lights=standing_lights())
-    lit = load(baked).transport.relight(WORLD)
+    lit = load(baked).transport.radiance(WORLD)
     whole = load(another).report["rays"]
     counted.limit = share * whole
     with pytest.raises(Cut):
         run(bake_steps(other, baked, settings, LAMPS, WORLD, restart=restart))
-    np.testing.assert_array_equal(load(baked).transport.relight(WORLD), lit)
-    assert "compressed" in BakeStore(baked).facts
+    np.testing.assert_array_equal(load(baked).transport.radiance(WORLD), lit)
+    assert "compressed" in BakeStore(baked).attributes
     # The same again goes on where it was; then the compressed form of the old bake is gone too.
     counted.limit = np.inf
     run(bake_steps(other, baked, settings, LAMPS, WORLD, restart=restart))
     assert counted.rays < 1.3 * whole
     expect_same(baked, another)
     assert beside(baked) == ["a.prt"] and not list(baked.glob("compressed*"))
-    assert "compressed" not in BakeStore(baked).facts
+    assert "compressed" not in BakeStore(baked).attributes
 
 
 def test_a_restart_of_another_scene_does_not_go_on_with_the_last_one(

@@ -51,16 +51,16 @@ def test_a_bake_that_was_stopped_goes_on_to_the_same_bytes(
 def test_whose_a_bake_is_stands_in_its_first_facts(scene, tmp_path, monkeypatch):
     written, update = [], BakeStore.update
 
-    def noted(store, **facts):
-        update(store, **facts)
-        written.append(store.facts)
+    def noted(store, **attributes):
+        update(store, **attributes)
+        written.append(store.attributes)
 
     monkeypatch.setattr(BakeStore, "update", noted)
     origin = {"file": "../a.blend", "scene": "S"}
     for _ in bake_steps(scene, tmp_path / "a.prt", SETTINGS, LAMPS, WORLD, origin=origin):
-        if any("identity" in facts for facts in written):
+        if any("identity" in attributes for attributes in written):
             break
-    named = [facts.get("origin") for facts in written if "identity" in facts]
+    named = [attributes.get("origin") for attributes in written if "identity" in attributes]
     assert named and all(found == origin for found in named)
 
 
@@ -81,11 +81,11 @@ def _first_moments(path):
 
 def _no_identity(path):
     _remove_all_but("zarr.json")(path)
-    facts = BakeStore(path).facts
-    keep = {key: facts[key] for key in ("format", "version")}
-    from prt_core.store.facts import write_facts
+    attributes = BakeStore(path).attributes
+    keep = {key: attributes[key] for key in ("format", "version")}
+    from prt_core.store.attributes import write_attributes
 
-    write_facts(BakeStore(path).files, {**keep, "complete": False})
+    write_attributes(BakeStore(path).files, {**keep, "complete": False})
 
 
 @pytest.mark.parametrize("restart", [False, True, "changed"])
@@ -130,8 +130,8 @@ def test_facts_are_written_at_the_ends_of_stages_only(scene, tmp_path, monkeypat
 
 def unfinished(path):
     """As if the bake had been killed just before its end."""
-    facts = BakeStore(path).facts
-    assert facts["complete"]
+    attributes = BakeStore(path).attributes
+    assert attributes["complete"]
     forge_facts(path, complete=False)
     return path
 
@@ -289,13 +289,16 @@ def test_a_bake_knows_whose_it_is_from_its_first_facts_on(scene, tmp_path):
     while next(steps).stage != "details":
         pass
     steps.close()
-    assert BakeStore(path).facts["origin"] == origin and "details" not in BakeStore(path).facts
+    assert (
+        BakeStore(path).attributes["origin"] == origin
+        and "details" not in BakeStore(path).attributes
+    )
 
 
 def test_facts_that_were_forged_are_not_gone_on_with(baked, finished, bake_again):
-    for facts in ({"seconds": 7}, {"seconds": {"error": "long"}}, {"rays_details": "many"}):
+    for attributes in ({"seconds": 7}, {"seconds": {"error": "long"}}, {"rays_details": "many"}):
         broken = shutil.copytree(finished, baked.with_name("b.prt"))
-        forge_facts(unfinished(broken), **facts)
+        forge_facts(unfinished(broken), **attributes)
         with pytest.raises(PRTError, match="again with --restart") as caught:
             bake_again(broken)
         assert "\n" not in str(caught.value) and str(broken) in str(caught.value)

@@ -43,7 +43,7 @@ def test_what_is_loaded_is_what_was_baked(detailed, finished):
     kinds = "rays_visibility", "rays_details", "rays_emission", "rays_gather", "rays_short"
     assert report["rays"] == sum(report[kind] for kind in kinds)
     assert report["bytes"] > 0 and 0 <= report["error"] < 1
-    colours = bake.colours(bake.transport.relight(np.ones((96, 3), np.float32)))
+    colours = bake.colours(bake.transport.radiance(np.ones((96, 3), np.float32)))
     assert colours["plane"].shape == (256, 3) and colours["plane"].dtype == np.float32
 
 
@@ -65,14 +65,14 @@ def test_a_finished_bake_is_not_touched_again(baked, bake_again):
 
 
 def test_new_lamps_and_world_are_taken_without_a_ray(scene, baked, finished):
-    facts = BakeStore(baked).facts
+    attributes = BakeStore(baked).attributes
     for world in (WORLD[::-1].copy(), None, WORLD):
         run(bake_steps(scene, baked, SETTINGS, LAMPS * 2, world, Camera(np.eye(4), 1)))
         bake = load(baked)
         assert len(bake.lamps) == 2 and bake.camera == Camera(np.eye(4), 1)
         np.testing.assert_array_equal(bake.world, world)
         assert len(list(baked.glob("world*"))) == (world is not None)
-    assert BakeStore(baked).facts["report"] == facts["report"]
+    assert BakeStore(baked).attributes["report"] == attributes["report"]
 
 
 def test_a_kill_before_new_lights_are_named_leaves_the_old_ones(scene, baked, monkeypatch):
@@ -155,12 +155,12 @@ def _array_text(name, change):
     return damage
 
 
-def _facts(change):
+def _attributes(change):
     return lambda path: edit_text(path, change)
 
 
 def _old(path):
-    edit_text(path, lambda facts: facts.update(version=2))
+    edit_text(path, lambda attributes: attributes.update(version=2))
 
 
 @pytest.mark.parametrize(
@@ -186,11 +186,14 @@ def _old(path):
         (_array_text("point_albedo", lambda m: m.update(data_type="object")), "in a way"),
         (_array_text("point_albedo", lambda m: m.update(fill_value=1)), "in a way"),
         (_array_text("point_albedo", lambda m: m.update(shape=[[1], 3])), "in a way"),
-        (_facts(lambda f: f.update(version=99)), "store version 99, this library reads 3; update"),
-        (_facts(lambda f: f.update(format="other")), "is not a bake"),
-        (_facts(lambda f: f.update(complete=False)), "was damaged or edited"),
-        (_facts(lambda f: f["settings"].update(bounces=0)), "was damaged or edited"),
-        (_facts(lambda f: f["report"].update(points=1)), "was damaged or edited"),
+        (
+            _attributes(lambda f: f.update(version=99)),
+            "store version 99, this library reads 3; update",
+        ),
+        (_attributes(lambda f: f.update(format="other")), "is not a bake"),
+        (_attributes(lambda f: f.update(complete=False)), "was damaged or edited"),
+        (_attributes(lambda f: f["settings"].update(bounces=0)), "was damaged or edited"),
+        (_attributes(lambda f: f["report"].update(points=1)), "was damaged or edited"),
         (_old, "older version of this library; bake again with --restart"),
         (lambda p: shutil.rmtree(p / "point_normals"), "'point_normals' is missing"),
         (lambda p: (p / "zarr.json").write_text("{"), "cannot be read"),
@@ -268,7 +271,7 @@ def test_values_are_checked_where_the_digests_were_forged(baked, name, change, m
 
 
 @pytest.mark.parametrize(
-    "facts",
+    "attributes",
     [
         {"settings": {"resolution": "many"}},
         {"settings": None},
@@ -301,8 +304,8 @@ def test_values_are_checked_where_the_digests_were_forged(baked, name, change, m
         {"emitters": []},
     ],
 )
-def test_forged_facts_give_one_clear_line(baked, facts):
-    forge_facts(baked, **facts)
+def test_forged_facts_give_one_clear_line(baked, attributes):
+    forge_facts(baked, **attributes)
     with pytest.raises(PRTError) as caught:
         load(baked)
     assert "\n" not in str(caught.value) and str(baked) in str(caught.value)
@@ -311,7 +314,7 @@ def test_forged_facts_give_one_clear_line(baked, facts):
 @pytest.mark.parametrize("key", [f"n_{what}" for what in ("corners", "faces", "vertices")])
 @pytest.mark.parametrize("value", [-5, 10**9, 2.0, True, "7", None])
 def test_forged_objects_give_one_clear_line(baked, key, value):
-    objects = BakeStore(baked).facts["objects"]
+    objects = BakeStore(baked).attributes["objects"]
     objects[1][key] = value
     forge_facts(baked, objects=objects)
     with pytest.raises(PRTError) as caught:
@@ -363,4 +366,4 @@ def test_two_writers_do_not_undo_each_other(baked):
     one.update(note=1)
     with pytest.raises(PRTError, match="another program changed or removed this bake"):
         two.update(note=2)
-    assert BakeStore(baked).facts["note"] == 1
+    assert BakeStore(baked).attributes["note"] == 1

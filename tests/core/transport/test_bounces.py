@@ -18,7 +18,7 @@ from prt_core.transport import (
     reference_rows,
     visibility_bits,
 )
-from prt_core.transport.gather import DARK, MISS, ROUND, STAND, cosine_directions
+from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND, cosine_directions
 from tests.meshes import caster_of, plane, sphere
 
 
@@ -90,10 +90,10 @@ def test_rows_columns_and_relighting_are_one_matrix(bench):
     np.testing.assert_allclose(rows, columns, atol=2e-5 * scale)
     light = np.random.default_rng(0).random((transport.n_directions, 3)).astype(np.float32)
     np.testing.assert_allclose(
-        np.einsum("pdc,dc->pc", rows, light), transport.relight(light), rtol=2e-4, atol=1e-5
+        np.einsum("pdc,dc->pc", rows, light), transport.radiance(light), rtol=2e-4, atol=1e-5
     )
     direct = np.einsum("pdc,dc->pc", transport.rows(every, indirect=False), light)
-    np.testing.assert_allclose(direct, transport.relight(light, bounces=0), rtol=2e-4, atol=1e-5)
+    np.testing.assert_allclose(direct, transport.radiance(light, bounces=0), rtol=2e-4, atol=1e-5)
 
 
 def test_two_bounces_are_the_first_terms_of_the_series(bench):
@@ -280,14 +280,16 @@ def test_every_ray_of_a_round_keeps_its_direction(bench):
     met = caster.intersect(origins, ways.reshape(-1, 3))
     met = (met.triangle >= 0).reshape(-1, ROUND)
     above = np.einsum("nrx,nx->nr", ways, bench.points.geometric_normals) > 0
-    cast = (found.hits > STAND) & above
+    cast = (found.hits > REPRESENTED) & above
     assert cast.sum() == found.n_rays < 0.8 * above.sum()
     np.testing.assert_array_equal((found.hits == MISS)[cast], ~met[cast])
     # Those that were not cast name one of their own kind that was, and end as it does.
-    row, slot = np.nonzero(found.hits <= STAND)
-    speaker = STAND - found.hits[row, slot]
-    assert (ways[row, slot, 0] > 0.3).all() and (ways[row, speaker, 0] > 0.3).all()
-    assert (found.hits[row, speaker] > STAND).all() and (speaker != slot).all()
+    row, slot = np.nonzero(found.hits <= REPRESENTED)
+    representative = REPRESENTED - found.hits[row, slot]
+    assert (ways[row, slot, 0] > 0.3).all() and (ways[row, representative, 0] > 0.3).all()
+    assert (found.hits[row, representative] > REPRESENTED).all() and (representative != slot).all()
     ends = ray_ends(found.hits)
-    np.testing.assert_array_equal(ends[row, slot], found.hits[row, speaker])
-    np.testing.assert_array_equal(ends[found.hits > STAND], found.hits[found.hits > STAND])
+    np.testing.assert_array_equal(ends[row, slot], found.hits[row, representative])
+    np.testing.assert_array_equal(
+        ends[found.hits > REPRESENTED], found.hits[found.hits > REPRESENTED]
+    )

@@ -44,12 +44,12 @@ def test_every_way_to_colours_ends_in_it(bake, monkeypatch):
     transport, albedo = bake.transport, bake.transport.albedo
     light = SKY.to_cube_map(bake.cube_map)
     ways = {
-        "exact": lambda: transport.relight(light),
+        "exact": lambda: transport.radiance(light),
         "rows": lambda: transport.rows(np.array([3, 5])),
         "columns": lambda: transport.columns(np.array([3, 5])),
         "arrays": lambda: all_bounces(transport.gather, albedo, np.ones_like(albedo))[0],
-        "relighter": lambda: relight_points(bake, SKY, transport="exact"),
-        "compressed": lambda: relight_points(bake, SKY, transport="compressed"),
+        "relighter": lambda: relight_points(bake, SKY, form="exact"),
+        "compressed": lambda: relight_points(bake, SKY, form="compressed"),
         "lamps": lambda: relight_points(bake, lamps=True, lamp_samples=3, caster="brute"),
         "both": lambda: relight_points(bake, SKY, lamps=True, lamp_samples=3, caster="brute"),
     }

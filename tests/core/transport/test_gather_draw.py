@@ -6,7 +6,7 @@ import pytest
 from prt_core.errors import PRTError
 from prt_core.scene import Mesh, Scene
 from prt_core.transport import gather_hits, gather_operator, ray_ends
-from prt_core.transport.gather import DARK, MISS, ROUND, STAND
+from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND
 from tests.meshes import caster_of
 
 
@@ -107,12 +107,13 @@ def test_rows_of_k_are_shares_of_the_rays():
 
 
 @pytest.mark.parametrize(
-    "slot, code", [(3, STAND + 1), (3, STAND - 3), (3, STAND - ROUND), (6, STAND - 7)]
+    "slot, code",
+    [(3, REPRESENTED + 1), (3, REPRESENTED - 3), (3, REPRESENTED - ROUND), (6, REPRESENTED - 7)],
 )
 def test_a_ray_that_stands_for_none_that_was_cast_is_refused(slot, code):
     """Of no meaning, for itself, for one of another round, for one that stands for another."""
     hits = np.full((5, 2 * ROUND), 2, np.int32)
-    hits[1, 3] = STAND - 6
+    hits[1, 3] = REPRESENTED - 6
     assert ray_ends(hits)[1, 3] == 2
     hits[1, slot] = code
     for call in (ray_ends, lambda hits: gather_operator(hits, 7)):

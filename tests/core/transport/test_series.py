@@ -70,7 +70,7 @@ def test_rows_columns_and_relighting_have_the_same_bounces(transport, bounces):
     np.testing.assert_allclose(found, wanted[:, directions], rtol=1e-4, atol=atol)
     light = np.random.default_rng(0).random((transport.n_directions, 3)).astype(np.float32)
     truth = np.einsum("pdc,dc->pc", wanted, light)
-    np.testing.assert_allclose(transport.relight(light), truth, rtol=1e-4)
+    np.testing.assert_allclose(transport.radiance(light), truth, rtol=1e-4)
     np.testing.assert_allclose(transport.rows(every), wanted, rtol=1e-4, atol=atol)
     direct = transport.albedo[:, None] * direct_of(transport)[..., None]
     for found in (
@@ -79,7 +79,7 @@ def test_rows_columns_and_relighting_have_the_same_bounces(transport, bounces):
     ):
         np.testing.assert_allclose(found, direct, rtol=1e-4, atol=atol)
     np.testing.assert_allclose(
-        transport.relight(light, bounces=0), np.einsum("pdc,dc->pc", direct, light), rtol=1e-4
+        transport.radiance(light, bounces=0), np.einsum("pdc,dc->pc", direct, light), rtol=1e-4
     )
 
 
@@ -108,19 +108,19 @@ def test_grey_light_on_grey_surfaces_is_made_once_and_is_the_same(transport):
     grey = replace(transport, materials=np.repeat(transport.albedo[:, :1], 3, axis=1))
     light = np.random.default_rng(0).random((transport.n_directions, 1)).astype(np.float32)
     wanted = np.einsum("pdc,d->pc", written_out(grey, None), light[:, 0])
-    found = grey.relight(light * np.ones(3, np.float32))
+    found = grey.radiance(light * np.ones(3, np.float32))
     np.testing.assert_allclose(found, wanted, rtol=1e-4)
     np.testing.assert_array_equal(found, found[:, :1] * np.ones(3, np.float32))
     # Coloured light on grey surfaces, and grey light on surfaces of which two channels agree.
     coloured = light * np.float32([1, 0.5, 0.1])
     wanted = np.einsum("pdc,dc->pc", written_out(grey, None), coloured)
-    np.testing.assert_allclose(grey.relight(coloured), wanted, rtol=1e-4)
+    np.testing.assert_allclose(grey.radiance(coloured), wanted, rtol=1e-4)
     albedo = grey.albedo.copy()
     albedo[:, 2] = transport.albedo[:, 2]
     two = replace(grey, materials=albedo)
     wanted = written_out(two, None)
     np.testing.assert_allclose(
-        two.relight(light * np.ones(3, np.float32)),
+        two.radiance(light * np.ones(3, np.float32)),
         np.einsum("pdc,d->pc", wanted, light[:, 0]),
         rtol=1e-4,
     )
@@ -140,9 +140,9 @@ def test_light_of_lamps_is_added_and_bounced(transport):
         albedo = np.diag(transport.albedo[:, channel].astype(np.float64))
         received = albedo @ lamps[:, channel]
         wanted[:, channel] = np.linalg.solve(np.eye(N_POINTS) - albedo @ gather, received)
-    np.testing.assert_allclose(transport.relight(None, lamps), wanted, rtol=1e-4)
-    found = transport.relight(light, lamps)
-    np.testing.assert_allclose(found, transport.relight(light) + wanted, rtol=1e-4)
+    np.testing.assert_allclose(transport.radiance(None, lamps), wanted, rtol=1e-4)
+    found = transport.radiance(light, lamps)
+    np.testing.assert_allclose(found, transport.radiance(light) + wanted, rtol=1e-4)
     np.testing.assert_allclose(
-        transport.relight(None, lamps, bounces=0), transport.albedo * lamps, rtol=1e-6
+        transport.radiance(None, lamps, bounces=0), transport.albedo * lamps, rtol=1e-6
     )

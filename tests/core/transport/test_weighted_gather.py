@@ -7,7 +7,7 @@ from prt_core.errors import PRTError
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport import gather_directions, gather_hits, gather_operator, ray_ends
-from prt_core.transport.gather import DARK, MISS, ROUND, STAND
+from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND
 from tests.meshes import caster_of, plane, wall
 
 N_POINTS, N_RAYS = 7, 3 * ROUND
@@ -20,9 +20,9 @@ def rays():
     hits = ends.copy()
     for x in range(4):
         for turn in range(3):
-            speaker, *silent = turn * ROUND + rng.choice(ROUND, 6, replace=False)
-            hits[x, silent] = STAND - speaker % ROUND
-            ends[x, silent] = ends[x, speaker]
+            representative, *represented = turn * ROUND + rng.choice(ROUND, 6, replace=False)
+            hits[x, represented] = REPRESENTED - representative % ROUND
+            ends[x, represented] = ends[x, representative]
     hits[4] = ends[4] = MISS
     return hits, ends, rng
 
@@ -57,7 +57,7 @@ def test_each_ray_weighs_by_itself_also_where_another_stands_for_it():
     np.testing.assert_allclose(found.toarray(), wanted, rtol=1e-6)
     # Nor are they the same where those that were not cast weigh as those that were.
     slot = np.arange(N_RAYS)
-    cast = np.where(hits <= STAND, slot - slot % ROUND + STAND - hits, slot)
+    cast = np.where(hits <= REPRESENTED, slot - slot % ROUND + REPRESENTED - hits, slot)
     shared = by_hand(ends, np.take_along_axis(weights, cast, axis=1))
     assert abs(shared[:4] - wanted[:4]).max() > 0.01
 

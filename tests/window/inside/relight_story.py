@@ -107,7 +107,7 @@ def from_api():
     turn = rotation_matrix(float(np.degrees(scene.prt.rotation)))
     try:
         return loaded.colours(
-            relighter.relight(
+            relighter.radiance(
                 world.map,
                 rotation=turn @ world.rotation,
                 strength=world.strength * scene.prt.strength,
@@ -171,7 +171,7 @@ def stop_and_go_on(hand, report):
     hand.event("ESC", "RELEASE")
     yield 0.2
     path = FOLDER / "prt" / "Second.prt"
-    found["complete_then"] = prt_core.BakeStore(path).facts["complete"]
+    found["complete_then"] = prt_core.BakeStore(path).attributes["complete"]
     hand.picture("stopped")
     yield from hand.click("prt.bake")
     yield Until("it has begun again", lambda: status().running, 10)

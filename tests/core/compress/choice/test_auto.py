@@ -65,18 +65,18 @@ def baked(name, path, resolution=2):
 @pytest.mark.parametrize("name", SCENES)
 def test_every_method_serves_small_scenes(name, tmp_path):
     path = baked(name, tmp_path / "a.prt")
-    exact = relight_points(load(path), SKY["noise"], transport="exact")
+    exact = relight_points(load(path), SKY["noise"], form="exact")
     # What each method gave under lights is in the trials of `auto`.
     by_name = candidate_names() if name == "one triangle" else ()
     for method in ("auto", *by_name):
-        facts = compress(path, method=method, tolerance=0.12, lights=SKY)
-        trials = facts["trials"]
+        attributes = compress(path, method=method, tolerance=0.12, lights=SKY)
+        trials = attributes["trials"]
         assert not any(trial["failure"] for trial in trials), trials
         wanted = FIRST if method == "auto" else {method}
         assert {trial["method"] for trial in trials} == wanted
         for kind in {trial["method"] for trial in trials}:
             assert min(t["error"] for t in trials if t["method"] == kind) < 0.12, (kind, trials)
-        found = relight_points(load(path), SKY["noise"], transport="compressed")
+        found = relight_points(load(path), SKY["noise"], form="compressed")
         assert np.linalg.norm(found - exact) <= 0.2 * np.linalg.norm(exact), method
 
 
@@ -85,7 +85,7 @@ def test_points_that_are_all_alike_are_within_reach_of_few_bits(tmp_path):
     path = baked("a wide plane and a ball", tmp_path / "a.prt", 8)
     task = Task.of(load(path).transport, load(path).scene.points)
     few = task.some(np.arange(64))
-    model = method_named("wavelet4d").ladder(few)[0].fit(few.rows)
+    model = method_named("wavelet4d").budgets(few)[0].fit(few.rows)
     assert (model.error, model.bits) == (0.3, 7) and 0.2 < model.matrix_error_ <= 0.3
 
 
@@ -129,11 +129,11 @@ def test_methods_that_fail_are_out_with_their_reasons(own, path):
         # Some fail at once, others on more points than a method's speed is first told from.
         most = 64 if name in ("mine1", "mine2") else 0
         own(name, type(name, (Failing,), {"failure": failure, "most": most}))
-    facts = compress(path, tolerance=0.1, lights=SKY)
-    assert facts["method"] not in names and facts["tolerance_met"]
-    failed = [trial for trial in facts["trials"] if trial["failure"]]
+    attributes = compress(path, tolerance=0.1, lights=SKY)
+    assert attributes["method"] not in names and attributes["tolerance_met"]
+    failed = [trial for trial in attributes["trials"] if trial["failure"]]
     assert {trial["method"] for trial in failed} == set(names)
-    lines = list(trial_lines(facts))
+    lines = list(trial_lines(attributes))
     for name, failure in zip(names, failures, strict=True):
         own_trials = [trial for trial in failed if trial["method"] == name]
         assert all(trial["failure"] == str(failure) for trial in own_trials)
@@ -161,22 +161,22 @@ def test_one_of_a_methods_settings_may_fail(own, path):
             return (yield from super().fit_steps(rows))
 
     register_method(Method("gap", Gap, lambda _: [Gap(2), Gap(3), Gap(4)], local=False))
-    facts = compress(path, method="gap", tolerance=0.5, lights=SKY)
-    assert facts["settings"]["order"] == 4
-    assert [t["failure"] for t in facts["trials"]] == ["not three", ""]
+    attributes = compress(path, method="gap", tolerance=0.5, lights=SKY)
+    assert attributes["settings"]["order"] == 4
+    assert [t["failure"] for t in attributes["trials"]] == ["not three", ""]
 
 
 def test_colours_that_are_not_finite_never_replace_good_ones(own, path):
     compress(path, method="harmonics", tolerance=0.5, lights=SKY)
-    before = relight_points(load(path), SKY["noise"], transport="compressed")
+    before = relight_points(load(path), SKY["noise"], form="compressed")
     own("wild", Wild)
-    facts = compress(path, tolerance=0.1, lights=SKY)
-    wild = [trial for trial in facts["trials"] if trial["method"] == "wild"]
+    attributes = compress(path, tolerance=0.1, lights=SKY)
+    wild = [trial for trial in attributes["trials"] if trial["method"] == "wild"]
     assert wild and all("not finite under noise" in trial["failure"] for trial in wild)
     compress(path, method="harmonics", tolerance=0.5, lights=SKY)
     with pytest.raises(PRTError, match="none of 1 can compress this bake. wild: .*not finite"):
         compress(path, method="wild", tolerance=0.1, lights=SKY)
-    after = relight_points(load(path), SKY["noise"], transport="compressed")
+    after = relight_points(load(path), SKY["noise"], form="compressed")
     np.testing.assert_array_equal(before, after)
 
 
@@ -204,9 +204,9 @@ def test_what_fails_on_all_points_gives_way_to_the_next_best(own, path, monkeypa
             return (yield from super().fit_steps(rows))
 
     register_method(Method("small", Small, lambda _: [Small(64)], local=False))
-    facts = compress(path, tolerance=0.1, lights=SKY)
-    assert facts["method"] != "small" and facts["why"].startswith("the best that is left")
-    last = facts["trials"][-1]
+    attributes = compress(path, tolerance=0.1, lights=SKY)
+    assert attributes["method"] != "small" and attributes["why"].startswith("the best that is left")
+    last = attributes["trials"][-1]
     assert last["method"] == "small" and last["failure"] == "of all points: too many points"
     with pytest.raises(PRTError, match="small: of all points: too many points"):
         compress(path, method="small", tolerance=0.1, lights=SKY)
@@ -222,8 +222,8 @@ def test_a_size_that_the_sample_promised_must_be_kept_by_all_points(path):
     try:
         with pytest.raises(PRTError, match="megabytes: 0.0001 cannot be kept; the least is .* MB"):
             compress(path, method="large", megabytes=1e-4, lights=SKY)
-        facts = compress(path, method="large", megabytes=1, lights=SKY)
-        assert facts["bytes"] > 1e2
+        attributes = compress(path, method="large", megabytes=1, lights=SKY)
+        assert attributes["bytes"] > 1e2
     finally:
         methods._METHODS.pop("large")
 
@@ -232,10 +232,10 @@ def test_an_impossible_light_is_named_and_nothing_is_stored(path):
     with pytest.raises(PRTError, match="sun: radiance expected at most"):
         EnvironmentMap(np.full((2, 4, 3), 3e38, np.float32), "sun")
     hot = EnvironmentMap(np.full((2, 4, 3), 9e14, np.float32), "hot")
-    facts = compress(path, tolerance=0.1, lights={"hot": hot})
-    assert np.isfinite(facts["error"]) and facts["tolerance_met"]
-    found = relight_points(load(path), replace(hot), transport="compressed")
-    exact = relight_points(load(path), replace(hot), transport="exact")
+    attributes = compress(path, tolerance=0.1, lights={"hot": hot})
+    assert np.isfinite(attributes["error"]) and attributes["tolerance_met"]
+    found = relight_points(load(path), replace(hot), form="compressed")
+    exact = relight_points(load(path), replace(hot), form="exact")
     assert np.linalg.norm(np.float64(found) - exact) <= 0.1 * np.linalg.norm(np.float64(exact))
 
 

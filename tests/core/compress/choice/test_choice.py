@@ -42,7 +42,7 @@ class FakeTask(Task):
         self.rows = SimpleNamespace(prepare_steps=lambda: iter(()), n_points=len(self.points))
 
     def colours(self, lights):
-        return {name: self.transport.relight(light) for name, light in lights.items()}
+        return {name: self.transport.radiance(light) for name, light in lights.items()}
 
     def some(self, points):
         return FakeTask(self.points[points])
@@ -71,23 +71,23 @@ class Known:
 
 
 def relighter(model, transport):
-    return SimpleNamespace(product=lambda light: transport.relight(light) * (1 + model.error))
+    return SimpleNamespace(product=lambda light: transport.radiance(light) * (1 + model.error))
 
 
 @pytest.fixture
 def known(monkeypatch):
     monkeypatch.setattr(methods, "_METHODS", {})
 
-    def register(name, ladder):
+    def register(name, budgets):
         kind = Method(
-            name, Known, lambda task: [Known(*rung) for rung in ladder], relighter, local=False
+            name, Known, lambda task: [Known(*budget) for budget in budgets], relighter, local=False
         )
         register_method(kind)
 
     return register
 
 
-LADDER = [(0.2, 10), (0.1, 20), (0.05, 30), (0.02, 40), (0.01, 50), (0.005, 60), (0.002, 70)]
+BUDGETS = [(0.2, 10), (0.1, 20), (0.05, 30), (0.02, 40), (0.01, 50), (0.005, 60), (0.002, 70)]
 
 
 def chosen(names, **limits):
@@ -95,32 +95,32 @@ def chosen(names, **limits):
     return *ranked[0], trials
 
 
-@pytest.mark.parametrize("tolerance, rung", [(0.3, 0), (0.13, 1), (0.03, 3), (0.0066, 5)])
-def test_the_first_rung_that_is_near_enough_is_found_in_few_trials(known, tolerance, rung):
+@pytest.mark.parametrize("tolerance, budget", [(0.3, 0), (0.13, 1), (0.03, 3), (0.0066, 5)])
+def test_the_first_rung_that_is_near_enough_is_found_in_few_trials(known, tolerance, budget):
     # A fifth nearer than was asked for.
-    known("ladder", LADDER)
-    best, _, trials = chosen(["ladder"], tolerance=tolerance)
-    assert best.rung == rung and best.error == pytest.approx(LADDER[rung][0], rel=1e-4)
-    assert len(trials) <= 3 and [t.rung for t in trials] == sorted(t.rung for t in trials)
+    known("budgets", BUDGETS)
+    best, _, trials = chosen(["budgets"], tolerance=tolerance)
+    assert best.budget == budget and best.error == pytest.approx(BUDGETS[budget][0], rel=1e-4)
+    assert len(trials) <= 3 and [t.budget for t in trials] == sorted(t.budget for t in trials)
     # Of all points, not of those it was tried on.
-    assert best.megabytes == pytest.approx(LADDER[rung][1] * N_POINTS / 1e6)
+    assert best.megabytes == pytest.approx(BUDGETS[budget][1] * N_POINTS / 1e6)
 
 
 def test_the_smallest_of_those_that_are_near_enough_is_taken(known):
-    known("large", LADDER)
+    known("large", BUDGETS)
     known("small", [(0.3, 12), (0.02, 31), (0.001, 300)])
     known("rough", [(0.4, 1), (0.2, 2)])
     best, why, _ = chosen(["large", "small", "rough"], tolerance=0.03)
-    assert (best.method, best.rung) == ("small", 1) and "smallest" in why
+    assert (best.method, best.budget) == ("small", 1) and "smallest" in why
     best, why, _ = chosen(["rough"], tolerance=0.03)
-    assert best.rung == 1 and "nearest" in why
+    assert best.budget == 1 and "nearest" in why
 
 
 def test_within_a_size_the_least_error_is_taken(known):
-    known("large", LADDER)
+    known("large", BUDGETS)
     known("small", [(0.3, 12), (0.03, 31), (0.001, 300)])
     best, why, _ = chosen(["large", "small"], megabytes=45 * N_POINTS / 1e6)
-    assert (best.method, best.rung) == ("large", 3) and "least error" in why
+    assert (best.method, best.budget) == ("large", 3) and "least error" in why
     with pytest.raises(PRTError, match="0.045 cannot be kept; the least is 0.09 MB, by large"):
         chosen(["large", "small"], megabytes=5 * N_POINTS / 1e6)
 

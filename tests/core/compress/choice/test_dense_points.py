@@ -8,7 +8,7 @@ import pytest
 from prt_core import BakeSettings, BakeStore, PRTError, Scene, bake_steps, load, run
 from prt_core.api import compress, relight_points
 from prt_core.bake.measure import standing_lights
-from prt_core.compress import Task, method_asked
+from prt_core.compress import Task, method_from_text
 from prt_core.sampling import sampler_named
 from prt_core.sphere import CubeMap
 from tests.meshes import plane, sphere
@@ -56,8 +56,8 @@ def test_what_is_no_list_of_points_is_damage(path):
     dense = store.read("dense")
     store.write("dense", dense[::-1].copy())
     store.array("visibility")
-    facts = store.facts
-    store.update(arrays={**facts["arrays"], "dense": store.array("dense").digest()})
+    attributes = store.attributes
+    store.update(arrays={**attributes["arrays"], "dense": store.array("dense").digest()})
     with pytest.raises(PRTError, match="'dense' is out of range; the bake is damaged"):
         load(path)
 
@@ -65,7 +65,7 @@ def test_what_is_no_list_of_points_is_damage(path):
 def test_clusters_of_dense_points_serve_all(path):
     bake = load(path)
     task = Task.of(bake.transport, bake.scene.points, 0, bake.dense)
-    for model in method_asked("sparse_cpca:n_components=3").ladder(task):
+    for model in method_from_text("sparse_cpca:n_components=3").budgets(task):
         near, groups = model.neighbours, bake.scene.points.object_index
         assert np.isin(near[near >= 0], bake.dense).all() and (near[:, 0] >= 0).all()
         assert (groups[near] == groups[:, None])[near >= 0].all()
@@ -75,17 +75,17 @@ def test_clusters_of_dense_points_serve_all(path):
     some = np.sort(np.random.default_rng(0).choice(task.n_points, 41, replace=False))
     part = task.some(some)
     np.testing.assert_array_equal(some[part.dense], np.intersect1d(some, bake.dense))
-    facts = compress(path, method="sparse_cpca:n_clusters=5,n_components=7", tolerance=0.3,
+    attributes = compress(path, method="sparse_cpca:n_clusters=5,n_components=7", tolerance=0.3,
                           lights={"sky": SKY})  # fmt: skip
-    assert facts["tolerance_met"] and facts["settings"]["n_clusters"] == 5
-    found = relight_points(load(path), SKY, rotation=65, transport="compressed")
-    exact = relight_points(load(path), SKY, rotation=65, transport="exact")
-    assert 0 < np.linalg.norm(found - exact) <= facts["worst"] * 1.001 * np.linalg.norm(exact)
+    assert attributes["tolerance_met"] and attributes["settings"]["n_clusters"] == 5
+    found = relight_points(load(path), SKY, rotation=65, form="compressed")
+    exact = relight_points(load(path), SKY, rotation=65, form="exact")
+    assert 0 < np.linalg.norm(found - exact) <= attributes["worst"] * 1.001 * np.linalg.norm(exact)
 
 
 def test_auto_begins_with_them_where_there_are_any(path):
-    facts = compress(path, tolerance=0.3, lights={"sky": SKY})
-    tried = {trial["method"] for trial in facts["trials"]}
+    attributes = compress(path, tolerance=0.3, lights={"sky": SKY})
+    tried = {trial["method"] for trial in attributes["trials"]}
     assert "sparse_cpca" in tried and "cpca" not in tried
 
 

@@ -7,7 +7,7 @@ from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, load, run
 from prt_core.api import compress
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.measure import standing_lights
-from prt_core.compress import Task, method_asked
+from prt_core.compress import Task, method_from_text
 from prt_core.relight import Relighter
 from prt_core.scene import Camera
 from tests.meshes import plane, sphere
@@ -35,10 +35,10 @@ def test_the_task_of_an_image_is_its_pixels(path):
     assert task.n_points == HEIGHT * WIDTH and task.seed == 5 and task.subject.read_bits is None
     np.testing.assert_array_equal(task.positions[WIDTH + 2], [2, 1, 0])
     light = SKY.to_cube_map(bake.cube_map, 20)
-    wanted = bake.image(bake.transport.relight(light)).reshape(-1, 3)
+    wanted = bake.image(bake.transport.radiance(light)).reshape(-1, 3)
     found = task.colours({"a": light, "grey": np.ones_like(light)})
     np.testing.assert_allclose(found["a"], wanted, rtol=1e-5, atol=1e-6)
-    wanted = bake.image(bake.transport.relight(np.ones_like(light))).reshape(-1, 3)
+    wanted = bake.image(bake.transport.radiance(np.ones_like(light))).reshape(-1, 3)
     np.testing.assert_allclose(found["grey"], wanted, rtol=1e-5, atol=1e-6)
     some = np.array([3, 70, 111])
     part = task.some(some)
@@ -46,34 +46,34 @@ def test_the_task_of_an_image_is_its_pixels(path):
 
 
 def test_an_image_is_first_tried_in_4d_wavelets(path):
-    facts = compress(path, tolerance=0.1, lights={"sky": SKY})
-    assert facts["of"] == "image" and facts["method"] == "wavelet4d"
-    assert {trial["method"] for trial in facts["trials"]} == {"wavelet4d"}
-    assert facts["settings"]["columns"] == "9/7" and facts["tolerance_met"]
+    attributes = compress(path, tolerance=0.1, lights={"sky": SKY})
+    assert attributes["of"] == "image" and attributes["method"] == "wavelet4d"
+    assert {trial["method"] for trial in attributes["trials"]} == {"wavelet4d"}
+    assert attributes["settings"]["columns"] == "9/7" and attributes["tolerance_met"]
     relighter = Relighter(load(path))
-    exact = Relighter(load(path), transport="exact")
+    exact = Relighter(load(path), form="exact")
     for rotation in (65, 305):
-        found = relighter.relight(SKY, rotation=rotation, of="image")
+        found = relighter.radiance(SKY, rotation=rotation, of="image")
         assert relighter.used == "compressed" and found.shape == (HEIGHT, WIDTH, 3)
-        wanted = exact.relight(SKY, rotation=rotation, of="image")
+        wanted = exact.radiance(SKY, rotation=rotation, of="image")
         assert 0 < np.linalg.norm(found - wanted) <= 0.2 * np.linalg.norm(wanted)
-    twice = relighter.relight(SKY, rotation=305, of="image", strength=2)
+    twice = relighter.radiance(SKY, rotation=305, of="image", strength=2)
     np.testing.assert_allclose(twice, 2 * found, rtol=1e-6)
     # What is asked of the points is exact, and so is the image of other bounces.
-    points = relighter.relight(SKY)
+    points = relighter.radiance(SKY)
     assert relighter.used == "exact" and "it is of the image" in relighter.why
-    np.testing.assert_array_equal(points, exact.relight(SKY))
-    relighter.relight(SKY, bounces=0, of="image")
+    np.testing.assert_array_equal(points, exact.radiance(SKY))
+    relighter.radiance(SKY, bounces=0, of="image")
     assert relighter.used == "exact"
     # A form that changed its image is not used.
     bake = load(path)
     bake.scene.image.pixel[:1] += 1
     other = Relighter(bake)
-    other.relight(SKY, of="image")
+    other.radiance(SKY, of="image")
     assert other.used == "exact" and "another state of the bake" in other.why
 
 
-DOORS = (
+METHODS = (
     "block_pca",
     "block_pca:size=7,n_components=9",
     "wavelet4d:columns=5/3,error=0.05",
@@ -82,42 +82,42 @@ DOORS = (
 )
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_doors_of_images(path, door):
-    facts = compress(path, method=door, tolerance=0.3, lights={"sky": SKY})
-    assert facts["of"] == "image" and facts["tolerance_met"], facts["error"]
-    exact = Relighter(load(path), transport="exact").relight(SKY, rotation=65, of="image")
-    found = Relighter(load(path), transport="compressed").relight(SKY, rotation=65, of="image")
+@pytest.mark.parametrize("door", METHODS)
+def test_doors_of_images(path, method):
+    attributes = compress(path, method=method, tolerance=0.3, lights={"sky": SKY})
+    assert attributes["of"] == "image" and attributes["tolerance_met"], attributes["error"]
+    exact = Relighter(load(path), form="exact").radiance(SKY, rotation=65, of="image")
+    found = Relighter(load(path), form="compressed").radiance(SKY, rotation=65, of="image")
     error = np.linalg.norm(found - exact) / np.linalg.norm(exact)
-    assert 0 < error <= facts["worst"] * 1.001
+    assert 0 < error <= attributes["worst"] * 1.001
 
 
 def test_columns_of_points_are_not_those_of_an_image(path):
     bake = load(path)
     task = Task.of_image(bake.transport, bake.scene.image)
     with pytest.raises(PRTError, match="expected one of haar, d4, .* for an image, got 'multiw"):
-        method_asked("wavelet4d:columns=multiwavelet").ladder(task)
+        method_from_text("wavelet4d:columns=multiwavelet").budgets(task)
 
 
 def test_a_form_of_points_shows_the_image_as_well(path):
-    facts = compress(path, method="pca:n_components=20", tolerance=0.3, lights={"sky": SKY},
+    attributes = compress(path, method="pca:n_components=20", tolerance=0.3, lights={"sky": SKY},
                      of="points")  # fmt: skip
-    assert facts["of"] == "points"
+    assert attributes["of"] == "points"
     bake, lamps = load(path), [Lamp("point", (300.0, 200, 100), (1.0, 1, 2))]
     for more in ({}, {"lamps": lamps, "exposure": 1.5}):
-        relighter = Relighter(bake, transport="compressed")
-        points = relighter.relight(SKY, rotation=65, **more)
-        found = relighter.relight(SKY, rotation=65, of="image", **more)
+        relighter = Relighter(bake, form="compressed")
+        points = relighter.radiance(SKY, rotation=65, **more)
+        found = relighter.radiance(SKY, rotation=65, of="image", **more)
         np.testing.assert_allclose(found, bake.image(points), rtol=1e-5, atol=1e-6)
 
 
 def test_lamps_are_added_to_a_compressed_image(path):
     compress(path, method="wavelet4d:error=0.02", tolerance=0.3, lights={"sky": SKY})
     bake, lamps = load(path), [Lamp("point", (300.0, 200, 100), (1.0, 1, 2))]
-    relighter, exact = Relighter(bake, transport="compressed"), Relighter(bake, transport="exact")
-    sky = relighter.relight(SKY, of="image")
-    both = relighter.relight(SKY, lamps=lamps, of="image", exposure=1.0)
+    relighter, exact = Relighter(bake, form="compressed"), Relighter(bake, form="exact")
+    sky = relighter.radiance(SKY, of="image")
+    both = relighter.radiance(SKY, lamps=lamps, of="image", exposure=1.0)
     assert relighter.used == "compressed"
-    added = exact.relight(lamps=lamps, of="image")
+    added = exact.radiance(lamps=lamps, of="image")
     assert added.max() > 0.1 * sky.max()
     np.testing.assert_allclose(both, 2 * (sky + added), rtol=1e-4, atol=1e-5)

@@ -8,7 +8,7 @@ import pytest
 from prt_core.compress import PCA, ArrayRows, ClusteredPCA, neighbour_pairs, seam
 from prt_core.compress.clusters.affine import Affine
 from prt_core.compress.clusters.clusters import ranks_within
-from prt_core.compress.clusters.seams import guests
+from prt_core.compress.clusters.seams import border_points
 
 
 def affine(n_points, energies, rest=0.0, n_features=7):
@@ -78,7 +78,7 @@ def test_the_tolerance_is_relative_to_all_of_the_rows():
 def test_guests_go_to_the_cluster_that_most_neighbours_are_in():
     labels = np.array([0, 0, 1, 1, 2, 2, 2, 0])
     pairs = np.array([[0, 2], [0, 4], [0, 5], [1, 3], [1, 4], [2, 3], [6, 7]])
-    points, clusters = guests(labels, pairs)
+    points, clusters = border_points(labels, pairs)
     wanted = {}
     for a, b in [*pairs, *pairs[:, ::-1]]:
         if labels[a] != labels[b]:
@@ -105,8 +105,8 @@ def test_shares_at_borders_tell_who_knows_a_point_better():
     labels = model.labels_.copy()
     own = model.reconstruct(np.arange(70))[..., 0].astype(np.float64)
     model.blend_borders(rows, pairs)
-    points, clusters = guests(labels, pairs)
-    shares = dict(zip(model.guests_[:, 0].tolist(), model.shares_.tolist(), strict=True))
+    points, clusters = border_points(labels, pairs)
+    shares = dict(zip(model.border_points_[:, 0].tolist(), model.shares_.tolist(), strict=True))
     assert sorted(shares) == points.tolist() and len(points) >= 8
     found = model.reconstruct(np.arange(70))[..., 0]
     wanted = own.copy()

@@ -43,7 +43,7 @@ def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
     assert all(KEYS <= set(row) for row in rows)
     for name in names:
         own = [row for row in rows if row["method"] == name]
-        assert [row["rung"] for row in own] == [0, 1]
+        assert [row["budget"] for row in own] == [0, 1]
         assert own[0]["bytes"] < own[1]["bytes"]
         assert own[0]["matrix_l2"] > own[1]["matrix_l2"] > 0
         assert own[0]["relit_l2_mean"] > own[1]["relit_l2_mean"]

@@ -99,7 +99,7 @@ def sky(bake):
 
 def test_the_image_of_a_bake_is_what_its_camera_sees(bake):
     assert bake.scene.image is not None and "image of 16 x 12" in " ".join(bake.report["messages"])
-    radiance = bake.transport.relight(sky(bake))
+    radiance = bake.transport.radiance(sky(bake))
     found = bake.image(radiance)
     caster = caster_of(bake.scene)
     truth = CameraRays(bake.scene, caster, camera(4.0, 0.2), 16, 12, 2).picture(radiance)
@@ -112,7 +112,7 @@ def test_the_image_of_a_bake_is_what_its_camera_sees(bake):
 def test_rows_of_pixels_are_compressed_as_an_image(bake):
     rows = ImageRows(TransportRows(bake.transport, 200), bake.scene.image, bake.transport.albedo)
     light = sky(bake)
-    truth = bake.image(bake.transport.relight(light)).reshape(-1, 3)
+    truth = bake.image(bake.transport.radiance(light)).reshape(-1, 3)
     some = np.array([0, 5, 100, 191])
     found = np.einsum("pdc,dc->pc", rows.block(some), light)
     np.testing.assert_allclose(found, truth[some], rtol=5e-3, atol=5e-3)

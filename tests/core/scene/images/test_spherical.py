@@ -237,5 +237,5 @@ def test_filled_holes_show_what_is_beside_them(tmp_path):
     assert 0.8 * 144 < n_new < 144
     run(bake_steps(made, tmp_path / "b.prt", BakeSettings(resolution=4, tolerance=0.1)))
     bake = load(tmp_path / "b.prt")
-    picture = bake.image(bake.transport.relight(np.ones((96, 3), np.float32)))
+    picture = bake.image(bake.transport.radiance(np.ones((96, 3), np.float32)))
     assert picture.min() > 0

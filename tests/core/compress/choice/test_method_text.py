@@ -7,7 +7,7 @@ from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
 from prt_core.api import compress, relight_points
 from prt_core.bake.compress import standing_lights
 from prt_core.bake.report_lines import compressed_lines, trial_lines
-from prt_core.compress import Task, candidate_names, method_asked, method_named, method_names
+from prt_core.compress import Task, candidate_names, method_from_text, method_named, method_names
 from prt_core.compress.choice.methods import describe, settings_of
 from tests.meshes import plane, sphere
 
@@ -30,22 +30,22 @@ def task(baked):
 
 
 def test_settings_hold_all_along_the_ladder(task):
-    plain = method_named("cpca").ladder(task)
-    asked = method_asked("cpca:method=iterative,n_sketch=5").ladder(task)
+    plain = method_named("cpca").budgets(task)
+    asked = method_from_text("cpca:method=iterative,n_sketch=5").budgets(task)
     assert all((m.method, m.n_sketch, m.seed) == ("iterative", 5, 3) for m in asked)
     # What is the same is there once.
     sizes = [(m.n_clusters, m.n_components) for m in asked]
     assert sizes == list(dict.fromkeys((m.n_clusters, m.n_components) for m in plain))
     assert len(sizes) < len(plain)
-    orders = [m.order for m in method_asked("harmonics:order=4").ladder(task)]
+    orders = [m.order for m in method_from_text("harmonics:order=4").budgets(task)]
     assert orders == [4]
-    wavelets = method_asked("wavelet4d:error=0.1").ladder(task)
+    wavelets = method_from_text("wavelet4d:error=0.1").budgets(task)
     assert [(m.error, m.bits) for m in wavelets] == [(0.1, 7), (0.1, 8), (0.1, 9)]
-    assert method_asked("pca") == method_named("pca")
+    assert method_from_text("pca") == method_named("pca")
 
 
 # The door, what the form has, and the words that say it.
-DOORS = {
+METHODS = {
     "cpca:method=iterative,n_clusters=5,n_components=3": "method iterative",
     "irradiance": "irradiance",
     "wavelet4d:rows=d4,error=0.1,bits=9": "rows d4",
@@ -59,33 +59,39 @@ DOORS = {
 }
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_what_is_built_is_compressed_stored_relit_and_named(baked, door):
-    facts = compress(baked, method=door, tolerance=0.1, lights={"sky": SKY})
-    assert facts["method"] == door.partition(":")[0] and facts["asked"]["method"] == door
+@pytest.mark.parametrize("door", METHODS)
+def test_what_is_built_is_compressed_stored_relit_and_named(baked, method):
+    attributes = compress(baked, method=method, tolerance=0.1, lights={"sky": SKY})
+    assert (
+        attributes["method"] == method.partition(":")[0] and attributes["asked"]["method"] == method
+    )
     # One setting of one method is not tried before: there is no choice.
-    assert facts["trials"] == [] and facts["why"] == "all that was asked for"
-    assert list(trial_lines(facts)) == [f"chosen: {facts['method']}, all that was asked for"]
-    assert DOORS[door] in next(iter(compressed_lines(facts)))
-    found = relight_points(load(baked), SKY, rotation=65, transport="compressed")
-    exact = relight_points(load(baked), SKY, rotation=65, transport="exact")
+    assert attributes["trials"] == [] and attributes["why"] == "all that was asked for"
+    assert list(trial_lines(attributes)) == [
+        f"chosen: {attributes['method']}, all that was asked for"
+    ]
+    assert METHODS[method] in next(iter(compressed_lines(attributes)))
+    found = relight_points(load(baked), SKY, rotation=65, form="compressed")
+    exact = relight_points(load(baked), SKY, rotation=65, form="exact")
     error = np.linalg.norm(found - exact) / np.linalg.norm(exact)
-    assert facts["lights"] == 3 and facts["error"] < (0.5 if door == "irradiance" else 0.12)
-    assert error <= facts["worst"] * 1.001
+    assert attributes["lights"] == 3 and attributes["error"] < (
+        0.5 if method == "irradiance" else 0.12
+    )
+    assert error <= attributes["worst"] * 1.001
 
 
 def test_doors_differ(baked):
     """Each selects what it names: other settings give other bytes."""
     sizes = {}
-    for door in DOORS:
-        facts = compress(baked, method=door, tolerance=0.1, lights={"sky": SKY})
-        sizes[door] = facts["bytes"], round(facts["error"], 9)
+    for method in METHODS:
+        attributes = compress(baked, method=method, tolerance=0.1, lights={"sky": SKY})
+        sizes[method] = attributes["bytes"], round(attributes["error"], 9)
     assert len(set(sizes.values())) == len(sizes)
 
 
 def test_what_auto_does_not_try_is_there_by_name():
     assert set(method_names()) - set(candidate_names()) >= {"irradiance"}
-    assert method_asked("irradiance").settings == {}
+    assert method_from_text("irradiance").settings == {}
 
 
 @pytest.mark.parametrize(
@@ -114,19 +120,19 @@ def test_what_auto_does_not_try_is_there_by_name():
 )
 def test_what_there_is_not_is_said_with_what_there_is(text, message):
     with pytest.raises(PRTError, match=message) as caught:
-        method_asked(text)
+        method_from_text(text)
     assert "\n" not in str(caught.value)
 
 
 def test_what_is_for_images_is_refused_for_points(task):
     with pytest.raises(PRTError, match="columns: expected one of multiwavelet, haar for points"):
-        method_asked("wavelet4d:columns=9/7").ladder(task)
+        method_from_text("wavelet4d:columns=9/7").budgets(task)
     with pytest.raises(PRTError, match="'block_pca' takes the pixels of an image"):
-        method_asked("block_pca:size=4").ladder(task)
+        method_from_text("block_pca:size=4").budgets(task)
 
 
 def test_settings_are_told_in_plain_values(task):
-    model = method_named("wavelet4d").ladder(task)[2]
+    model = method_named("wavelet4d").budgets(task)[2]
     told = settings_of(model)
     assert told["columns"] == "multiwavelet" and told["n_terms"] is None and told["bits"] == 7
     assert "columns=multiwavelet" in describe(model) and "seed" not in describe(model)

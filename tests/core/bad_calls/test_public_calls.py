@@ -38,7 +38,7 @@ def bake_call(there):
         path = there.folder / "again.prt"
         run(bake_steps(path=path, restart=True, **arguments))
         # What may be baked can be read.
-        return load(path).transport.relight(there.light)
+        return load(path).transport.radiance(there.light)
 
     lamps = [light.Lamp("point", (1.0, 2.0, 3.0))]
     return Call(
@@ -171,11 +171,11 @@ CALLS = {
         exposure=1.5,
     ),
     "relight by path": lambda t: Call(
-        lambda bake, light: api.relight(bake, light, transport="exact"),
+        lambda bake, light: api.relight(bake, light, form="exact"),
         {"bake": t.folder / "a.prt", "light": exr(t)},
     ),
     "relight on texels": lambda t: Call(
-        lambda light: api.relight_points(t.bake, light, transport="exact"),
+        lambda light: api.relight_points(t.bake, light, form="exact"),
         {"light": t.light},
     ),
     "relight by lamps": lambda t: Call(

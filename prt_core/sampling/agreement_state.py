@@ -22,7 +22,7 @@ _MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
 _FEWEST_WRONG = 12
 
 
-class Asking:
+class AgreementState:
     """What is known so far of the visibility, and the ways to know more.
 
     Parameters
@@ -64,10 +64,10 @@ class Asking:
         self.bits = self.traced = None
         if sampled:
             self.bits, self.traced = sampled.bits.copy(), sampled.traced.copy()
-            self._counts.update({k: sampled.facts.get(k, 0) for k in self._counts})
+            self._counts.update({k: sampled.attributes.get(k, 0) for k in self._counts})
             self._tracer.done = len(scene.points)
             self._rays_before = sampled.rays
-            self._given_up_before = sampled.facts.get("given_up", 0)
+            self._given_up_before = sampled.attributes.get("given_up", 0)
 
     def begin(self):
         """Horizons, and the points from which nothing can be in the way."""
@@ -202,7 +202,7 @@ class Asking:
     def result(self, levels):
         """The `Sampled` so far; `levels` are the points of each."""
         rays = self._rays_before + self._tracer.rays
-        facts = {
+        attributes = {
             "levels": levels,
             "open_points": int(self.open.sum()),
             "open_entries": int(count_bits(self.above[self.open])),
@@ -210,4 +210,4 @@ class Asking:
             "given_up": self._given_up_before + int(self.given_up.sum()),
             **self._counts,
         }
-        return Sampled(self.bits, self.traced, rays, self._seconds, facts)
+        return Sampled(self.bits, self.traced, rays, self._seconds, attributes)

@@ -70,15 +70,15 @@ def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
     options = ("--method", "cpca", "--tolerance", 0.05, "--light", hdri("city"), hdri("sunset"))
     done = prt("compress", one, *options)
     assert "chosen: cpca" in done.stdout and "within the tolerance" in done.stdout
-    facts = prt_core.compress(
+    attributes = prt_core.compress(
         two, method="cpca", tolerance=0.05, lights=[hdri("city"), hdri("sunset")]
     )
     info = json.loads(prt("info", one, "--json").stdout)["compressed"]
-    assert info["error"] == facts["error"] and info["bytes"] == facts["bytes"]
+    assert info["error"] == attributes["error"] and info["bytes"] == attributes["bytes"]
     assert "compressed:" in prt("info", one).stdout
     for transport, says in (("auto", "compressed (cpca"), ("exact", "exactly")):
         done = prt("relight", one, "--light", hdri("night"), "--rotate", 30, "--output",
-                   tmp_path / "c.npz", "--transport", transport)  # fmt: skip
+                   tmp_path / "c.npz", "--form", transport)  # fmt: skip
         assert f"points relit {says}" in done.stdout
         found = np.load(tmp_path / "c.npz")
         colours = prt_core.relight(two, hdri("night"), rotation=30, transport=transport)
@@ -224,7 +224,7 @@ def test_errors_are_one_line_and_an_exit_code(baked, hdri, tmp_path):
                 hdri("city"),
                 "--output",
                 tmp_path / "x.npz",
-                "--transport",
+                "--form",
                 "compressed",
             ),
             "there is no compressed form; make one with 'prt compress'",
@@ -267,4 +267,4 @@ def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, method, kills)
     for name in ("visibility", "gather", own, "gather_rays", "point_positions"):
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
     for key in ("rays", "error", "certificate", "entries_percent"):
-        assert one.facts["report"][key] == two.facts["report"][key], key
+        assert one.attributes["report"][key] == two.attributes["report"][key], key

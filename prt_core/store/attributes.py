@@ -1,7 +1,7 @@
-"""The facts of a bake: the attributes of its Zarr group, read with strict limits, and sealed.
+"""The attributes of a bake: the attributes of its Zarr group, read with strict limits, and sealed.
 
-The seal is a digest of all other facts. It is no signature: it tells damage and edits by hand from
-what this library wrote, and nothing that is in the facts goes unnoticed.
+The seal is a digest of all other attributes. It is no signature: it tells damage and edits by hand from
+what this library wrote, and nothing that is in the attributes goes unnoticed.
 """
 
 import hashlib
@@ -22,8 +22,8 @@ _MOST_DEPTH = 24
 _AGAIN = "bake again with --restart"
 
 
-def read_facts(files):
-    """The facts in a folder, None where there are none yet.
+def read_attributes(files):
+    """The attributes in a folder, None where there are none yet.
 
     Parameters
     ----------
@@ -39,24 +39,24 @@ def read_facts(files):
         return None
     path = files.root
     group = parse(text, f"{path}: is not a bake of this library or is damaged ({FILE}")
-    facts = group.get("attributes")
+    attributes = group.get("attributes")
     expect(
         group.get("node_type") == "group"
-        and isinstance(facts, dict)
-        and facts.get("format") == FORMAT,
+        and isinstance(attributes, dict)
+        and attributes.get("format") == FORMAT,
         f"{path}: is not a bake of this library; expected a folder made by 'prt bake'",
     )
-    version = facts.get("version")
+    version = attributes.get("version")
     expect(
         type(version) is int and version <= VERSION,
         f"{path}: has store version {version!r:.20}, this library reads {VERSION}; update it",
     )
     expect(version == VERSION, f"{path}: was baked by an older version of this library; {_AGAIN}")
     expect(
-        group == _group(facts) and facts.get("seal") == _seal(facts),
+        group == _group(attributes) and attributes.get("seal") == _seal(attributes),
         f"{path}: what is said of the bake in {FILE} was damaged or edited; {_AGAIN}",
     )
-    return facts
+    return attributes
 
 
 def is_foreign(files):
@@ -65,17 +65,17 @@ def is_foreign(files):
         group = parse(files.read(FILE, _MOST_BYTES) or b"", "")
     except PRTError:
         return False
-    facts = group.get("attributes")
-    return not (isinstance(facts, dict) and facts.get("format") == FORMAT)
+    attributes = group.get("attributes")
+    return not (isinstance(attributes, dict) and attributes.get("format") == FORMAT)
 
 
-def write_facts(files, facts, now=None):
-    """Replace the facts in a folder by one file that is on the disk when this returns.
+def write_attributes(files, attributes, now=None):
+    """Replace the attributes in a folder by one file that is on the disk when this returns.
 
     Parameters
     ----------
     files : Files
-    facts : dict
+    attributes : dict
     now : dict, optional
         Those that are there: where they are the same nothing is written.
 
@@ -90,26 +90,26 @@ def write_facts(files, facts, now=None):
         They hold NaN, infinity, or more than is ever read again.
     """
     try:
-        text = json.dumps(facts, default=_plain)
+        text = json.dumps(attributes, default=_plain)
     except (TypeError, ValueError) as error:
         raise PRTError(f"{files.root}: cannot keep what is said of the bake ({error})") from error
-    facts = parse(text.encode(), f"{files.root}: cannot keep what is said of the bake (it")
-    facts["seal"] = _seal(facts)
-    if facts == now:
-        return facts
-    text = json.dumps(_group(facts)).encode()
+    attributes = parse(text.encode(), f"{files.root}: cannot keep what is said of the bake (it")
+    attributes["seal"] = _seal(attributes)
+    if attributes == now:
+        return attributes
+    text = json.dumps(_group(attributes)).encode()
     expect(
         len(text) <= _MOST_BYTES,
         f"{files.root}: what is said of the bake takes {len(text):,} bytes, {_MOST_BYTES:,} at "
         "most are kept; bake fewer objects at once",
     )
     files.write(FILE, text, lasting=True)
-    return facts
+    return attributes
 
 
 @contextmanager
-def damage_said(path, what="its description", again=_AGAIN):
-    """Turns what goes wrong with facts of another shape than expected into one line.
+def damage_as_error(path, what="its description", again=_AGAIN):
+    """Turns what goes wrong with attributes of another shape than expected into one line.
 
     Parameters
     ----------
@@ -170,12 +170,12 @@ def digest(*parts):
     return state.hexdigest()
 
 
-def _group(facts):
-    return {"zarr_format": 3, "node_type": "group", "attributes": facts}
+def _group(attributes):
+    return {"zarr_format": 3, "node_type": "group", "attributes": attributes}
 
 
-def _seal(facts):
-    rest = {key: value for key, value in facts.items() if key != "seal"}
+def _seal(attributes):
+    rest = {key: value for key, value in attributes.items() if key != "seal"}
     return digest(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode())
 
 

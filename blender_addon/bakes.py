@@ -49,8 +49,8 @@ def refresh(scene, select=""):
         item.points = report.get("points", 0)
         item.method = report.get("method") or "exhaustive"
         item.entries = report.get("entries_percent") or 0.0
-        found = report.get("visibility_error")
-        item.visibility_error = -1.0 if found is None else found
+        visibility_error = report.get("visibility_error")
+        item.visibility_error = -1.0 if visibility_error is None else visibility_error
         item.back_end = report.get("back_end", "")
         item.rate = report.get("rays_per_second") or 0.0
         item.compressed = _compressed_line(store)
@@ -142,8 +142,8 @@ def state(scene, item):
     read, holds = plan.reading(scene)
     if read is None or not holds or not read.digests:
         return "not checked", "QUESTION"
-    found = changes({s.name: s.digest for s in item.source}, read.digests)
-    return ("fresh", "CHECKMARK") if found.fresh else (f"stale: {found}", "ERROR")
+    differences = changes({s.name: s.digest for s in item.source}, read.digests)
+    return ("fresh", "CHECKMARK") if differences.fresh else (f"stale: {differences}", "ERROR")
 
 
 def rate(name):

@@ -44,30 +44,30 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
 
     def steps(self, context, pace):
         scene = self.begin(context)
-        there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        yield from freshness.warn_steps(self, self.scene, there, pace)
-        radiance = yield from request(self.scene).steps(there, pace)
-        return there, radiance
+        held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+        yield from freshness.warn_steps(self, self.scene, held, pace)
+        radiance = yield from request(self.scene).steps(held, pace)
+        return held, radiance
 
     def finish(self, context, result):
-        there, radiance = result
+        held, radiance = result
         scene = self.scene
         expect(
             self.attribute != scene.prt.attribute,
             f"attribute: '{self.attribute}' is the preview's and goes with it; use another name",
         )
-        found = there.bake.colours(radiance)
+        by_object = held.bake.colours(radiance)
         realised, left = colours.keep_all(
-            there.bake.scene,
-            found,
+            held.bake.scene,
+            by_object,
             self.attribute,
             self.domain,
-            places=preview.places_now(scene, there),
+            places=preview.places_now(scene, held),
             target=scene,
             byte=self.kind == "BYTE_COLOR",
             channels="".join(sorted(self.channels, key="RGB".index)),
         )
-        text = f"'{self.attribute}' kept on {len(found)} objects"
+        text = f"'{self.attribute}' kept on {len(by_object)} objects"
         if realised:
             text += (
                 f", {len(realised)} of them realised in the collection '{KEPT_COLLECTION}': they "
@@ -121,9 +121,9 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         pattern = bpy.path.abspath(self.filepath)
         self.begin(context)
         before, moved = scene.frame_current, []
-        there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        yield from freshness.warn_steps(self, self.scene, there, pace)
-        pictures = PictureWriter(there.bake, tuple(self.size), scene.prt.caster)
+        held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+        yield from freshness.warn_steps(self, self.scene, held, pace)
+        pictures = PictureWriter(held.bake, tuple(self.size), scene.prt.caster)
         try:
             for count, frame in enumerate(frames):
                 scene = self.scene
@@ -131,9 +131,9 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 if not moved:
                     moved = self._say_moved(scene)
                 asked = request(scene)
-                radiance = yield from asked.steps(there, pace)
+                radiance = yield from asked.steps(held, pace)
                 path = frame_path(pattern, frame)
-                write_npz(path, there.bake.colours(radiance))
+                write_npz(path, held.bake.colours(radiance))
                 if self.pictures:
                     camera = read_camera(self.scene)
                     pictures.write(path.with_suffix(".png"), radiance, camera)

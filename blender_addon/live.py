@@ -96,9 +96,9 @@ def another_file():
 def look_again(scene):
     """Colours, hidden objects and what is known of the scene may be of another state."""
     plan.outdate(scene)
-    there = preview.held(scene)
-    if there is not None:
-        there.shown = None
+    held = preview.held(scene)
+    if held is not None:
+        held.shown = None
     _NOW.rearrange = True
 
 
@@ -159,9 +159,9 @@ def _look_around():
 
 def _soon():
     """Whether colours take a moment only: waited for, they are drawn with what changed."""
-    there = preview.held()
-    return there is not None and (
-        there.relighter.used == "compressed" or there.bake.transport.n_points <= _FEW
+    held = preview.held()
+    return held is not None and (
+        held.relighter.used == "compressed" or held.bake.transport.n_points <= _FEW
     )
 
 
@@ -220,15 +220,15 @@ def _plan_steps(scene):
 
 
 def _check_steps(scene):
-    uid, there = scene.session_uid, preview.held(scene)
-    yield from freshness.check_steps(scene, there, work.PACE)
+    uid, held = scene.session_uid, preview.held(scene)
+    yield from freshness.check_steps(scene, held, work.PACE)
     freshness.note(by_uid(bpy.data.scenes, uid))
     work.redraw()
 
 
 def _relight_steps(scene, draft):
     since, uid = _NOW.touched, scene.session_uid
-    there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+    held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
     scene = by_uid(bpy.data.scenes, uid)
     if scene is None:
         return
@@ -241,14 +241,14 @@ def _relight_steps(scene, draft):
     full = request(scene)
     asked = request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
-    shown = there.shown
+    shown = held.shown
     if shown is not None and shown.key == full.key and not _NOW.show:
         _done(since)
         return
     if shown is not None and shown.key == asked.key and not _NOW.show:
         return  # the draft is there; the full rays come when all is quiet
-    radiance = yield from asked.steps(there, work.PACE)
-    yield from show_steps(uid, there, radiance, asked, work.PACE)
+    radiance = yield from asked.steps(held, work.PACE)
+    yield from show_steps(uid, held, radiance, asked, work.PACE)
     delays.append(time.perf_counter() - since)
     del delays[:-100]
     if last:
@@ -260,15 +260,15 @@ def _done(since):
         _NOW.scene, _NOW.show = None, False
 
 
-def show_steps(uid, there, radiance, asked, pace=None):
+def show_steps(uid, held, radiance, asked, pace=None):
     """Write colours on a scene's meshes; objects that were renamed are found by what they are."""
     scene = by_uid(bpy.data.scenes, uid)
-    if preview.missing(scene, there):
-        yield from freshness.check_steps(scene, there, pace)
+    if preview.missing(scene, held):
+        yield from freshness.check_steps(scene, held, pace)
         scene = by_uid(bpy.data.scenes, uid)
     _NOW.writing = True
     try:
-        preview.write(scene, there, radiance, asked)
+        preview.write(scene, held, radiance, asked)
         # Evaluated now, so that the handlers know whose change it is.
         for layer in scene.view_layers:
             layer.update()
@@ -330,15 +330,15 @@ def _frame_changed(scene, depsgraph=None):
 
 
 def _frame_steps(scene, depsgraph):
-    there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-    yield from freshness.frame_steps(scene, there, depsgraph, aloud=True)
+    held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+    yield from freshness.frame_steps(scene, held, depsgraph, aloud=True)
     asked = request(scene, depsgraph=depsgraph)
-    if there.shown is not None and there.shown.key == asked.key:
+    if held.shown is not None and held.shown.key == asked.key:
         return
-    radiance = yield from asked.steps(there)
-    if preview.missing(scene, there):
-        yield from freshness.check_steps(scene, there)
-    preview.write(scene, there, radiance, asked)
+    radiance = yield from asked.steps(held)
+    if preview.missing(scene, held):
+        yield from freshness.check_steps(scene, held)
+    preview.write(scene, held, radiance, asked)
 
 
 @persistent

@@ -55,33 +55,33 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         )
         preview.forget()
         path = saving.settle(self.scene, path)
-        there = yield from preview.load_steps(path, caster)
-        found = yield from freshness.check_steps(self.scene, there, pace)
+        held = yield from preview.load_steps(path, caster)
+        differences = yield from freshness.check_steps(self.scene, held, pace)
         expect(
-            not (found.missing or found.changed),
-            f"bake: the scene was changed meanwhile ({found}); the bake is kept, bake again",
+            not (differences.missing or differences.changed),
+            f"bake: the scene was changed meanwhile ({differences}); the bake is kept, bake again",
         )
         asked, radiance = None, None
         try:
             asked = request(self.scene)
-            radiance = yield from asked.steps(there, pace)
+            radiance = yield from asked.steps(held, pace)
         except PRTError as error:
             self.report({"WARNING"}, f"{error}; the bake is there, choose another light")
-        return there, asked, radiance
+        return held, asked, radiance
 
     def stopped(self, context):
         saving.settle(self.scene, self.path)
         bakes.refresh(context.scene)
 
     def finish(self, context, result):
-        there, asked, radiance = result
+        held, asked, radiance = result
         scene = self.scene
-        scene.prt.loaded = preview.relative(there.path)
+        scene.prt.loaded = preview.relative(held.path)
         if radiance is not None:
-            run(live.show_steps(scene.session_uid, there, radiance, asked))
+            run(live.show_steps(scene.session_uid, held, radiance, asked))
             views.show()
         live.note_preview()
-        bakes.refresh(scene, select=there.path)
+        bakes.refresh(scene, select=held.path)
         line = self.report_line
         seconds = sum(line["seconds"].values())
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
@@ -120,15 +120,15 @@ class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
     def steps(self, context, pace):
         scene = self.begin(context)
         live.stop()
-        there = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
-        yield from freshness.warn_steps(self, self.scene, there, pace)
+        held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
+        yield from freshness.warn_steps(self, self.scene, held, pace)
         asked = request(self.scene)
-        radiance = yield from asked.steps(there, pace)
-        return there, asked, radiance
+        radiance = yield from asked.steps(held, pace)
+        return held, asked, radiance
 
     def finish(self, context, result):
-        there, asked, radiance = result
-        run(live.show_steps(self.scene.session_uid, there, radiance, asked))
+        held, asked, radiance = result
+        run(live.show_steps(self.scene.session_uid, held, radiance, asked))
         live.note_preview()
         work.say(f"{len(radiance):,} points relit")
 
@@ -150,21 +150,21 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         path = preview.path_of(scene)
         tolerance = None if self.method == "none" else scene.prt.compress_tolerance
         live.stop()
-        there = yield from preview.load_steps(path, scene.prt.caster)
-        yield from freshness.warn_steps(self, self.scene, there, pace)
-        subject = path if self.method == "none" else there.bake
+        held = yield from preview.load_steps(path, scene.prt.caster)
+        yield from freshness.warn_steps(self, self.scene, held, pace)
+        subject = path if self.method == "none" else held.bake
         # The preview shows points, of which a form of the image says nothing.
         self.form_report = yield from compress_bake_steps(
             subject, self.method, tolerance, of="points"
         )
-        there.relighter.close()
+        held.relighter.close()
         asked = request(self.scene)
-        radiance = yield from asked.steps(there, pace)
-        return there, asked, radiance
+        radiance = yield from asked.steps(held, pace)
+        return held, asked, radiance
 
     def finish(self, context, result):
-        there, asked, radiance = result
-        run(live.show_steps(self.scene.session_uid, there, radiance, asked))
+        held, asked, radiance = result
+        run(live.show_steps(self.scene.session_uid, held, radiance, asked))
         bakes.refresh(self.scene)
         if self.form_report is None:
             work.say("The compressed form is gone")
@@ -196,22 +196,22 @@ class PRT_OT_load(LongWork, Button, bpy.types.Operator):
         scene = self.begin(context)
         path = Path(bpy.path.abspath(self.filepath)) if self.filepath else plan.output_path(scene)
         live.stop()
-        there = yield from preview.load_steps(path, scene.prt.caster)
-        yield from freshness.warn_steps(self, self.scene, there, pace)
+        held = yield from preview.load_steps(path, scene.prt.caster)
+        yield from freshness.warn_steps(self, self.scene, held, pace)
         asked = request(self.scene)
-        radiance = yield from asked.steps(there, pace)
-        return there, asked, radiance
+        radiance = yield from asked.steps(held, pace)
+        return held, asked, radiance
 
     def finish(self, context, result):
-        there, asked, radiance = result
+        held, asked, radiance = result
         scene = self.scene
-        run(live.show_steps(scene.session_uid, there, radiance, asked))
-        scene.prt.loaded = preview.relative(there.path)
+        run(live.show_steps(scene.session_uid, held, radiance, asked))
+        scene.prt.loaded = preview.relative(held.path)
         freshness.note(scene)
         live.note_preview()
         views.show()
-        bakes.refresh(scene, select=there.path)
-        work.say(f"{Path(there.path).name} loaded", notes=there.bake.report.get("messages") or ())
+        bakes.refresh(scene, select=held.path)
+        work.say(f"{Path(held.path).name} loaded", notes=held.bake.report.get("messages") or ())
 
 
 class PRT_OT_clear(Button, bpy.types.Operator):
@@ -271,14 +271,14 @@ class PRT_OT_refresh(Button, bpy.types.Operator):
         bakes.refresh(scene)
         rate = bakes.rate(plan.back_end(scene))
         try:
-            made = run(plan.steps(scene, rays_per_second=rate))
+            planned = run(plan.steps(scene, rays_per_second=rate))
         except work.FAILURES as error:
             return self.fail(error)
-        cost = made.cost
+        cost = planned.cost
         self.report(
             {"INFO"},
             f"{cost.points:,} points, {cost.rays / 1e6:.1f} M rays, about {cost.seconds:.0f} s "
-            f"with {made.back_end}, {cost.memory_bytes / 1e6:.0f} MB",
+            f"with {planned.back_end}, {cost.memory_bytes / 1e6:.0f} MB",
         )
         return {"FINISHED"}
 

@@ -40,9 +40,9 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             icon = "ERROR" if state.failed else "INFO"
             _lines(layout, state.message, icon, context)
             _notes(layout, state.notes, context)
-        there = preview.held(scene)
-        if there is not None and there.warned:
-            _lines(layout, there.warned, "ERROR", context)
+        held = preview.held(scene)
+        if held is not None and held.warned:
+            _lines(layout, held.warned, "ERROR", context)
         row = layout.row(align=True)
         if scene.prt.loaded:
             row.operator("prt.relight", icon="LIGHT_SUN")
@@ -112,32 +112,32 @@ class PRT_PT_bake(_Panel, bpy.types.Panel):
 
     def _plan(self, context, layout):
         scene = context.scene
-        made, holds = plan.of(scene)
+        planned, holds = plan.of(scene)
         row = layout.row()
         row.use_property_split = False
-        if made is None or made.cost is None:
-            row.label(text="Not checked yet" if made is None else "Nothing to bake")
+        if planned is None or planned.cost is None:
+            row.label(text="Not checked yet" if planned is None else "Nothing to bake")
         else:
-            cost = made.cost
+            cost = planned.cost
             text = f"{cost.points:,} points, {cost.rays / 1e6:.0f} M rays"
             row.label(text=text if holds else text + " (before the last change)")
             details = layout.column(align=True)
             details.scale_y = 0.8
-            details.label(text=f"about {_seconds(cost.seconds)} with {made.back_end}")
+            details.label(text=f"about {_seconds(cost.seconds)} with {planned.back_end}")
             details.label(
                 text=f"{_megabytes(cost.memory_bytes)} memory, {_megabytes(cost.disk_bytes)} disk"
             )
         row.operator("prt.refresh", text="", icon="FILE_REFRESH")
-        found = plan.warnings(scene)
-        for text, helps, name in found[:_MOST_WARNINGS]:
+        warnings = plan.warnings(scene)
+        for text, helps, name in warnings[:_MOST_WARNINGS]:
             box = layout.column(align=True)
             _lines(box, text, "ERROR" if helps else "INFO", context)
             if helps:
                 button = box.operator(helps)
                 if name is not None:
                     button.object_name = name
-        if len(found) > _MOST_WARNINGS:
-            layout.label(text=f"and {len(found) - _MOST_WARNINGS} more")
+        if len(warnings) > _MOST_WARNINGS:
+            layout.label(text=f"and {len(warnings) - _MOST_WARNINGS} more")
 
 
 class PRT_PT_light(_Panel, bpy.types.Panel):
@@ -267,11 +267,11 @@ class PRT_UL_bakes(bpy.types.UIList):
 
 def _notes(layout, notes, context):
     """What a bake has to say of itself, a line each."""
-    found = notes.split("\n") if notes else []
-    for text in found[:_MOST_WARNINGS]:
+    lines = notes.split("\n") if notes else []
+    for text in lines[:_MOST_WARNINGS]:
         _lines(layout, text, "DOT", context)
-    if len(found) > _MOST_WARNINGS:
-        layout.label(text=f"and {len(found) - _MOST_WARNINGS} more")
+    if len(lines) > _MOST_WARNINGS:
+        layout.label(text=f"and {len(lines) - _MOST_WARNINGS} more")
 
 
 def _seconds(value):

@@ -18,7 +18,7 @@ from prt_core.blender.depsgraph import read_meshes_steps
 from prt_core.blender.identity import by_uid, place_of
 from prt_core.blender.stand_ins import is_copy, is_kept, renders
 from prt_core.rays.caster import known_casters
-from prt_core.runtime.progress import in_thread
+from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import mesh_digests
 
 from .naming import bake_name
@@ -100,12 +100,12 @@ def receivers(scene):
     PRTError
         None does.
     """
-    there = [o for o in scene.objects if o.type in GEOMETRY or o.instance_type == "COLLECTION"]
-    there = [o for o in there if not (is_copy(o) or is_kept(o))]
-    chosen = [o.name_full for o in there if o.prt.receives]
-    if there and not chosen:
+    candidates = [o for o in scene.objects if o.type in GEOMETRY or o.instance_type == "COLLECTION"]
+    candidates = [o for o in candidates if not (is_copy(o) or is_kept(o))]
+    chosen = [o.name_full for o in candidates if o.prt.receives]
+    if candidates and not chosen:
         raise PRTError("objects: none receives colours; switch some on under Objects")
-    return None if len(chosen) == len(there) else chosen
+    return None if len(chosen) == len(candidates) else chosen
 
 
 def two_sided(scene):
@@ -174,8 +174,8 @@ def read_steps(scene, messages=None, pace=None):
         raise
     places = {mesh.name: (mesh.owner, mesh.library) for mesh in meshes}
     scene = by_uid(bpy.data.scenes, uid)
-    there = {} if scene is None else {place_of(o): o.session_uid for o in scene.objects}
-    uids = {name: there[place] for name, place in places.items() if place in there}
+    uid_at = {} if scene is None else {place_of(o): o.session_uid for o in scene.objects}
+    uids = {name: uid_at[place] for name, place in places.items() if place in uid_at}
     _READINGS[uid] = Reading(digests, places, uids, shape_of(scene), time.perf_counter() - start)
     return meshes
 
@@ -194,7 +194,7 @@ def shape_of(scene, depsgraph=None):
     dict of int -> (str, (4, 4) float, int)
         By `session_uid`: name, matrix and number of corners.
     """
-    found = {}
+    shapes = {}
     for item in scene.objects if scene is not None else ():
         if item.type not in GEOMETRY and item.instance_type == "NONE":
             continue
@@ -202,8 +202,8 @@ def shape_of(scene, depsgraph=None):
             continue
         seen = item if depsgraph is None else item.evaluated_get(depsgraph)
         corners = len(item.data.loops) if item.type == "MESH" else 0
-        found[item.session_uid] = item.name, np.array(seen.matrix_world), corners
-    return found
+        shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners
+    return shapes
 
 
 def moved(scene, depsgraph=None):
@@ -229,29 +229,29 @@ def steps(scene, pace=None, rays_per_second=None):
         Nothing there can be baked; the plan that is kept says so too.
     """
     start, uid = time.perf_counter(), scene.session_uid
-    made = Plan(back_end=back_end(scene))
+    planned = Plan(back_end=back_end(scene))
     _OLD_PLANS.discard(uid)
     _WANTED.discard(uid)
     try:
         settings = bake_settings(scene)
-        meshes = yield from read_steps(scene, made.messages, pace)
+        meshes = yield from read_steps(scene, planned.messages, pace)
         built = yield from in_thread("scene", Scene.from_meshes, meshes)
-        made.messages += built.messages
-        made.cost = preflight(built, settings, made.back_end, rays_per_second)
+        planned.messages += built.messages
+        planned.cost = preflight(built, settings, planned.back_end, rays_per_second)
     except PRTError as error:
-        made.messages.append(str(error))
-        _keep(uid, made, start)
+        planned.messages.append(str(error))
+        _keep(uid, planned, start)
         raise
     except GeneratorExit:
         _OLD_PLANS.add(uid)
         raise
-    _keep(uid, made, start)
-    return made
+    _keep(uid, planned, start)
+    return planned
 
 
-def _keep(uid, made, start):
-    made.seconds = time.perf_counter() - start
-    _PLANS[uid] = made
+def _keep(uid, planned, start):
+    planned.seconds = time.perf_counter() - start
+    _PLANS[uid] = planned
 
 
 def of(scene):
@@ -271,8 +271,8 @@ def reading_of(uid):
 
 def want(scene):
     """Ask for a plan at the next idle moment: none there, or an old one that was made quickly."""
-    made, holds = of(scene)
-    if made is None or (not holds and made.seconds < MOST_SECONDS):
+    planned, holds = of(scene)
+    if planned is None or (not holds and planned.seconds < MOST_SECONDS):
         _WANTED.add(scene.session_uid)
 
 
@@ -301,23 +301,23 @@ def forget():
 
 def warnings(scene):
     """What a person should know before baking: (text, operator that helps or None, its object)."""
-    found = []
+    lines = []
     if not bpy.data.filepath and (scene.prt.folder or "//").startswith("//"):
-        found.append(
+        lines.append(
             ("File not saved: bakes are kept in a temporary folder", "wm.save_mainfile", None)
         )
     for item in scene.objects:
         hidden = item.type in GEOMETRY and item.prt.receives and not renders(item)
         if hidden and not is_kept(item):
             helps = "prt.unhide" if item.library is None else None
-            found.append((f"{item.name}: hidden in renders, not baked", helps, item.name))
-    made, _ = of(scene)
-    if made is None:
-        return found
-    if made.cost is not None:
+            lines.append((f"{item.name}: hidden in renders, not baked", helps, item.name))
+    planned, _ = of(scene)
+    if planned is None:
+        return lines
+    if planned.cost is not None:
         own = {item.name: item.type for item in scene.objects if item.library is None}
-        for name, (distance, _) in made.cost.coarse.items():
+        for name, (distance, _) in planned.cost.coarse.items():
             helps = "prt.subdivide" if own.get(name) == "MESH" else None
             text = f"{name}: a vertex every {distance:.2g}, too few for shadows"
-            found.append((text, helps, name))
-    return found + [(text, None, None) for text in made.messages]
+            lines.append((text, helps, name))
+    return lines + [(text, None, None) for text in planned.messages]

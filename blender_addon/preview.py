@@ -11,7 +11,7 @@ from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import PREVIEW
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.relight.relighter import Relighter
-from prt_core.runtime.progress import in_thread
+from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
 from . import plan, views
@@ -43,17 +43,17 @@ class Preview:
     def compare(self, read):
         """`Changes` from the bake to a `plan.Reading`, and the places of its meshes now."""
         if self._compared[0] is not read:
-            found, places, uids = changes(self.bake.source, read.digests), {}, {}
+            differences, places, uids = changes(self.bake.source, read.digests), {}, {}
             for item in self.items:
-                name = found.renamed.get(item.name, item.name)
-                there = read.places.get(name)
+                name = differences.renamed.get(item.name, item.name)
+                place = read.places.get(name)
                 # Another mesh may have its name by now: then it is where it was, or nowhere.
-                same = item.name in found.renamed or (there and there[1] == item.library)
-                if same and item.name not in found.missing:
-                    places[item.name] = there
+                same = item.name in differences.renamed or (place and place[1] == item.library)
+                if same and item.name not in differences.missing:
+                    places[item.name] = place
                     if name in read.uids:
                         uids[item.name] = read.uids[name]
-            self._compared = read, (found, places, uids)
+            self._compared = read, (differences, places, uids)
         return self._compared[1]
 
     @property
@@ -114,12 +114,12 @@ def write(scene, preview, radiance, asked):
         An object is gone or has another mesh now; then nothing was written.
     """
     settings = scene.prt
-    found, places = preview.bake.colours(radiance), places_now(scene, preview)
+    by_object, places = preview.bake.colours(radiance), places_now(scene, preview)
     baked = preview.bake.scene
     if settings.shown and settings.shown != settings.attribute:
         preview_look.restore(scene, [settings.shown])
     colours.write_all(
-        baked, found, settings.attribute, settings.domain, places=places, target=scene
+        baked, by_object, settings.attribute, settings.domain, places=places, target=scene
     )
     preview_look.show_colours(baked, settings.attribute, settings.material, places)
     if settings.shown != settings.attribute:
@@ -171,7 +171,7 @@ def missing(scene, preview):
     objects = objects_by_place()
     for item in preview.items:
         if item.own_mesh and item.receives:
-            there = objects.get(places.get(item.name, (item.owner, item.library)))
-            if there is None or uids.get(item.name, there.session_uid) != there.session_uid:
+            present = objects.get(places.get(item.name, (item.owner, item.library)))
+            if present is None or uids.get(item.name, present.session_uid) != present.session_uid:
                 return True
     return False

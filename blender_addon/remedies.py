@@ -29,20 +29,20 @@ class PRT_OT_subdivide(Button, bpy.types.Operator):
 
     def execute(self, context):
         scene = context.scene
-        made, _ = plan.of(scene)
-        if made is None or made.cost is None:
+        planned, _ = plan.of(scene)
+        if planned is None or planned.cost is None:
             try:
-                made = run(plan.steps(scene))
+                planned = run(plan.steps(scene))
             except work.FAILURES as error:
                 return self.fail(error)
         done = 0
-        for name in [self.object_name] if self.object_name else list(made.cost.coarse):
-            item, found = _own(scene, name), made.cost.coarse.get(name)
-            if item is None or item.type != "MESH" or found is None:
+        for name in [self.object_name] if self.object_name else list(planned.cost.coarse):
+            item, own = _own(scene, name), planned.cost.coarse.get(name)
+            if item is None or item.type != "MESH" or own is None:
                 self.report({"WARNING"}, f"{name}: no mesh of this scene that is too coarse")
                 continue
             try:
-                levels = _subdivide(context, item, min(found[1], _MOST_LEVELS), self.apply)
+                levels = _subdivide(context, item, min(own[1], _MOST_LEVELS), self.apply)
             except work.FAILURES as error:
                 return self.fail(error)
             done += 1

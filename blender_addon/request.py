@@ -23,7 +23,7 @@ class Request:
     Attributes
     ----------
     lighting : Lighting
-    transport : {"auto", "exact"}
+    form : {"auto", "exact"}
         What `Relighter` multiplies light from far away with.
     key : tuple
         What the colours depend on, images by the time of their file: requests of one key look
@@ -31,12 +31,12 @@ class Request:
     """
 
     lighting: Lighting
-    transport: str
+    form: str
     key: tuple
 
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
-        shown.relighter.transport = self.transport
+        shown.relighter.form = self.form
         return shown.relighter.steps(self.lighting, pace)
 
 
@@ -70,8 +70,8 @@ def request(scene, samples=None, depsgraph=None):
         exposure=settings.exposure,
         emission=_emission(settings),
     )
-    transport = "auto" if settings.use_compressed else "exact"
-    return Request(lighting, transport, (transport, *lighting.key))
+    form = "auto" if settings.use_compressed else "exact"
+    return Request(lighting, form, (form, *lighting.key))
 
 
 def _emission(settings):

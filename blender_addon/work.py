@@ -117,12 +117,12 @@ class LongWork:
         _RUNNING.append(self)
         # The first steps read the context as it is while the button is pressed. What they end
         # must not become a handler: Blender would call an operator that is gone, and crash.
-        found = self._turn(context)
-        if found == {"RUNNING_MODAL"}:
+        turned = self._turn(context)
+        if turned == {"RUNNING_MODAL"}:
             self._manager = context.window_manager
             self._timer = self._manager.event_timer_add(_TIMER, window=context.window)
             self._manager.modal_handler_add(self)
-        return found
+        return turned
 
     def modal(self, context, event):
         if self._steps is None:

@@ -1,6 +1,5 @@
 """The calls most people need: bake a .blend, relight a bake."""
 
-import warnings
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,13 +22,9 @@ from prt_core.relight.environments import Environments
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
-from prt_core.runtime.progress import (
-    MainThreadCalls,
-    each_in_thread,
-    in_thread,
-    run,
-    steps_in_thread,
-)
+from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thread, steps_in_thread
+from prt_core.runtime.progress import run
+from prt_core.runtime.renamed import renamed_keyword, warn_renamed
 from prt_core.scene import Scene, mesh_digests
 from prt_core.store import BakeStore, remove_compressed
 
@@ -89,7 +84,7 @@ def bake(
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
-    output = expect_output("output", output, ".prt", folder=True, made=True)
+    output = expect_output("output", output, ".prt", folder=True, create=True)
     image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
@@ -223,9 +218,7 @@ def compress(
 
 def compress_bake(bake, **keywords):
     """As `compress`: its old name, for one release."""
-    warnings.warn(
-        "prt_core.compress_bake is prt_core.compress now", DeprecationWarning, stacklevel=2
-    )
+    warn_renamed("prt_core.compress_bake", "prt_core.compress")
     return compress(bake, **keywords)
 
 
@@ -262,6 +255,7 @@ def compress_bake_steps(
     return result
 
 
+@renamed_keyword(transport="form")
 def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
     """Colours of a baked scene under a light.
 
@@ -274,7 +268,7 @@ def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
         own world.
     caster : str
         For the shadow rays of lamps and sharp suns.
-    transport : {"auto", "exact", "compressed"}
+    form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
     **keywords
@@ -287,14 +281,15 @@ def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
         Linear Rec.709 radiance in Blender's loop order, for each object that receives.
     """
     bake = _loaded(bake)
-    asked = {"caster": caster, "transport": transport, **keywords}
+    asked = {"caster": caster, "form": form, **keywords}
     return bake.colours(relight_points(bake, light, **asked))
 
 
+@renamed_keyword(transport="form")
 def relight_points(bake, light=None, *, caster="auto", form="auto", **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
     lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, transport)
+    relighter = Relighter(_loaded(bake), caster, form)
     try:
         return run(relighter.steps(lighting))
     finally:

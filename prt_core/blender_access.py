@@ -1,4 +1,4 @@
-"""The door to Blender, where its module is installed: its files, and the lights it comes with."""
+"""Access to Blender, where its module is installed: its files, and the lights it comes with."""
 
 from prt_core.errors import PRTError, expect, expect_path, system_errors
 from prt_core.light import EnvironmentMap

@@ -209,11 +209,11 @@ def expect_array(name, value, shape, dtype=None, least=None, most=None):
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         n_bad = int(array.size - np.isfinite(array).sum())
         raise PRTError(f"{name}: {n_bad} values are NaN or infinite; expected finite numbers only")
-    for bound, found in ((least, array.min), (most, array.max)):
+    for bound, extreme in ((least, array.min), (most, array.max)):
         if bound is not None and array.size:
-            good = found() >= bound if bound is least else found() <= bound
+            good = extreme() >= bound if bound is least else extreme() <= bound
             bounds = _bounds(least, most, None, None)
-            expect(good, f"{name}: expected values{bounds}, got {found():.4g}")
+            expect(good, f"{name}: expected values{bounds}, got {extreme():.4g}")
     return array
 
 

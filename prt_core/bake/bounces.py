@@ -119,15 +119,15 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
         rounds = turns.stop
         yield Progress("gather", 0, n_points)
         for first in range(0, len(parts), group):
-            some = range(first, min(first + group, len(parts)))
-            todo = [(i, turn) for turn in turns for i in some if not is_done(i, turn)]
+            group_parts = range(first, min(first + group, len(parts)))
+            todo = [(i, turn) for turn in turns for i in group_parts if not is_done(i, turn)]
             if todo:
                 start = time.perf_counter()
                 jobs = [(parts[index], turn) for index, turn in todo]
-                found = gather_parts(scene, caster, jobs, settings.seed, spared, clear, sharing)
-                on_all_cores(write, zip(todo, found, strict=True))
+                gathered = gather_parts(scene, caster, jobs, settings.seed, spared, clear, sharing)
+                on_all_cores(write, zip(todo, gathered, strict=True))
                 add_seconds(seconds, "gather", time.perf_counter() - start)
-            yield Progress("gather", parts[some[-1]].stop, n_points)
+            yield Progress("gather", parts[group_parts[-1]].stop, n_points)
         start = time.perf_counter()
         with damage_as_error(store.path, "'gather'"):
             error = _bounce_error(hits, scene, rounds, probes, blocked, settings)

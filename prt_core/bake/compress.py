@@ -36,7 +36,8 @@ from prt_core.errors import (
 from prt_core.light import EnvironmentMap, TurningLight
 from prt_core.relight.forms import CompressedForm
 from prt_core.runtime.machine import peak_bytes
-from prt_core.runtime.progress import Progress, in_thread
+from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.progress import Progress
 from prt_core.store import BakeStore, write_compressed
 from prt_core.version import __version__
 
@@ -53,7 +54,7 @@ class CompressSettings:
     ----------
     method : str
         `auto`, or a registered method (`compress.method_names()`); settings of its own that are
-        to be the same all along its budgets as NAME:key=value,key=value.
+        to be the same at all its budgets as NAME:key=value,key=value.
     tolerance : float, optional
         Relative L2 error of relit colours: in the mean over lights, and twice that under the
         worst of them. Default 0.01 where nothing else is asked for.
@@ -109,9 +110,10 @@ def compress_steps(bake, settings=None, lights=None):
     Returns
     -------
     dict
-        The attributes that are stored: method, of ("points" or "image"), settings, why, trials, bytes,
-        bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst, worst_light,
-        lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint, versions.
+        The attributes that are stored: method, of ("points" or "image"), settings, why, trials,
+        bytes, bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst,
+        worst_light, lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint,
+        versions.
     """
     settings = CompressSettings() if settings is None else settings
     expect_kind("settings", settings, CompressSettings)
@@ -145,20 +147,20 @@ def _compress(bake, settings, lights):
     ranked, trials = yield from choose_steps(task, names, limits, few)
     new = yield from new_lights(task, turning, lights)
     methods = {method.name: method for method in map(method_from_text, names)}
-    made, found, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
+    form, measured, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
     spent = time.perf_counter() - began
-    made.attributes = {
-        "method": made.method,
+    form.attributes = {
+        "method": form.method,
         "of": task.subject.name,
-        "settings": settings_of(made.model),
+        "settings": settings_of(form.model),
         "asked": asdict(settings),
         "why": why,
         "trials": [asdict(trial) for trial in trials],
         "seconds": round(spent, 3),
         "tolerance": limits.tolerance,
-        **found,
+        **measured,
         "notes": [note for light in lights.values() for note in light.notes],
-        "tolerance_met": met(limits, found),
+        "tolerance_met": met(limits, measured),
         "peak_bytes": peak_bytes(),
         "fingerprint": (yield from in_thread("store", task.subject.fingerprint)),
         "versions": {
@@ -167,10 +169,10 @@ def _compress(bake, settings, lights):
             "python": platform.python_version(),
         },
     }
-    state = yield from in_thread("store", made.model.state)
-    for _ in write_compressed(BakeStore(bake.path, "r+"), state, made.attributes):
+    state = yield from in_thread("store", form.model.state)
+    for _ in write_compressed(BakeStore(bake.path, "r+"), state, form.attributes):
         yield Progress("store", 0, 0)
-    return made.attributes
+    return form.attributes
 
 
 def _task(bake, settings):
@@ -192,7 +194,7 @@ def _fit_best(task, methods, ranked, trials, limits, lights):
 
     Returns
     -------
-    made : Compressed
+    form : CompressedForm
     found : dict
         See `measure_steps`.
     why : str
@@ -203,7 +205,7 @@ def _fit_best(task, methods, ranked, trials, limits, lights):
             continue
         try:
             method = methods[chosen.method]
-            made, found, trial = yield from _fit(task, method, chosen, limits, lights, failed)
+            form, measured, trial = yield from _fit(task, method, chosen, limits, lights, failed)
         except FAILURES as error:
             reason = f"of all points: {reason_of(error)}"
             trials.append(Trial(chosen.method, chosen.settings, chosen.budget, failure=reason))
@@ -212,16 +214,16 @@ def _fit_best(task, methods, ranked, trials, limits, lights):
             beyond.append(trial)
             continue
         other = "" if trial.budget == chosen.budget else f"; of all points {trial.settings}"
-        return made, found, why + other
+        return form, measured, why + other
     raise PRTError(limits.beyond(beyond) if beyond else none_left(trials))
 
 
 def _fit(task, method, chosen, limits, lights, failed):
-    """Fit the chosen budget to all points; a few budget_numbers up or down where the sample was wrong.
+    """Fit the chosen budget to all points; one a few up or down where the sample was wrong.
 
     Returns
     -------
-    made : Compressed
+    form : CompressedForm
     found : dict
         See `measure_steps`.
     trial : Trial
@@ -235,17 +237,17 @@ def _fit(task, method, chosen, limits, lights, failed):
             yield from model.fit_steps(task.rows)
             if method.finish is not None:
                 yield from in_thread("seams", method.finish, model, task)
-            made = CompressedForm(chosen.method, model)
-            found = yield from measure_steps(task, made, lights)
-            trial = _measured(made, found, budget)
+            form = CompressedForm(chosen.method, model)
+            measured = yield from measure_steps(task, form, lights)
+            trial = _measured(form, measured, budget)
         except FAILURES:
             # A budget beside the chosen one is tried for being better only.
             if best is None:
                 raise
             break
         if best is None or _better(trial, best[2], limits):
-            best = made, found, trial
-        step = -1 if limits.excess(trial) > 1 else 1 if met(limits, found) is False else 0
+            best = form, measured, trial
+        step = -1 if limits.excess(trial) > 1 else 1 if met(limits, measured) is False else 0
         if not step or way == -step or not 0 <= budget + step < len(budgets):
             break
         way, budget = step, budget + step
@@ -261,9 +263,14 @@ def _better(trial, other, limits):
     return key(trial) < key(other)
 
 
-def _measured(made, found, budget):
-    figures = found["error"], found["worst"], found["bytes"] / 1e6, found["milliseconds"]
-    return Trial(made.method, describe(made.model), budget, *figures, 0.0)
+def _measured(form, measured, budget):
+    figures = (
+        measured["error"],
+        measured["worst"],
+        measured["bytes"] / 1e6,
+        measured["milliseconds"],
+    )
+    return Trial(form.method, describe(form.model), budget, *figures, 0.0)
 
 
 def _turning(lights, cube_map):

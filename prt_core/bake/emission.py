@@ -49,7 +49,7 @@ class Emission:
 
 
 @dataclass(frozen=True)
-class EmissionFound:
+class EmissionResult:
     """What the rays of the emission stage came to.
 
     Attributes
@@ -74,10 +74,10 @@ def emission_steps(store, scene, caster, settings, seconds):
 
     Returns
     -------
-    EmissionFound
+    EmissionResult
     """
     if not scene.emitters:
-        return EmissionFound()
+        return EmissionResult()
     n_points, n_emitters = len(scene.points), len(scene.emitters)
     parts, start = blocks(n_points), time.perf_counter()
     shape, chunk = (n_emitters, n_points, CHANNELS), (1, visibility.BLOCK, CHANNELS)
@@ -99,19 +99,19 @@ def emission_steps(store, scene, caster, settings, seconds):
         if not (direct.holds(emitters, part) and figures.holds(index))
     ]
     for first in range(0, len(todo), group):
-        some = todo[first : first + group]
-        for index, found in zip(some, cast_on_all_cores(caster, one, some), strict=True):
-            direct[:, parts[index]] = found.received
-            rays = np.full(n_emitters, found.n_rays / n_emitters)
-            figures[index] = np.stack([rays, found.spread, found.size], axis=1)
-        yield Progress("emission", parts[some[-1]].stop, n_points)
+        batch = todo[first : first + group]
+        for index, emitted in zip(batch, cast_on_all_cores(caster, one, batch), strict=True):
+            direct[:, parts[index]] = emitted.received
+            rays = np.full(n_emitters, emitted.n_rays / n_emitters)
+            figures[index] = np.stack([rays, emitted.spread, emitted.size], axis=1)
+        yield Progress("emission", parts[batch[-1]].stop, n_points)
     add_seconds(seconds, "emission", time.perf_counter() - start)
     store.update(seconds=seconds)
     with damage_as_error(store.path, f"'{_DIRECT}'"):
         rays, spread, size = np.moveaxis(figures[...].sum(axis=0), 1, 0)
         probes = _probes(direct[...])
     errors = np.sqrt(spread / np.maximum(size, 1e-300))
-    return EmissionFound(
+    return EmissionResult(
         int(round(rays.sum())) + sum(light.n_rays for light in lights),
         float(errors.max()),
         [

@@ -86,8 +86,10 @@ def gather_terms(bake, weigh, blocked=None):
             ends = ray_ends(hits[block])
             expect(ends.max() < n_points, "a ray ends at a point that does not exist")
         return [
-            gather_operator(ends, n_points, None if blocked is None else blocked[term, block], some)
-            for term, some in enumerate(weights)
+            gather_operator(
+                ends, n_points, None if blocked is None else blocked[term, block], batch
+            )
+            for term, batch in enumerate(weights)
         ]
 
     with stored_hits(store, n_points, rounds) as hits:

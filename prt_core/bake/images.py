@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from prt_core.errors import expect, expect_kind, expect_one_of, expect_pair, expect_whole, shown
 from prt_core.rays import make_caster
 from prt_core.runtime.machine import expect_memory
-from prt_core.runtime.progress import Progress, in_thread
+from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.progress import Progress
 from prt_core.scene import (
     PARAMETRISATIONS,
     geometry_layout,
@@ -101,10 +102,10 @@ def image_steps(scene, meshes, camera, caster, settings):
             tracer.close()
     else:
         name, size = settings.geometry_image
-        found = [mesh for mesh in meshes if mesh.name == name]
+        named = [mesh for mesh in meshes if mesh.name == name]
         names = ", ".join(mesh.name for mesh in meshes)
-        expect(found, f"geometry image: there is no object '{name}'; there are {names}")
-        layout = yield from in_thread("image", geometry_layout, found[0], settings.parametrisation)
+        expect(named, f"geometry image: there is no object '{name}'; there are {names}")
+        layout = yield from in_thread("image", geometry_layout, named[0], settings.parametrisation)
         if layout.message:
             scene.messages.append(layout.message)
         tracer = make_caster(caster, layout.vertices, layout.triangles)

@@ -68,11 +68,11 @@ def expect_bake_input(
 def unless_begun(path):
     """Take a new bake away again where it fails before a ray is cast: nothing would be lost."""
     path = Path(path)
-    there = path.exists()
+    exists = path.exists()
     try:
         yield
     except Exception:
         rays = [path / name / "c" for name in ("visibility", "ray_journal")]
-        if not there and not any(chunks.exists() for chunks in rays):
+        if not exists and not any(chunks.exists() for chunks in rays):
             shutil.rmtree(path, ignore_errors=True)
         raise

@@ -16,7 +16,7 @@ _WORLD = "world"
 
 
 def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None):
-    """What `keep_lights` takes: attributes of lamps, camera, source and origin, and the world's light.
+    """What `keep_lights` takes: attributes of lamps, camera and source, and the world's light.
 
     Parameters
     ----------

@@ -8,7 +8,8 @@ from prt_core.compress import border_pairs, neighbour_pairs, seam
 from prt_core.compress.choice.choose import WORST, radiance_of, relative_l2
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
-from prt_core.runtime.progress import Progress, in_thread
+from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.progress import Progress
 
 # Degrees about z, other than those of the lights that a method is chosen under.
 _ROTATIONS = 65.0, 185.0, 305.0
@@ -28,25 +29,25 @@ def new_lights(task, turning, lights):
     dict of str -> (TurningLight, float, (n_points, 3) float32)
         See `measure_steps`.
     """
-    found = {}
+    lights_at = {}
     for name, image in lights.items():
         for turn in _ROTATIONS:
             # The exact side takes the environment the exact way, so turning is measured as well.
             cube_map = task.transport.cube_map
             light = yield from in_thread("lights", image.to_cube_map, cube_map, turn)
-            found[f"{name} at {turn:g}°"] = light
-    colours = yield from in_thread("measure", task.colours, found)
-    evaluator = {f"{n} at {t:g}°": (turning[n], t) for n in lights for t in _ROTATIONS}
-    return {name: (*evaluator[name], colours[name]) for name in found}
+            lights_at[f"{name} at {turn:g}°"] = light
+    colours = yield from in_thread("measure", task.colours, lights_at)
+    turned = {f"{n} at {t:g}°": (turning[n], t) for n in lights for t in _ROTATIONS}
+    return {name: (*turned[name], colours[name]) for name in lights_at}
 
 
-def measure_steps(task, made, lights):
+def measure_steps(task, form, lights):
     """Errors and times of a compressed form under turned lights; a generator of `Progress`.
 
     Parameters
     ----------
     task : Task
-    made : Compressed
+    form : CompressedForm
     lights : dict of str -> (TurningLight, float, (n_points, 3) float32)
         Each with its rotation, in degrees about z, and the exact colours.
 
@@ -57,8 +58,8 @@ def measure_steps(task, made, lights):
         worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
     """
     subject, n_directions = task.subject, task.transport.n_directions
-    evaluator = yield from in_thread("measure", made.evaluator, subject)
-    labels = getattr(made.model, "labels_", None)
+    evaluator = yield from in_thread("measure", form.evaluator, subject)
+    labels = getattr(form.model, "labels_", None)
     border = None
     if labels is not None:
         pairs = neighbour_pairs(task.positions, task.normals, task.groups)
@@ -68,11 +69,11 @@ def measure_steps(task, made, lights):
     def one(name, turning, turn, truth):
         light = turning.at(turn)
         start = time.perf_counter()
-        found = radiance_of(evaluator, subject, light)
+        radiance = radiance_of(evaluator, subject, light)
         spent.append(time.perf_counter() - start)
-        errors[name] = relative_l2(found, truth)
+        errors[name] = relative_l2(radiance, truth)
         if border is not None:
-            seams.append(seam(found, truth, border)["largest"])
+            seams.append(seam(radiance, truth, border)["largest"])
 
     for name, light in lights.items():
         yield from in_thread("measure", one, name, *light)
@@ -80,11 +81,11 @@ def measure_steps(task, made, lights):
     bad = [name for name, error in errors.items() if not np.isfinite(error)]
     expect(
         not bad,
-        f"method: the colours of {made.method} are not finite under {', '.join(bad)}; leave such "
+        f"method: the colours of {form.method} are not finite under {', '.join(bad)}; leave such "
         "lights out, or choose another method. Nothing was stored",
     )
     worst = max(errors, key=errors.get)
-    model = made.model
+    model = form.model
     return {
         "bytes": int(model.nbytes),
         "bits_a_coefficient": 8 * model.nbytes / (3 * task.n_points * n_directions),
@@ -99,12 +100,12 @@ def measure_steps(task, made, lights):
     }
 
 
-def met(limits, found):
+def met(limits, measured):
     """Whether what was measured keeps what was asked for; None where no tolerance was."""
     if limits.tolerance is None:
         return None
     most = WORST * limits.tolerance
-    return bool(found["error"] <= limits.tolerance and found["worst"] <= most)
+    return bool(measured["error"] <= limits.tolerance and measured["worst"] <= most)
 
 
 def standing_lights():

@@ -26,7 +26,7 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
     settings : BakeSettings
     seen : dict
         What `visibility_steps` returns.
-    emitted : EmissionFound
+    emitted : EmissionResult
     bounced : Bounced
     seconds : dict of str -> float
         By stage.
@@ -91,15 +91,15 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
 
 def _spared(scene, cube_map, seen):
     """What was not done because the scene does not need it."""
-    found = {}
+    skipped = {}
     attributes = seen["sampling"]
     if attributes:
-        found["visibility_rays"] = attributes["hemisphere_entries"] - seen["rays"]
-        found["open_points"] = attributes.get("open_points", 0)
+        skipped["visibility_rays"] = attributes["hemisphere_entries"] - seen["rays"]
+        skipped["open_points"] = attributes.get("open_points", 0)
     albedo = np.hstack([scene.points.albedo, scene.points.mean_albedo])
     if (albedo.reshape(-1, 2, 3) == albedo.reshape(-1, 2, 3)[..., :1]).all():
-        found["grey"] = True
-    return found
+        skipped["grey"] = True
+    return skipped
 
 
 def _missed(seen, emitted, bounced, tolerance):

@@ -42,8 +42,8 @@ def _traced(report):
 def _errors(report):
     certificate = report.get("certificate")
     if certificate:
-        found = report["visibility_error"]
-        yield f"{found:.2%} of direct light, {_met(report, found)}; at 95 %:"
+        error = report["visibility_error"]
+        yield f"{error:.2%} of direct light, {_met(report, error)}; at 95 %:"
         ranked = sorted(certificate, key=_worst, reverse=True)
         shown = ranked[:_MOST] if len(ranked) > _MOST else certificate
         for item in shown:
@@ -57,14 +57,14 @@ def _errors(report):
     else:
         yield "none of direct light"
     for item in report.get("emitters", ()):
-        found = item["error"]
-        yield f"{found:.2%} of the direct light of '{item['name']}', {_met(report, found)}"
-    found = report["error"]
-    if found is not None:
+        error = item["error"]
+        yield f"{error:.2%} of the direct light of '{item['name']}', {_met(report, error)}"
+    error = report["error"]
+    if error is not None:
         rays = report["rays_a_point"]
         yield (
-            f"{found:.2%} of relit colours, from the bounces ({rays} rays a point), "
-            f"{_met(report, found)}"
+            f"{error:.2%} of relit colours, from the bounces ({rays} rays a point), "
+            f"{_met(report, error)}"
         )
 
 
@@ -94,9 +94,9 @@ def object_lines(objects, most=_MOST):
     for item in shown:
         yield f"  object  {item['name']}: {item['n_corners']:,} corners, {role(item)}"
     for kind in ("receives", "casts and bounces only"):
-        some = [item["n_corners"] for item in rest if role(item) == kind]
-        if some:
-            yield f"  object  and {len(some):,} more: {sum(some):,} corners, {kind}"
+        counts = [item["n_corners"] for item in rest if role(item) == kind]
+        if counts:
+            yield f"  object  and {len(counts):,} more: {sum(counts):,} corners, {kind}"
 
 
 def _met(report, error):

@@ -12,7 +12,8 @@ from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
-from prt_core.runtime.progress import STOP, MainThreadCalls, Progress, steps_in_thread
+from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
+from prt_core.runtime.progress import STOP, Progress
 from prt_core.scene import expect_camera, with_details
 from prt_core.sphere import CubeMap
 from prt_core.store import (
@@ -87,11 +88,11 @@ def bake_steps(
     camera = None if camera is None else expect_camera(camera)
     given = lamps, world, camera, source, restart, pace, lights, origin
     world = expect_bake_input(scene, path, cube_map, *given)
-    made = []
+    casters = []
 
     def caster():
-        made.append(scene.make_caster(settings.caster))
-        return made[0]
+        casters.append(scene.make_caster(settings.caster))
+        return casters[0]
 
     parts = (lamps, world, camera, source, origin)
     try:
@@ -102,13 +103,13 @@ def bake_steps(
 
             def relayed():
                 # Threaded rays are cast where the work is, and a stop waits for a part of them.
-                found = calls.call(caster)
-                return found if found.threads > 1 else RelayCaster(found, calls, pace)
+                plain = calls.call(caster)
+                return plain if plain.threads > 1 else RelayCaster(plain, calls, pace)
 
             work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
             return (yield from steps_in_thread(work, calls, "scene"))
     finally:
-        for item in made:
+        for item in casters:
             item.close()
 
 

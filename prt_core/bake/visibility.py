@@ -175,13 +175,13 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     for turn in range(len(_TURNS) + 2):
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)
-        found = yield from certificate_steps(
+        attributes = yield from certificate_steps(
             scene, cube_map, caster, sampled, lights, drawn, turn,
             pace=rays, groups=groups, wanted=poor,
         )  # fmt: skip
         spent["certificate"] += time.perf_counter() - start
         # What a group has passed it need not pass again: only the others are asked again.
-        errors.update(zip(poor, found, strict=True))
+        errors.update(zip(poor, attributes, strict=True))
         poor = [number for number in poor if errors[number].worst > settings.tolerance]
         if not poor or turn > len(_TURNS):
             break
@@ -197,19 +197,23 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
         spent["visibility"] += time.perf_counter() - start
     start = time.perf_counter()
     arrays = sampled.bits, sampled.traced
-    for made, array in zip(_sample_arrays(store, sampled.bits.shape), arrays, strict=True):
+    for targets, array in zip(_sample_arrays(store, sampled.bits.shape), arrays, strict=True):
         parts = blocks(len(array))
         for first in range(0, len(parts), _TOGETHER):
-            some = parts[first : first + _TOGETHER]
-            on_all_cores(lambda block, to=made, of=array: to.__setitem__(block, of[block]), some)
-            yield Progress("store", some[-1].stop, len(array))
+            together = parts[first : first + _TOGETHER]
+            on_all_cores(
+                lambda block, to=targets, of=array: to.__setitem__(block, of[block]), together
+            )
+            yield Progress("store", together[-1].stop, len(array))
     if dense is not None:
         store.write(DENSE, dense.points.astype(np.int32))
     spent["store"] = time.perf_counter() - start
     for stage, value in spent.items():
         add_seconds(seconds, stage, value)
-    found = _attributes(scene, cube_map, method, sampled, list(errors.values()), turn, settings)
-    return found if dense is None else {**found, "dense": len(dense.points)}
+    attributes = _attributes(
+        scene, cube_map, method, sampled, list(errors.values()), turn, settings
+    )
+    return attributes if dense is None else {**attributes, "dense": len(dense.points)}
 
 
 def _small_groups(group, cube_map):

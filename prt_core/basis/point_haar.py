@@ -137,11 +137,11 @@ def _tree_order(features, depth):
         # All nodes of a level at once, then the last one, if it has fewer leaves.
         for nodes in (order[:whole].reshape(-1, 1 << level), order[None, whole:]):
             if nodes.shape[1] > 1 << (level - 1):
-                some = features[nodes]
-                some -= some.mean(axis=1, keepdims=True)
-                axes = np.linalg.eigh(some.swapaxes(1, 2) @ some)[1][:, :, -1:]
+                node_features = features[nodes]
+                node_features -= node_features.mean(axis=1, keepdims=True)
+                axes = np.linalg.eigh(node_features.swapaxes(1, 2) @ node_features)[1][:, :, -1:]
                 largest = np.abs(axes).argmax(axis=1)[:, None]
                 axes *= np.sign(np.take_along_axis(axes, largest, axis=1))
-                along = (some @ axes)[:, :, 0]
+                along = (node_features @ axes)[:, :, 0]
                 nodes[:] = np.take_along_axis(nodes, along.argsort(axis=1, kind="stable"), axis=1)
     return order

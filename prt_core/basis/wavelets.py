@@ -184,15 +184,15 @@ def step_matrices(n, wavelet):
 def _bands(n, wavelet, inverse, kind):
     """A step matrix in bands: (slice of results, samples they are made from, matrix)."""
     whole = step_matrices(n, wavelet)[inverse].astype(kind)
-    found = []
+    bands = []
     for first in range(0, n, _TOGETHER):
         rows = slice(first, first + _TOGETHER)
         used = np.flatnonzero(whole[rows].any(axis=0))
         samples = used
         if used[-1] - used[0] == len(used) - 1:
             samples = slice(int(used[0]), int(used[-1]) + 1)
-        found.append((rows, samples, np.ascontiguousarray(whole[rows, samples])))
-    return found
+        bands.append((rows, samples, np.ascontiguousarray(whole[rows, samples])))
+    return bands
 
 
 @lru_cache(maxsize=64)

@@ -13,7 +13,8 @@ from prt_core.blender.materials import linked_to
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
-from prt_core.runtime.progress import in_thread, run
+from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.progress import run
 from prt_core.sphere import rotation_matrix
 
 _MOST_MAPS = 4

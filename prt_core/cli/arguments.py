@@ -1,6 +1,7 @@
 """What several commands take, and what is refused before any work."""
 
 import argparse
+import sys
 
 from prt_core.compress import candidate_names, method_names
 from prt_core.errors import expect
@@ -26,10 +27,10 @@ def expect_used(options, needed):
     needed : dict of str -> (tuple of str, str)
         For an option those of which one must be given as well, and how they are called.
     """
-    for name, (others, told) in needed.items():
+    for name, (others, reason) in needed.items():
         given = getattr(options, name) not in (None, False)
         used = any(getattr(options, other) not in (None, False) for other in others)
-        expect(not given or used, f"--{name.replace('_', '-')}: changes nothing without {told}")
+        expect(not given or used, f"--{name.replace('_', '-')}: changes nothing without {reason}")
 
 
 def caster_argument(parser):
@@ -47,10 +48,25 @@ def methods_help():
     return f"{', '.join(tried)}; by name alone {', '.join(others)}; settings as NAME:key=value,…"
 
 
-def transport_argument(parser):
+class _Renamed(argparse.Action):
+    """Stores what an option is given; by its old name it warns."""
+
+    def __init__(self, option_strings, dest, old, **keywords):
+        super().__init__(option_strings, dest, **keywords)
+        self._old = old
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        """See `argparse.Action`."""
+        if option_string == self._old:
+            print(f"{option_string} is {self.option_strings[0]} now", file=sys.stderr)
+        setattr(namespace, self.dest, values)
+
+
+def form_argument(parser):
     """Add `--form`."""
     parser.add_argument(
-        "--form", default="auto", choices=("auto", "exact", "compressed"),
+        "--form", "--transport", action=_Renamed, old="--transport", default="auto",
+        choices=("auto", "exact", "compressed"),
         help="what distant light is relit from; auto: the compressed form where it is fresh",
     )  # fmt: skip
 

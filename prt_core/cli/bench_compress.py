@@ -62,14 +62,14 @@ def _bench_compress(options):
         images = images_named(options.light, every=True)
         name, bake = _baked(options, Path(folder), bar)
         lights = turned(images, options.rotate, bake.cube_map)
-        made = {}
+        evaluators = {}
         steps = bench_compress_steps(
-            bake, name, options.methods, lights, options.budgets, options.seed, made
+            bake, name, options.methods, lights, options.budgets, options.seed, evaluators
         )
         rows = run(steps, bar)
         caster = bake.make_caster()
         first = next(iter(lights.items()))
-        report = compress_report(bake, caster, rows, made, *first, len(lights))
+        report = compress_report(bake, caster, rows, evaluators, *first, len(lights))
         caster.close()
         page = write_report(options.output, report)
     return show_bench(options, rows, _print_rows, page, images)

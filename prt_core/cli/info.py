@@ -57,8 +57,8 @@ def _lines(path, bake, store):
     attributes = compressed_attributes(store)
     if attributes:
         try:
-            found, why = load_compressed(bake)
+            form, why = load_compressed(bake)
         except PRTError as error:
-            found, why = None, str(error)
-        yield "compressed:" if found else f"compressed (not used: {why}):"
+            form, why = None, str(error)
+        yield "compressed:" if form else f"compressed (not used: {why}):"
         yield from compressed_lines(attributes)

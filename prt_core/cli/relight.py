@@ -13,8 +13,8 @@ from prt_core.cli.arguments import (
     bounces,
     caster_argument,
     expect_used,
+    form_argument,
     size,
-    transport_argument,
 )
 from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
@@ -80,7 +80,7 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
-    transport_argument(relight)
+    form_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
 
@@ -104,7 +104,7 @@ def _relight(options):
         return _relight_turn(baked, lighting, options)
     _bpy_for(options)
     start = time.perf_counter()
-    relighter, of = Relighter(baked, options.caster, options.transport), _of(options)
+    relighter, of = Relighter(baked, options.caster, options.form), _of(options)
     try:
         radiance = relighter.radiance(lighting, of=of)
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
@@ -149,11 +149,11 @@ def _expect_request(options):
     _fill_in(options)
     lighting = _lighting(options)
     expect(
-        options.transport == "auto" or options.light is not None,
+        options.form == "auto" or options.light is not None,
         "--form: lamps are always exact; it changes nothing without --light",
     )
     expect(
-        not options.progressive or options.transport != "exact",
+        not options.progressive or options.form != "exact",
         "--progressive: adds to a compressed form; leave out --form exact",
     )
     expect(
@@ -241,8 +241,8 @@ def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
     _bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
-    transport = "compressed" if options.progressive else options.transport
-    relighter = Relighter(baked, options.caster, transport, options.progressive)
+    form = "compressed" if options.progressive else options.form
+    relighter = Relighter(baked, options.caster, form, options.progressive)
     of = _of(options)
     pictures = PictureWriter(baked, options.size, options.caster)
     start, spent = time.perf_counter(), []
@@ -363,5 +363,5 @@ def _differs(baked):
     for mesh in meshes:
         item = baked_as.get(mesh.name, mesh)
         mesh.receives, mesh.two_sided = item.receives, item.two_sided
-    found = changes(baked.source, mesh_digests(meshes))
-    return "" if found.fresh else str(found)
+    differences = changes(baked.source, mesh_digests(meshes))
+    return "" if differences.fresh else str(differences)

@@ -17,7 +17,7 @@ from prt_core.compress.clusters import (
     PCA,
     BlockPCA,
     ClusteredPCA,
-    ClusterRelighter,
+    ClusterEvaluator,
     SparseClusteredPCA,
     VectorQuantisation,
     border_pairs,
@@ -28,12 +28,13 @@ from prt_core.compress.harmonics import Harmonics, Irradiance
 from prt_core.compress.rows import ArrayRows, RowCode, Rows, SomeRows, TransportRows
 from prt_core.compress.rows.image_rows import ImageRows
 from prt_core.compress.wavelets import HaarLighting, IncrementalLighting, Wavelet4D
+from prt_core.runtime.renamed import renamed_names
 
 __all__ = [
     "PCA",
     "ArrayRows",
     "BlockPCA",
-    "ClusterRelighter",
+    "ClusterEvaluator",
     "ClusteredPCA",
     "Compressor",
     "HaarLighting",
@@ -62,3 +63,11 @@ __all__ = [
     "register_method",
     "seam",
 ]
+
+__getattr__ = renamed_names(
+    __name__,
+    {
+        "method_asked": (f"{__name__}.method_from_text", method_from_text),
+        "ClusterRelighter": (f"{__name__}.ClusterEvaluator", ClusterEvaluator),
+    },
+)

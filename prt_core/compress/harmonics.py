@@ -87,8 +87,8 @@ class Harmonics(Compressor):
         result = np.empty((len(points), self.n_outputs_), np.float32)
         integrals = self._integrals.astype(np.float32)
         for part in pieces(len(points)):
-            some = self.coefficients_[points[part]]
-            result[part] = np.einsum("nko,nk->no", some, integrals[columns[part]])
+            coefficients = self.coefficients_[points[part]]
+            result[part] = np.einsum("nko,nk->no", coefficients, integrals[columns[part]])
         return result
 
     def _state(self):

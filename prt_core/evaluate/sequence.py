@@ -22,9 +22,11 @@ from prt_core.runtime.files import written
 def frame_path(pattern, frame):
     """The path of one frame: `####` in the pattern is its number, else it is put before the dot."""
     path, frame = expect_path("frames", pattern), expect_whole("frame", frame, -(10**9), 10**9)
-    found = re.search("#+", path.name)
-    if found:
-        name = path.name[: found.start()] + f"{frame:0{len(found[0])}d}" + path.name[found.end() :]
+    digits = re.search("#+", path.name)
+    if digits:
+        name = (
+            path.name[: digits.start()] + f"{frame:0{len(digits[0])}d}" + path.name[digits.end() :]
+        )
     else:
         name = f"{path.stem}_{frame:04d}{path.suffix}"
     return path.with_name(name)

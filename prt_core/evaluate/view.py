@@ -61,11 +61,11 @@ class CameraRays:
         for first in range(0, len(directions), _BATCH):
             part = slice(first, first + _BATCH)
             ways = self.directions[part]
-            found = caster.intersect(np.broadcast_to(origin, ways.shape), ways)
-            hit = np.flatnonzero(found.triangle >= 0)
-            triangle = found.triangle[hit]
+            hits = caster.intersect(np.broadcast_to(origin, ways.shape), ways)
+            hit = np.flatnonzero(hits.triangle >= 0)
+            triangle = hits.triangle[hit]
             back = (ways[hit] * scene.triangle_normals[triangle]).sum(axis=1) > 0
-            around, weights = scene.hit_points(triangle, found.barycentric[hit], back)
+            around, weights = scene.hit_points(triangle, hits.barycentric[hit], back)
             self.points[first + hit], self.weights[first + hit] = around, weights
             self.hit[first + hit] = True
 

@@ -115,8 +115,10 @@ def split_sun(environment, rotation=None, strength=1.0):
     rows, columns = np.nonzero(bright)
     above = np.maximum(pixels[bright].astype(np.float64) - rest[bright], 0) * strength
     # Rounding leaves nothing of those that are hardly above.
-    some = above.any(axis=1)
-    if not some.any():
+    bright_rows = above.any(axis=1)
+    if not bright_rows.any():
         return environment, None
-    sun = BrightPixels(rows[some], columns[some], (height, width), above[some], turn)
+    sun = BrightPixels(
+        rows[bright_rows], columns[bright_rows], (height, width), above[bright_rows], turn
+    )
     return EnvironmentMap(rest, environment.name, environment.notes), sun

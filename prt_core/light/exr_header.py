@@ -135,7 +135,7 @@ def _headers(data):
 
 def _attributes(data, at):
     """{name: bytes} up to the zero byte that ends a header, and where that is."""
-    found = {}
+    attributes = {}
     while data[at]:
         name, at = _text(data, at)
         _, at = _text(data, at)
@@ -143,9 +143,9 @@ def _attributes(data, at):
         at += 4
         if at + length > len(data):
             raise ValueError(name)
-        found[name] = data[at : at + length]
+        attributes[name] = data[at : at + length]
         at += length
-    return found, at + 1
+    return attributes, at + 1
 
 
 def _text(data, at):
@@ -180,15 +180,15 @@ def _part(attributes, version):
 
 
 def _channels(data):
-    at, found = 0, {}
+    at, channels = 0, {}
     while data[at]:
         name, at = _text(data, at)
         kind, x, y = struct.unpack_from("<i4xii", data, at)
         if x < 1 or y < 1:
             raise ValueError(name)
-        found[name] = kind, x, y
+        channels[name] = kind, x, y
         at += 16
-    return found
+    return channels
 
 
 def _tables(parts, at):

@@ -144,26 +144,26 @@ def main_layer(path, parts):
         No colour, or several layers of which none is called as the main one would be.
     """
     for wanted in (_RGB, (_GREY,) * 3):
-        found = [
+        layers = [
             (index, [prefix + name for name in wanted], _label(part, len(parts) > 1, prefix))
             for index, part in enumerate(parts)
             for prefix in dict.fromkeys(_prefix(name) for name in part.channels)
             if all(prefix + name in part.channels for name in wanted)
         ]
-        if found:
+        if layers:
             break
     names = [name for part in parts for name in part.channels]
-    expect(found, f"{path}: no R, G, B or Y channels; it has {', '.join(names) or 'none'}")
-    main = [item for item in found if item[2].rpartition(".")[2].lower() in _MAIN]
+    expect(layers, f"{path}: no R, G, B or Y channels; it has {', '.join(names) or 'none'}")
+    main = [item for item in layers if item[2].rpartition(".")[2].lower() in _MAIN]
     # Plain channels go before any layer.
     main.sort(key=lambda item: item[2] != "")
-    labels = [label or "R, G, B" for *_, label in found]
+    labels = [label or "R, G, B" for *_, label in layers]
     expect(
-        main or len(found) == 1,
+        main or len(layers) == 1,
         f"{path}: has the layers {_listed(labels)}, and none is called Combined or main; save the "
         "one that is meant alone",
     )
-    index, channels, label = (main or found)[0]
+    index, channels, label = (main or layers)[0]
     return index, channels, label, [other for other in labels if other != (label or "R, G, B")]
 
 
@@ -181,8 +181,10 @@ def _label(part, several, prefix):
 
 
 def _listed(labels):
-    some = ", ".join(labels[:_MOST_NAMES])
-    return some + (f" and {len(labels) - _MOST_NAMES} more" if len(labels) > _MOST_NAMES else "")
+    first_names = ", ".join(labels[:_MOST_NAMES])
+    return first_names + (
+        f" and {len(labels) - _MOST_NAMES} more" if len(labels) > _MOST_NAMES else ""
+    )
 
 
 def _read_exr(path):

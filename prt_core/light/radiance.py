@@ -53,22 +53,22 @@ def read_radiance(path):
         form == "32-bit_rle_rgbe",
         f"{path}: its format '{form}' is not understood; convert it with 'ra_xyze -r' to RGB",
     )
-    found = _SIZE.fullmatch(head[end + 2 : last].strip())
-    if not found:
+    dimensions = _SIZE.fullmatch(head[end + 2 : last].strip())
+    if not dimensions:
         raise PRTError(
             f"{path}: its orientation '{head[end + 2 : last].decode('ascii', 'replace')[:40]}' is "
             "not understood; turn it to '-Y height +X width' with 'pflip' or 'protate'"
         )
-    height, width = int(found[2]), int(found[4])
+    height, width = int(dimensions[2]), int(dimensions[4])
     expect(height > 0 and width > 0, f"{path}: the image has no pixels")
     expect_memory(str(path), 40.0 * height * width, "scale it down")
     coded = _decoded(path, data[last + 1 :], height, width)
     scale = np.ldexp(np.float32(1), coded[..., 3].astype(np.int32) - 136)
     scale[coded[..., 3] == 0] = 0
     pixels = coded[..., :3] * scale[..., None].astype(np.float32)
-    if found[1] == b"+":
+    if dimensions[1] == b"+":
         pixels = pixels[::-1]
-    if found[3] == b"-":
+    if dimensions[3] == b"-":
         pixels = pixels[:, ::-1]
     notes = [
         f"{path}: its {name} {value} is not applied, as in Blender"

@@ -59,13 +59,13 @@ class TurningLight:
         hot, rest = order[:_HOT], order[_HOT:]
         parts = self.cube_map.n_directions, _HOT_SAMPLES
         directions, area, pixel = pixel_parts(rows[hot], columns[hot], shape, *parts)
-        found = [(directions.T.astype(np.float32), area[:, None] * values[hot][pixel])]
+        suns = [(directions.T.astype(np.float32), area[:, None] * values[hot][pixel])]
         if len(rest):
             directions, sums = self._coarse(
                 _BRIGHT, (rows[rest], columns[rest], shape, values[rest])
             )
-            found.append((directions, sums[:, :3]))
-        directions, sums = zip(*found, strict=True)
+            suns.append((directions, sums[:, :3]))
+        directions, sums = zip(*suns, strict=True)
         return np.hstack(directions), np.concatenate(sums)
 
     def _onto(self, matrix, directions, values):

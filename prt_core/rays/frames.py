@@ -74,8 +74,8 @@ def precision_frames(vertices, triangles, triangle_object):
         edge, np.minimum(_EDGES * edge, _OF_OBJECT * _extents(low, high, triangle_object))
     )
 
-    def home(centre, some):
-        return np.abs(middle[some] - centre).max(axis=1) <= _REACH * feature[some]
+    def home(centre, part):
+        return np.abs(middle[part] - centre).max(axis=1) <= _REACH * feature[part]
 
     everything = np.arange(len(triangles))
     served = home(0.0, everything)
@@ -159,12 +159,12 @@ class FramedCaster:
             rays, starts = part.rays(origins, directions, np.arange(n_rays))
             if not len(rays):
                 continue
-            found = part.caster.intersect(starts, directions[rays])
-            nearer = found.distance < nearest.distance[rays]
-            rays, found = rays[nearer], found[nearer]
-            nearest.triangle[rays] = part.triangles[found.triangle]
-            nearest.barycentric[rays] = found.barycentric
-            nearest.distance[rays] = found.distance
+            hits = part.caster.intersect(starts, directions[rays])
+            nearer = hits.distance < nearest.distance[rays]
+            rays, hits = rays[nearer], hits[nearer]
+            nearest.triangle[rays] = part.triangles[hits.triangle]
+            nearest.barycentric[rays] = hits.barycentric
+            nearest.distance[rays] = hits.distance
         return nearest
 
     def close(self):
@@ -183,14 +183,14 @@ class _Part:
         spare = 1e-6 * (np.abs(low) + np.abs(high) + (high - low).max())
         self._low, self._high = low - spare, high + spare
 
-    def rays(self, origins, directions, some):
+    def rays(self, origins, directions, subset):
         """Those of some rays that meet the box, and where they start in this frame, float32."""
-        starts = origins[some] - self.centre
+        starts = origins[subset] - self.centre
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = 1 / directions[some].astype(np.float64)
+            inverse = 1 / directions[subset].astype(np.float64)
             ends = np.stack([(self._low - starts) * inverse, (self._high - starts) * inverse])
         # 0 / 0: a ray within the face of the box, along it.
         near = np.nan_to_num(ends.min(axis=0), nan=-np.inf).max(axis=1)
         far = np.nan_to_num(ends.max(axis=0), nan=np.inf).min(axis=1)
         meets = (far >= 0) & (near <= far)
-        return some[meets], starts[meets].astype(np.float32)
+        return subset[meets], starts[meets].astype(np.float32)

@@ -6,7 +6,8 @@ from concurrent.futures import wait
 import numpy as np
 
 from prt_core.rays.caster import Hits
-from prt_core.runtime.progress import MainThreadCalls, Pace
+from prt_core.runtime.main_thread import MainThreadCalls
+from prt_core.runtime.progress import Pace
 from prt_core.runtime.threads import on_all_cores, started, works_alone
 
 _FEWEST = 1 << 15

@@ -123,10 +123,10 @@ class EmittedLight:
         wanted = {name: how for name, *how in lighting.emission}
         rest = wanted.pop(OTHERS, [None, 1.0])
         unknown = [name for name in wanted if name not in names]
-        there = f"it has {', '.join(names)}" if names else "nothing in it emits light"
+        names_text = f"it has {', '.join(names)}" if names else "nothing in it emits light"
         expect(
             not unknown,
-            f"emission: the bake has no emitter {', '.join(map(repr, unknown))}; {there}",
+            f"emission: the bake has no emitter {', '.join(map(repr, unknown))}; {known}",
         )
         settings = [wanted.get(name, rest) for name in names]
         if not any(factor > 0 for _, factor in settings):
@@ -151,8 +151,8 @@ class EmittedLight:
         for light, (colour, factor) in zip(values, settings, strict=True):
             if factor > 0:
                 own, white = light[:, :3], light[:, 3:]
-                some = own if colour is None else white * np.float32(colour)
-                total += some * np.float32(factor)
+                shone = own if colour is None else white * np.float32(colour)
+                total += shone * np.float32(factor)
         return total if stored else transport.with_bounces(total, bounces)
 
     def _sent(self, settings):
@@ -163,7 +163,7 @@ class EmittedLight:
         sent = own * factor[:, None]
         for index, (colour, factor) in enumerate(settings):
             if colour is not None:
-                mine = points.emitter == index
-                value = own[mine].max(axis=1, keepdims=True)
-                sent[mine] = value * np.float32(colour) * np.float32(factor)
+                belongs = points.emitter == index
+                value = own[belongs].max(axis=1, keepdims=True)
+                sent[belongs] = value * np.float32(colour) * np.float32(factor)
         return sent

@@ -76,7 +76,7 @@ class Environments:
             What `read` returns.
         lighting : Lighting
             How it is turned, and whether its sun is left out.
-        quick : object, optional
+        evaluator : object, optional
             What relights a compressed form.
 
         Returns

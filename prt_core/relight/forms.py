@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from prt_core.compress import HaarLighting, IncrementalLighting, method_named, method_names
 from prt_core.compress.subject import Subject
 from prt_core.errors import PRTError, expect, system_errors
+from prt_core.runtime.renamed import renamed
 from prt_core.store import AGAIN, BakeStore, compressed_attributes, damage_as_error, read_compressed
 
 
@@ -30,6 +31,8 @@ class CompressedForm:
         """What it holds: "points" or "image"."""
         return self.attributes.get("of", "points")
 
+    facts = renamed("facts", "attributes")
+
     def evaluator(self, subject):
         """What gives its `product(light)` quickest, with all bounces; `subject`: what it is of."""
         return method_named(self.method).evaluator(self.model, subject.read_bits)
@@ -40,7 +43,7 @@ def load_compressed(bake):
 
     Returns
     -------
-    Compressed or None, str
+    CompressedForm or None, str
         None where there is none or it is of another bake: the string says so.
 
     Raises
@@ -104,15 +107,15 @@ class FormInUse:
         return self._form is not None
 
     def read(self):
-        """The `Compressed` form, or None: then `why` says why not."""
+        """The `CompressedForm`, or None: then `why` says why not."""
         transport = self._bake.transport
         # Materials may be replaced after the bake: then the form is of another one.
         if self._form is None or (
             self._form[0] is not None and self._form[2] is not transport.albedo
         ):
-            found, self.why = load_compressed(self._bake)
-            evaluator = None if found is None else self._evaluator_of(found)
-            self._form = found, evaluator, transport.albedo
+            form, self.why = load_compressed(self._bake)
+            evaluator = None if form is None else self._evaluator_of(form)
+            self._form = form, evaluator, transport.albedo
         return self._form[0]
 
     def _evaluator_of(self, form):
@@ -125,12 +128,12 @@ class FormInUse:
         )
         return IncrementalLighting(form.model)
 
-    def evaluator(self, transport, bounces, of="points"):
+    def evaluator(self, form, bounces, of="points"):
         """What relights it; None where the exact way is to be taken.
 
         Parameters
         ----------
-        transport : {"auto", "compressed"}
+        form : {"auto", "compressed"}
             Whether the exact way may be taken.
         bounces
             As `Relighter` takes them.
@@ -138,22 +141,22 @@ class FormInUse:
             What is to be shown. A form of points shows the image as well.
         """
         try:
-            found = self.read()
+            loaded = self.read()
         except PRTError as error:
-            if transport == "compressed":
+            if form == "compressed":
                 raise
-            found, self.why = None, str(error)
+            loaded, self.why = None, str(error)
             self._form = None, None, self._bake.transport.albedo
         applies = bounces in ("baked", self._bake.transport.bounces)
-        if found is not None and not applies:
-            found, self.why = None, f"it holds the bounces of the bake, not {bounces}"
-        if found is not None and found.of not in (of, "points"):
-            found, self.why = None, f"it is of the {found.of}, not of the {of}"
+        if loaded is not None and not applies:
+            loaded, self.why = None, f"it holds the bounces of the bake, not {bounces}"
+        if loaded is not None and loaded.of not in (of, "points"):
+            loaded, self.why = None, f"it is of the {loaded.of}, not of the {of}"
         expect(
-            found is not None or transport != "compressed",
-            f"transport: the compressed form cannot be used: {self.why}",
+            loaded is not None or form != "compressed",
+            f"form: the compressed form cannot be used: {self.why}",
         )
-        if found is None:
+        if loaded is None:
             return None
         self.why = ""
         return self._form[1]

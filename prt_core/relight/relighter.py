@@ -19,7 +19,9 @@ from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps
 from prt_core.relight.lighting import Lighting, lighting_of
-from prt_core.runtime.progress import maybe_in_thread, run
+from prt_core.runtime.main_thread import maybe_in_thread
+from prt_core.runtime.progress import run
+from prt_core.runtime.renamed import renamed, renamed_keyword
 
 FORMS = ("auto", "exact", "compressed")
 
@@ -36,7 +38,7 @@ class Relighter:
     bake : Bake
     caster : str
         For the shadow rays of lamps and sharp suns; made when first needed.
-    transport : {"auto", "exact", "compressed"}
+    form : {"auto", "exact", "compressed"}
         What light from far away is multiplied with. `auto`: the compressed form where the bake
         has one that is its own and the bounces are those of the bake, else the bake itself.
     progressive : bool
@@ -54,19 +56,20 @@ class Relighter:
         What is to be said of the image last read (see `read_picture`).
     """
 
+    @renamed_keyword(transport="form")
     def __init__(self, bake, caster="auto", form="auto", progressive=False):
         # A `Bake`; that module is on a floor above this one.
         parts = "scene", "transport", "make_caster"
         expect_offers("bake", bake, parts, "what `load` returns")
-        self.bake, self.transport = bake, expect_one_of("transport", transport, FORMS)
+        self.bake, self.form = bake, expect_one_of("form", form, FORMS)
         expect_kind("caster", caster, str, "the name of one")
         self.used, self.notes = "exact", ()
-        self._form = FormInUse(bake, expect_flag("progressive", progressive))
+        self._compressed = FormInUse(bake, expect_flag("progressive", progressive))
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
         self._emitted = EmittedLight(bake)
 
-    def relight(self, light=None, *, of="points", **keywords):
+    def radiance(self, light=None, *, of="points", **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
 
         Parameters
@@ -78,6 +81,8 @@ class Relighter:
             The other fields of `Lighting`.
         """
         return run(self.steps(lighting_of(light, **keywords), of=of))
+
+    relight = renamed("relight", "radiance")
 
     def steps(self, lighting, pace=None, of="points"):
         """Relight, as a generator of `Progress`.
@@ -105,10 +110,10 @@ class Relighter:
         light = yield from maybe_in_thread(apart, "image", self._environments.read, lighting)
         self.notes = getattr(light, "notes", ())
         evaluator = None
-        if light is not None and self.transport != "exact":
-            unread, work = pace and not self._form.is_read, (self.transport, lighting.bounces, of)
+        if light is not None and self.form != "exact":
+            unread, work = pace and not self._compressed.is_read, (self.form, lighting.bounces, of)
             evaluator = yield from maybe_in_thread(
-                unread, "compressed form", self._form.evaluator, *work
+                unread, "compressed form", self._compressed.evaluator, *work
             )
         self.used = "exact" if evaluator is None else "compressed"
         work = (self._environments.distant, light, lighting, evaluator)
@@ -123,7 +128,7 @@ class Relighter:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
         radiance = None
         if evaluator is not None:
-            own = self._form.read().of == of
+            own = self._compressed.read().of == of
             radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
         if parts or (evaluator is None and emitted is None):
             work = (self._with_bounces, parts, factors, lighting.bounces)
@@ -150,13 +155,13 @@ class Relighter:
         return self._environments.sky(lighting)
 
     def compressed(self):
-        """The `Compressed` form that would be used, or None: then `why` says why not."""
-        return self._form.read()
+        """The `CompressedForm` that would be used, or None: then `why` says why not."""
+        return self._compressed.read()
 
     @property
     def why(self):
         """Why `auto` did not use a compressed form; empty where it did."""
-        return self._form.why
+        return self._compressed.why
 
     def _with_bounces(self, parts, factors, bounces):
         total = np.zeros((self.bake.transport.n_points, 3), np.float32)
@@ -166,7 +171,7 @@ class Relighter:
 
     def close(self):
         """Let go of everything."""
-        for part in (self._environments, self._lamps, self._emitted, self._form):
+        for part in (self._environments, self._lamps, self._emitted, self._compressed):
             part.close()
 
 

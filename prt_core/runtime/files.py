@@ -62,7 +62,7 @@ def new_folder(path):
         raise
 
 
-def expect_output(name, path, suffix, folder=False, made=False):
+def expect_output(name, path, suffix, folder=False, create=False):
     """Refuse, before the work, a path that cannot be written to afterwards.
 
     Parameters
@@ -74,7 +74,7 @@ def expect_output(name, path, suffix, folder=False, made=False):
         Such as ".npz", or those that there are; None: any.
     folder : bool
         Whether a folder is to be made there instead of a file.
-    made : bool
+    create : bool
         Whether folders on the way are made where they are missing; else they must be there.
 
     Returns
@@ -95,7 +95,7 @@ def expect_output(name, path, suffix, folder=False, made=False):
     )
     with system_errors(path):
         home = path.parent
-        expect(made or home.exists(), f"{path}: there is no folder '{home}'; make it first")
+        expect(create or home.exists(), f"{path}: there is no folder '{home}'; make it first")
         while not home.exists():
             home = home.parent
         if folder:

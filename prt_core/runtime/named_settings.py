@@ -59,5 +59,5 @@ def expect_settings(name, given, known):
     """Raise `PRTError` unless all settings `given` to the method `name` are among those `known`."""
     wrong = [key for key in given if key not in known]
     if wrong:
-        told = f"has the settings {', '.join(known)}" if known else "has no settings"
-        raise PRTError(f"method: '{name}' {told}; got {shown(wrong[0])}")
+        offers = f"has the settings {', '.join(known)}" if known else "has no settings"
+        raise PRTError(f"method: '{name}' {offers}; got {shown(wrong[0])}")

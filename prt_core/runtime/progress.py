@@ -1,15 +1,10 @@
 """Long work is a generator that yields `Progress` and returns its result; closing it cancels."""
 
-import queue
-import threading
 import time
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 from prt_core.errors import expect, expect_offers, shown
 
-# How long work in a thread lets its caller wait at most.
-_POLL = 0.02
 # Seconds that a stop may have to wait for threads.
 STOP = 0.1
 
@@ -80,112 +75,3 @@ class Pace:
             spent = time.perf_counter() - self._began if spent is None else spent
             wanted = self._count * self.seconds / max(spent, 1e-6)
             self._units = max(min(max(wanted, self._units / 4), self._units * 2), self._fewest)
-
-
-def in_thread(stage, function, *arguments):
-    """Run pure numpy work in a thread, as a generator of `Progress` that returns its result.
-
-    For single calls that take long and cannot be cut; `function` must not touch Blender's data.
-    """
-    (result,) = yield from each_in_thread(stage, (function, *arguments))
-    return result
-
-
-def each_in_thread(stage, *calls):
-    """`in_thread` for several calls at once, each in a thread of its own; returns their results.
-
-    Parameters
-    ----------
-    stage : str
-    *calls : tuple
-        Of a function and its arguments.
-    """
-    with ThreadPoolExecutor(len(calls)) as pool:
-        futures = [pool.submit(*call) for call in calls]
-        while wait(futures, _POLL).not_done:
-            yield Progress(stage, 0, 0)
-        return [future.result() for future in futures]
-
-
-def maybe_in_thread(allowed, stage, function, *arguments):
-    """`in_thread` where that is allowed, else at once; returns the result."""
-    if allowed:
-        return (yield from in_thread(stage, function, *arguments))
-    return function(*arguments)
-
-
-class _Stopped(BaseException):
-    """The caller of work in a thread wants no more of it."""
-
-
-class MainThreadCalls:
-    """What work in a thread has done by the thread that drives it (see `steps_in_thread`)."""
-
-    def __init__(self):
-        self._asked, self._stopped = queue.SimpleQueue(), False
-        self._lock = threading.Lock()
-
-    def call(self, function, *arguments):
-        """The result of a function that is called in the driving thread; waits for it."""
-        call = Future()
-        with self._lock:
-            if self._stopped:
-                raise _Stopped
-            self._asked.put((call, function, arguments))
-        return call.result()
-
-    def wake(self):
-        """End the wait of `serve`."""
-        self._asked.put((Future(), int, ()))
-
-    def serve(self, timeout):
-        """Wait for a call, `timeout` seconds at most, and do it."""
-        try:
-            call, function, arguments = self._asked.get(timeout=timeout)
-        except queue.Empty:
-            return
-        try:
-            call.set_result(function(*arguments))
-        except BaseException as error:
-            call.set_exception(error)
-
-    def stop(self):
-        """Nothing is done any more; who waits for a call is told so."""
-        with self._lock:
-            self._stopped = True
-        while not self._asked.empty():
-            self._asked.get()[0].set_exception(_Stopped())
-
-
-def steps_in_thread(steps, calls, stage):
-    """Drive a generator in a thread of its own; the same `Progress`, or less of it, and result.
-
-    Closing it ends `steps` at its next step, and waits for that.
-
-    Parameters
-    ----------
-    steps : generator of Progress
-        Must not touch what belongs to the caller's thread, but by `calls`.
-    calls : MainThreadCalls
-    stage : str
-        Of the first `Progress`.
-    """
-    latest, stopped = [Progress(stage, 0, 0)], threading.Event()
-
-    def note(progress):
-        latest[0] = progress
-        if stopped.is_set():
-            raise _Stopped
-
-    with ThreadPoolExecutor(1) as pool:
-        future = pool.submit(run, steps, note)
-        # So that the end of the work wakes the caller as a call does.
-        future.add_done_callback(lambda _: calls.wake())
-        try:
-            while not future.done():
-                calls.serve(_POLL)
-                yield latest[0]
-        finally:
-            stopped.set()
-            calls.stop()
-        return future.result()

@@ -93,10 +93,10 @@ class AngularGrid:
         values = unpack(bits, self.cube_map.n_directions, np.uint8)[:, self.grid]
         # Packed along the points, so that one row of bytes serves eight of them.
         rows = np.packbits(np.ascontiguousarray(values.T), axis=1)
-        found = rows[self.neighbours[:, 0]]
+        near = rows[self.neighbours[:, 0]]
         for column in self.neighbours.T[1:]:
-            found |= rows[column]
-        spread = np.unpackbits(found, axis=1, count=len(values)).T
+            near |= rows[column]
+        spread = np.unpackbits(near, axis=1, count=len(values)).T
         return np.packbits(spread, axis=1, bitorder="little")
 
 

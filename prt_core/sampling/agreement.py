@@ -119,8 +119,8 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     Returns
     -------
     Sampled
-        `attributes`: levels (points of each), open_points, open_entries, hemisphere_entries, and the
-        entries traced by reason: first, disagree, check, follow, rest; given_up (points that
+        `attributes`: levels (points of each), open_points, open_entries, hemisphere_entries, and
+        the entries traced by reason: first, disagree, check, follow, rest; given_up (points that
         were traced whole because neighbours know nothing of them).
     """
     settings = AgreementSettings() if settings is None else settings
@@ -154,9 +154,9 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     known = np.union1d(known, whole)
     details = ordered[(is_detail & ~work.open & ~work.given_up)[ordered]]
     careful = replace(settings, **_FOR_DETAILS)
-    for turn, some in enumerate(_interleaved(details)):
-        yield from work.ask(some, known, careful, careful.edge_halvings, (_DETAILS + turn,))
-        known = np.concatenate([known, some])
+    for turn, level_points in enumerate(_interleaved(details)):
+        yield from work.ask(level_points, known, careful, careful.edge_halvings, (_DETAILS + turn,))
+        known = np.concatenate([known, level_points])
     most = settings.look_neighbours
     look = replace(settings, neighbours=most, candidates=most, checks=0)
     for turn in range(settings.looks):
@@ -230,7 +230,7 @@ def trace_rest(scene, cube_map, caster, sampled, points, tally=None, pace=None):
 
 def _interleaved(ordered):
     """Points in an order along a curve in three levels, each among those before it."""
-    return [some for some in (ordered[::4], ordered[2::4], ordered[1::2]) if len(some)]
+    return [part for part in (ordered[::4], ordered[2::4], ordered[1::2]) if len(part)]
 
 
 register_sampler("agreement", sample_agreement, AgreementSettings)

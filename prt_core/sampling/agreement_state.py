@@ -108,10 +108,10 @@ class AgreementState:
         """Trace all that is left in some points."""
         start, before = time.perf_counter(), self._tracer.rays
         for first in range(0, len(points), _BLOCK):
-            some = points[first : first + _BLOCK]
-            wanted = self.above[some] & ~self.traced[some]
+            block = points[first : first + _BLOCK]
+            wanted = self.above[block] & ~self.traced[block]
             yield from self._tracer.trace_into(
-                np.arange(len(self.bits)), some, wanted, self.bits, self.traced
+                np.arange(len(self.bits)), block, wanted, self.bits, self.traced
             )
         self._counts[reason] += self._tracer.rays - before
         self._spent("rays", start)
@@ -148,27 +148,27 @@ class AgreementState:
         self._counts["check"] += n_checks
         seen, said = (of.reshape(-1)[places] for of in (asked.bits, asked.said))
         group = self.groups[points[places // checks.shape[1]]]
-        for total, found in zip(self._checked, (seen ^ said, seen), strict=True):
-            counts = count_bits((checked & found)[:, None], axis=1)
+        for total, wrong in zip(self._checked, (seen ^ said, seen), strict=True):
+            counts = count_bits((checked & wrong)[:, None], axis=1)
             total += np.bincount(group, counts, len(total)).astype(np.int64)
         self._timed(on_rows, asked.settle, n_points)
         yield from self.trace("disagree", asked, everyone, asked.contested)
-        rows, fresh, reason, some = everyone, None, "follow", None
+        rows, fresh, reason, subset = everyone, None, "follow", None
         if halvings is not None:
-            some, reason = coin(rng, checks.shape, halvings), "check"
+            subset, reason = coin(rng, checks.shape, halvings), "check"
         for step in range(_MOST_STEPS):
             reach = 1 if step < _NEAR_STEPS else _FAR
             mask = np.empty((len(rows), checks.shape[1]), np.uint8)
             self._timed(
                 on_rows, asked.follow, len(rows),
-                rows, fresh, some, reach, settings.boundaries, mask,
+                rows, fresh, subset, reach, settings.boundaries, mask,
             )  # fmt: skip
-            found = mask.any(axis=1)
-            rows, fresh = rows[found], mask[found]
+            wrong = mask.any(axis=1)
+            rows, fresh = rows[wrong], mask[wrong]
             if not len(rows):
                 break
             yield from self.trace(reason, asked, rows, fresh)
-            some, reason = None, "follow"
+            subset, reason = None, "follow"
         self.bits[points], self.traced[points] = asked.bits, asked.traced
 
     def trace(self, reason, asked, rows, mask):

@@ -236,8 +236,8 @@ class _Draws:
     def all_known(self):
         """Whether no entry of the object is left to be wrong."""
         for first in range(0, len(self._points), _SIZE_ROWS):
-            some = self._points[first : first + _SIZE_ROWS]
-            left = horizon_bits(self._scene, self._cube_map, some) & ~self._sampled.traced[some]
+            block = self._points[first : first + _SIZE_ROWS]
+            left = horizon_bits(self._scene, self._cube_map, block) & ~self._sampled.traced[block]
             if left.any():
                 return False
         return True
@@ -291,8 +291,8 @@ class _Draws:
         cosine = np.maximum(self._scene.points.normals[rows].astype(np.float64) @ vectors.T, 0)
         said, true = (cosine * unpack(bits, n_directions, np.float64) for bits in (said, true))
         length = np.linalg.norm(vectors, axis=1)
-        found = ((cosine / length) ** 2 * (said != true)) @ self._rate / len(self._points)
-        sure = _inclusion(found, share)
+        variance = ((cosine / length) ** 2 * (said != true)) @ self._rate / len(self._points)
+        sure = _inclusion(variance, share)
         # How much of a row, in standard deviations, is left to chance.
         chance = np.sqrt(1 - np.minimum(sure, _SUREST)) / sure
         for name, light in lights.items():
@@ -332,14 +332,14 @@ class _Draws:
 
     def _sizes(self, lights):
         """Sum over the object's points of what they are said to receive squared, times pi^2."""
-        some = self._points
-        if len(some) > _SIZE_ROWS:
-            some = np.sort(self._rng.choice(some, _SIZE_ROWS, replace=False))
-        normals, bits = self._scene.points.normals[some], self._sampled.bits[some]
+        sample = self._points
+        if len(sample) > _SIZE_ROWS:
+            sample = np.sort(self._rng.choice(sample, _SIZE_ROWS, replace=False))
+        normals, bits = self._scene.points.normals[sample], self._sampled.bits[sample]
         together = np.hstack(list(lights.values()))
         received = received_light(bits, normals, self._cube_map, together).astype(np.float64)
         sums = (received**2).sum(axis=0).reshape(len(lights), -1).sum(axis=1)
-        sums *= len(self._points) / len(some) * np.pi**2
+        sums *= len(self._points) / len(sample) * np.pi**2
         return dict(zip(lights, sums, strict=True))
 
 

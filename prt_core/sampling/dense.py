@@ -78,9 +78,9 @@ def dense_steps(scene, tracer, grid, settings):
             here = np.isin(chosen, points)
             of = scene.points.positions[chosen[here]], sketches[here]
             for first in range(0, len(points), _CHUNK):
-                some = points[first : first + _CHUNK]
-                rank[some] = local_rank(scene.points.positions[some], *of, settings)
-                yield Progress("rank", first + len(some), len(points))
+                chunk = points[first : first + _CHUNK]
+                rank[chunk] = local_rank(scene.points.positions[chunk], *of, settings)
+                yield Progress("rank", first + len(chunk), len(points))
     order = np.argsort(chosen)
     rows = AdaptiveRows(
         *(

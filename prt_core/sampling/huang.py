@@ -146,8 +146,8 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
     Returns
     -------
     HuangSampled
-        `attributes`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of each
-        sparse point, mean) and duality_gap (the largest, as a share of |y|^2).
+        `attributes`: dense_points, dense_entries, sparse_entries, mean_rank, neighbours_used (of
+        each sparse point, mean) and duality_gap (the largest, as a share of |y|^2).
     """
     settings = HuangSettings() if settings is None else settings
     expect_kind("settings", settings, HuangSettings)

@@ -95,9 +95,9 @@ class Neighbours:
         here = self._features[wanted]
         distance, index = tree.query(here, k=n_asked, workers=-1)
         distance = distance.reshape(len(wanted), -1).astype(np.float32)
-        found = known[index.reshape(len(wanted), -1)]
-        distance[(distance > _APART / 2) | ((found == wanted[:, None]) & itself)] = np.inf
-        way = (self._features[found] - here[:, None]).astype(np.float32)
+        near = known[index.reshape(len(wanted), -1)]
+        distance[(distance > _APART / 2) | ((near == wanted[:, None]) & itself)] = np.inf
+        way = (self._features[near] - here[:, None]).astype(np.float32)
         way /= np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-12)
         rows = np.arange(len(wanted))
         chosen = np.full((len(wanted), n_neighbours), -1, np.int64)
@@ -106,7 +106,7 @@ class Neighbours:
             cost = distance * (1 + _SAME_SIDE * side)
             best = cost.argmin(axis=1)
             usable = np.isfinite(distance[rows, best])
-            chosen[usable, turn] = found[rows, best][usable]
+            chosen[usable, turn] = near[rows, best][usable]
             cosine = np.einsum("nkf,nf->nk", way, way[rows, best])
             side = np.maximum(side, 1 + cosine)
             distance[rows, best] = np.inf

@@ -105,10 +105,10 @@ def wang_columns(rows, n_columns, rng):
     if len(used) <= n_columns:
         return used
     seed = int(rng.integers(1 << 31))
-    found = KMeans(n_columns, n_init=1, max_iter=30, random_state=seed).fit(columns[used])
-    distance = found.transform(columns[used])[np.arange(len(used)), found.labels_]
-    order = np.lexsort([distance, found.labels_])
-    first = np.concatenate([[True], np.diff(found.labels_[order]) != 0])
+    means = KMeans(n_columns, n_init=1, max_iter=30, random_state=seed).fit(columns[used])
+    distance = means.transform(columns[used])[np.arange(len(used)), means.labels_]
+    order = np.lexsort([distance, means.labels_])
+    first = np.concatenate([[True], np.diff(means.labels_[order]) != 0])
     return np.sort(used[order[first]])
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.errors import expect, expect_kind
+from prt_core.runtime.renamed import renamed
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport.visibility import expect_bits
@@ -36,6 +37,8 @@ class Sampled:
     rays: int
     seconds: dict = field(default_factory=dict)
     attributes: dict = field(default_factory=dict)
+
+    facts = renamed("facts", "attributes")
 
 
 def expect_sampled(sampled, scene, cube_map):

@@ -56,11 +56,11 @@ def sparse_blocks(scene, dense, settings):
         tree = cKDTree(places_of[dense.points[places]])
         k = min(settings.neighbours, len(places))
         for first in range(0, len(sparse), _BLOCK):
-            some = sparse[first : first + _BLOCK]
-            distance, near = tree.query(places_of[some], k=range(1, k + 1))
+            block = sparse[first : first + _BLOCK]
+            distance, near = tree.query(places_of[block], k=range(1, k + 1))
             taken = (distance <= settings.radius) | (np.arange(k) < settings.fewest)
             # Nearest first: what no point of the block takes is cut off.
-            yield some, np.where(taken, places[near], -1)[:, taken.any(axis=0)]
+            yield block, np.where(taken, places[near], -1)[:, taken.any(axis=0)]
 
 
 class SparsePoints:
@@ -125,11 +125,15 @@ class SparsePoints:
         ]
         columns = yield from self.clock("features", self._each(groups, self._columns))
         wanted = np.concatenate(
-            [self._wanted(group, *found) for group, found in zip(groups, columns, strict=True)]
+            [
+                self._wanted(group, *solutions)
+                for group, solutions in zip(groups, columns, strict=True)
+            ]
         )
         seen = yield from self.clock("sparse rays", self.tracer.trace(points, wanted))
         jobs = [
-            (group, seen[group.part], *found) for group, found in zip(groups, columns, strict=True)
+            (group, seen[group.part], *solutions)
+            for group, solutions in zip(groups, columns, strict=True)
         ]
         problems = yield from self.clock("reconstruction", self._each(jobs, self._problems))
         problems = [np.concatenate(parts) for parts in zip(*problems, strict=True)]
@@ -138,7 +142,7 @@ class SparsePoints:
             for first in range(0, len(points), _SOLVED)
         ]
         solved = yield from self.clock("reconstruction", self._each(parts, self._solve))
-        weights = np.concatenate([found for found, _ in solved])
+        weights = np.concatenate([solutions for solutions, _ in solved])
         self.gap = max(self.gap, *(gap for _, gap in solved))
         self.solved += len(weights)
         self.nonzero += int(np.count_nonzero(weights))
@@ -149,15 +153,15 @@ class SparsePoints:
     def _each(self, jobs, work):
         """The results of `work` for all jobs, in their order, on all cores."""
 
-        def together(some):
+        def together(batch):
             with one_blas_thread():
-                return on_all_cores(work, some)
+                return on_all_cores(work, batch)
 
         step = 8 if self.paced else max(len(jobs), 1)
         results = []
         for first in range(0, len(jobs), step):
-            some = jobs[first : first + step]
-            results += together(some)
+            batch = jobs[first : first + step]
+            results += together(batch)
             yield Progress("sparse", len(results), len(jobs))
         return results
 
@@ -253,9 +257,9 @@ class SparsePoints:
             return least_squares(grams, moments)[0].astype(np.float32), 0.0
         # Where nothing is seen the solution is zero for every lambda.
         strengths = self.settings.strength * np.abs(moments).max(axis=1, initial=0)
-        found = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
-        share = found.gap / np.maximum(squares, 1e-30)
-        return found.weights.astype(np.float32), float(share.max(initial=0))
+        solution = l1_batched(grams, moments, squares, np.maximum(strengths, 1e-30))
+        share = solution.gap / np.maximum(squares, 1e-30)
+        return solution.weights.astype(np.float32), float(share.max(initial=0))
 
 
 class _Group:
@@ -284,6 +288,6 @@ class _Group:
         if self.used[0] < 0:
             self.used, self.local = self.used[1:], self.local - 1
         rows = dense.rows.bits[self.used]
-        every, some = np.bitwise_and.reduce(rows, axis=0), np.bitwise_or.reduce(rows, axis=0)
-        self.varying = np.flatnonzero(np.unpackbits(every ^ some, bitorder="little"))
+        every, extremes = np.bitwise_and.reduce(rows, axis=0), np.bitwise_or.reduce(rows, axis=0)
+        self.varying = np.flatnonzero(np.unpackbits(every ^ extremes, bitorder="little"))
         self.agreed = np.unpackbits(every, bitorder="little").view(bool)

@@ -122,9 +122,9 @@ class Tracer:
                 flat = traced.reshape(-1)
                 flat[place] |= chosen
 
-        made = on_all_cores(prepare, parts)
-        origins, directions, kept = zip(*made, strict=True)
-        ends = np.cumsum([len(some) for some in origins])
+        prepared = on_all_cores(prepare, parts)
+        origins, directions, kept = zip(*prepared, strict=True)
+        ends = np.cumsum([len(batch) for batch in origins])
         free = yield from self._cast(np.concatenate(origins), np.concatenate(directions))
         jobs = zip(parts, np.split(free, ends[:-1]), kept, strict=True)
         on_all_cores(lambda job: finish(*job), jobs)

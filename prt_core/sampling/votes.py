@@ -56,9 +56,9 @@ class Asked:
         horizon, done = above[points], traced[points]
         lit, dark, said, decided = np.zeros((4, *horizon.shape), np.uint8)
         for neighbour in around[part].T:
-            there = (neighbour >= 0)[:, None].astype(np.uint8) * np.uint8(255)
-            free = bits[neighbour] & there
-            blocked = above[neighbour] & there & ~free
+            exists = (neighbour >= 0)[:, None].astype(np.uint8) * np.uint8(255)
+            free = bits[neighbour] & exists
+            blocked = above[neighbour] & exists & ~free
             said |= free & ~decided
             decided |= free | blocked
             lit |= free
@@ -110,17 +110,17 @@ class Asked:
         mask : (m, n_bytes) uint8
             The result.
         """
-        some = rows[part]
-        traced, bits, agreed = self.traced[some], self.bits[some], self.agreed[some]
+        block = rows[part]
+        traced, bits, agreed = self.traced[block], self.bits[block], self.agreed[block]
         new = agreed & traced if fresh is None else fresh[part]
-        surprise = new & (bits ^ self.said[some])
+        surprise = new & (bits ^ self.said[block])
         wrong = surprise.any(axis=1)
         follow = np.zeros_like(surprise)
         if coin is not None or (boundaries and wrong.any()):
             edges = dilate(traced & ~bits, self.resolution) & bits
             edges |= dilate(traced & bits, self.resolution) & ~bits
             if coin is not None:
-                follow |= edges & coin[some]
+                follow |= edges & coin[block]
             if boundaries:
                 follow[wrong] |= edges[wrong]
         if wrong.any():

@@ -68,11 +68,11 @@ class BakeArray:
 
     def expect_whole(self):
         """Raise `PRTError` unless the chunks that are there are all that belong there."""
-        what, found = f"{self._files.root}: '{self.name}'", self._found()
+        what, present = f"{self._files.root}: '{self.name}'", self._found()
         # Counted first: a forged shape may ask for more chunks than there is memory.
-        n_missing = math.prod(self._layout.grid) - len(found)
+        n_missing = math.prod(self._layout.grid) - len(present)
         expect(n_missing <= 0, f"{what} lacks {n_missing:,} of its parts; {MEND}")
-        outside = sorted(key for key in found if not self._is_inside(key))
+        outside = sorted(key for key in present if not self._is_inside(key))
         expect(not outside, f"{what} has a part ({''.join(outside[:1])}) outside its shape; {MEND}")
 
     def read(self):

@@ -1,7 +1,7 @@
-"""The attributes of a bake: the attributes of its Zarr group, read with strict limits, and sealed.
+"""The attributes of a bake: those of its Zarr group, read with strict limits, and sealed.
 
-The seal is a digest of all other attributes. It is no signature: it tells damage and edits by hand from
-what this library wrote, and nothing that is in the attributes goes unnoticed.
+The seal is a digest of all other attributes. It is no signature: it tells damage and edits by hand
+from what this library wrote, and no change of them goes unnoticed.
 """
 
 import hashlib
@@ -188,10 +188,10 @@ def _plain(value):
 
 
 def _once(pairs):
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    values = dict(pairs)
+    if len(values) < len(pairs):
         raise ValueError("a name comes twice")
-    return found
+    return values
 
 
 def _refused(word):

@@ -46,17 +46,17 @@ def begin_bake(path, identity, restart=False):
     finish_swap(path)
     if restart is True and swapping:
         # All that the restart had not done yet is to remove the old bake.
-        found = _read(path)
-        if found is not None and found.attributes.get("identity") == identity:
+        existing = _read(path)
+        if existing is not None and existing.attributes.get("identity") == identity:
             remove_leftovers(path)
-            return found
+            return existing
     if restart is True or _waits_beside(path, identity):
         return _begin_beside(path, identity)
     store = BakeStore(path, "a")
     remove_leftovers(path)
     with damage_as_error(path):
-        found = store.attributes.get("identity") or identity
-        different = sorted(key for key in identity if found.get(key) != identity[key])
+        existing = store.attributes.get("identity") or identity
+        different = sorted(key for key in identity if existing.get(key) != identity[key])
     if different and restart == "changed":
         return _begin_beside(path, identity)
     expect(
@@ -92,21 +92,21 @@ def finish_bake(store, path):
 def _begin_beside(path, identity):
     if os.path.lexists(path):
         expect_removable(path)
-    found = _read(beside(path))
-    if found is not None and found.attributes.get("identity") not in (None, identity):
-        found = None
-    if found is None:
+    store = _read(beside(path))
+    if store is not None and store.attributes.get("identity") not in (None, identity):
+        store = None
+    if store is None:
         remove_bake_folder(beside(path))
-        found = BakeStore(beside(path), "a")
-    return found
+        store = BakeStore(beside(path), "a")
+    return store
 
 
 def _waits_beside(path, identity):
     """Whether a restart that was stopped had nothing to replace, and is of this identity."""
     if os.path.lexists(path) or not os.path.lexists(beside(path)):
         return False
-    found = _read(beside(path))
-    return found is not None and found.attributes.get("identity") == identity
+    store = _read(beside(path))
+    return store is not None and store.attributes.get("identity") == identity
 
 
 def _read(path):

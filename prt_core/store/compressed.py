@@ -1,8 +1,8 @@
 """The compressed form of a bake, in a folder of the bake's own group.
 
-Its arrays are written into a new folder; then one atomic write of the bake's attributes names it, and
-only then the folder before goes. A kill leaves the old form or the new one, and at most a folder
-that nobody names and the next one removes. The attributes hold a digest of each of its arrays.
+Its arrays are written into a new folder; then one atomic write of the bake's attributes names it,
+and only then the folder before goes. A kill leaves the old form or the new one, and at most a
+folder that nobody names and the next one removes. The attributes hold a digest of each array.
 """
 
 import numpy as np
@@ -110,11 +110,11 @@ def remove_compressed(store):
     bool
         Whether there was one.
     """
-    there = store.attributes.get(COMPRESSED) is not None
-    if there:
+    named = store.attributes.get(COMPRESSED) is not None
+    if named:
         store.update(**{COMPRESSED: None})
     _remove_others(store, None)
-    return there
+    return named
 
 
 def _remove_others(store, kept):

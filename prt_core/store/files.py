@@ -62,15 +62,15 @@ class Files:
         """Whether the folder is there; `PRTError` where something else is in its place."""
         try:
             with self._said(self.root, "read"):
-                found = os.lstat(self.root)
+                status = os.lstat(self.root)
         except PRTError as error:
             if isinstance(error.__cause__, FileNotFoundError):
                 return False
             raise
-        link = stat.S_ISLNK(found.st_mode)
+        link = stat.S_ISLNK(status.st_mode)
         expect(not link, f"{self.root}: is a symbolic link; give the folder itself")
         expect(
-            stat.S_ISDIR(found.st_mode),
+            stat.S_ISDIR(status.st_mode),
             f"{self.root}: is a file, expected a folder NAME.prt made by 'prt bake'",
         )
         return True
@@ -99,11 +99,11 @@ class Files:
             except (FileNotFoundError, NotADirectoryError):
                 return None
             with os.fdopen(handle, "rb") as file:
-                found = os.fstat(file.fileno())
-                _expect_plain(path, found)
+                status = os.fstat(file.fileno())
+                _expect_plain(path, status)
                 expect(
-                    found.st_size <= most,
-                    f"{path}: has {found.st_size:,} bytes, expected {most:,} at most; "
+                    status.st_size <= most,
+                    f"{path}: has {status.st_size:,} bytes, expected {most:,} at most; "
                     "it is damaged or tampered with",
                 )
                 return file.read(most)
@@ -163,14 +163,14 @@ class Files:
     def check(self):
         """Refuse a folder that holds anything but folders and plain files."""
         with self._said(self.root, "read"):
-            for path, found in walk(self.root):
-                _expect_plain(path, found, folders=True)
+            for path, status in walk(self.root):
+                _expect_plain(path, status, folders=True)
 
     def sweep(self):
         """Remove the part files that a kill left, whatever they are now."""
         with self._said(self.root, "written"):
-            for path, found in list(walk(self.root)):
-                if is_part(path.name) and not stat.S_ISDIR(found.st_mode):
+            for path, entries in list(walk(self.root)):
+                if is_part(path.name) and not stat.S_ISDIR(entries.st_mode):
                     path.unlink(missing_ok=True)
 
     def sync(self, folder=""):
@@ -186,15 +186,17 @@ class Files:
 
         with self._said(top, "written"):
             files, folders = [], [top]
-            for path, found in walk(top):
-                (folders if stat.S_ISDIR(found.st_mode) else files).append(path)
+            for path, status in walk(top):
+                (folders if stat.S_ISDIR(status.st_mode) else files).append(path)
             on_all_cores(one, files)
             on_all_cores(sync_folder, folders)
 
     def nbytes(self):
         """Bytes of all files."""
         with self._said(self.root, "read"):
-            return sum(found.st_size for _, found in walk(self.root) if stat.S_ISREG(found.st_mode))
+            return sum(
+                status.st_size for _, status in walk(self.root) if stat.S_ISREG(status.st_mode)
+            )
 
     def _path(self, key):
         # What a damaged or planted file names leads nowhere else.
@@ -235,9 +237,9 @@ def file_error(path, done, error):
     return PRTError(f"{path}: cannot be {done} ({reason})")
 
 
-def _expect_plain(path, found, folders=False):
-    kind = found.st_mode
-    junction = getattr(found, "st_reparse_tag", None) == _JUNCTION
+def _expect_plain(path, status, folders=False):
+    kind = status.st_mode
+    junction = getattr(status, "st_reparse_tag", None) == _JUNCTION
     if not junction and (stat.S_ISREG(kind) or (folders and stat.S_ISDIR(kind))):
         return
     names = {
@@ -274,12 +276,12 @@ def walk(top):
         with os.scandir(folders.pop()) as entries:
             for entry in entries:
                 try:
-                    found = entry.stat(follow_symlinks=False)
+                    status = entry.stat(follow_symlinks=False)
                 except FileNotFoundError:
                     # Another writer has renamed its part file meanwhile.
                     continue
-                yield Path(entry.path), found
-                if stat.S_ISDIR(found.st_mode):
+                yield Path(entry.path), status
+                if stat.S_ISDIR(status.st_mode):
                     folders.append(entry.path)
 
 

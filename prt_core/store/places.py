@@ -81,13 +81,13 @@ def remove_bake(path):
     path = Path(path)
     finish_swap(path)
     places = beside(path), _old(path), path
-    there = [place for place in places if os.path.lexists(place)]
-    expect(there, f"{path}: there is no such bake")
-    for place in there:
+    existing = [place for place in places if os.path.lexists(place)]
+    expect(existing, f"{path}: there is no such bake")
+    for place in existing:
         expect_removable(place)
     remove_bake_folder(beside(path))
     remove_bake_folder(_old(path))
-    if path in there:
+    if path in existing:
         # Renamed first: a kill then leaves nothing in its place, rather than half of it.
         try:
             os.rename(path, _old(path))
@@ -162,10 +162,10 @@ def _strange(folder, depth, chunks=False):
     with os.scandir(folder) as entries:
         for entry in entries:
             name = entry.name
-            found = entry.stat(follow_symlinks=False)
-            if not stat.S_ISDIR(found.st_mode):
+            status = entry.stat(follow_symlinks=False)
+            if not stat.S_ISDIR(status.st_mode):
                 known = name in _CLUTTER or name == FILE or is_part(name)
-                known |= (chunks and name.isdigit()) or stat.S_ISLNK(found.st_mode)
+                known |= (chunks and name.isdigit()) or stat.S_ISLNK(status.st_mode)
                 if not known:
                     yield name
             elif chunks and name.isdigit():

@@ -238,11 +238,11 @@ def read_details(store, scene):
         As `with_details` takes them; None where they are not those that the bake began with.
     """
     try:
-        found = _read_details(store)
+        details = _read_details(store)
     except PRTError:
         return None
-    same = found.digest() == store.attributes.get("details") and _lie_on(found, scene)
-    return (found.triangle, found.barycentric, found.back) if same else None
+    same = details.digest() == store.attributes.get("details") and _lie_on(details, scene)
+    return (details.triangle, details.barycentric, details.back) if same else None
 
 
 def _read_details(store):

@@ -4,8 +4,8 @@
              ARRAY/zarr.json    how it lies in chunks (layout.py)
              ARRAY/c/0/0 ...    the chunks, each with its digest (chunks.py)
 
-Every file is written beside its place and renamed (files.py). A finished bake's attributes name a digest
-of each of its arrays. Nothing is pickled, and nothing outside the folder is read or written.
+Every file is written beside its place and renamed (files.py). A finished bake's attributes name
+a digest of each of its arrays. Nothing is pickled; nothing outside the folder is read or written.
 """
 
 import json
@@ -13,6 +13,7 @@ import json
 import numpy as np
 
 from prt_core.errors import PRTError, expect, expect_one_of, expect_path
+from prt_core.runtime.renamed import renamed
 from prt_core.store.arrays import BakeArray
 from prt_core.store.attributes import (
     FILE,
@@ -60,21 +61,21 @@ class BakeStore:
         self.path = expect_path("bake", path)
         self.files = Files(self.path)
         finish_swap(self.path)
-        there = self.files.exists()
-        expect(there or mode == "a", f"{path}: there is no such bake")
-        self._made, self._used = there, set()
-        self._attributes = read_attributes(self.files) if there else None
+        exists = self.files.exists()
+        expect(exists or mode == "a", f"{path}: there is no such bake")
+        self._made, self._used = exists, set()
+        self._attributes = read_attributes(self.files) if exists else None
         if self._attributes is None:
             expect(
                 mode == "a",
                 f"{path}: holds no bake, or one that was stopped in its first moments; 'prt bake' "
                 "begins it",
             )
-            if there:
+            if exists:
                 # Arrays without attributes do no harm: each chunk says itself what it belongs to.
                 expect_only_arrays(self.path)
             self._attributes = {"format": FORMAT, "version": VERSION, "complete": False}
-        if there:
+        if exists:
             if mode != "r":
                 self.files.sweep()
             self.files.check()
@@ -83,6 +84,8 @@ class BakeStore:
     def attributes(self):
         """The group's attributes: settings, report, objects, versions."""
         return dict(self._attributes)
+
+    facts = renamed("facts", "attributes")
 
     def update(self, **attributes):
         """Replace attributes, in one atomic write that is on the disk when this returns.
@@ -120,20 +123,20 @@ class BakeStore:
     def write(self, name, array):
         """Write a whole array, replacing one of the same name; returns the `BakeArray`."""
         array = np.asarray(array)
-        made = self.create(name, array.shape, array.dtype)
+        array_store = self.create(name, array.shape, array.dtype)
         if array.size:
-            made[...] = array
-        return made
+            array_store[...] = array
+        return array_store
 
     def keep(self, name, array):
         """`write(name, array)`, but where that is there already, whole and the same."""
         array = np.asarray(array)
         try:
-            found = self.read(name, array.shape, array.dtype)
+            stored = self.read(name, array.shape, array.dtype)
         except PRTError:
-            found = None
+            stored = None
         # Bit by bit, so that NaN is itself.
-        if found is None or found.tobytes() != array.tobytes():
+        if stored is None or stored.tobytes() != array.tobytes():
             self.write(name, array)
 
     def create(self, name, shape, dtype, chunks=None):
@@ -165,9 +168,9 @@ class BakeStore:
         if not same:
             self.files.write(f"{name}/{FILE}", text)
         self._used.add(name)
-        made = BakeArray(self.files, name, layout, self._binding)
-        made.cut()
-        return made
+        created = BakeArray(self.files, name, layout, self._binding)
+        created.cut()
+        return created
 
     def remove(self, name):
         """Remove an array, or a folder of arrays, of this `name`, where it is there."""

@@ -204,18 +204,18 @@ class _Block:
         if not len(point):
             return
         self.n_looked += len(point)
-        found = self._cast(self._origins[point], directions)
-        met = np.where(found.triangle >= 0, self._scene.triangle_emitter[found.triangle], -1)
+        hits = self._cast(self._origins[point], directions)
+        met = np.where(hits.triangle >= 0, self._scene.triangle_emitter[hits.triangle], -1)
         for i in np.unique(met[met >= 0]):
-            mine = np.flatnonzero((met == i) & active[i, point])
-            self.met[i] += len(mine)
-            triangle, barycentric = found.triangle[mine], found.barycentric[mine]
+            rows = np.flatnonzero((met == i) & active[i, point])
+            self.met[i] += len(rows)
+            triangle, barycentric = hits.triangle[rows], hits.barycentric[rows]
             sent = self._sent(triangle, barycentric)
-            _add(ways[1, i], point[mine], sent / looks)
+            _add(ways[1, i], point[rows], sent / looks)
             if aiming[i]:
-                some = point[mine], triangle, barycentric, directions[mine]
-                by_rays, by_aim = self._densities(i, *some, found.distance[mine].astype(float))
-                _add(ways[0, i], point[mine], sent * _share(by_rays, by_aim)[:, None] / looks)
+                places = point[rows], triangle, barycentric, directions[rows]
+                by_rays, by_aim = self._densities(i, *places, hits.distance[rows].astype(float))
+                _add(ways[0, i], point[rows], sent * _share(by_rays, by_aim)[:, None] / looks)
 
     def _aim(self, half, pair, active, sums):
         """Shadow rays to places on the emitters."""
@@ -247,10 +247,10 @@ class _Block:
         )
         free = self._free(self._origins[point], direction, distance)
         first = 0
-        for i, *some in aimed:
-            seen = np.flatnonzero(free[first : first + len(some[0])])
-            first += len(some[0])
-            point, triangle, barycentric, *way = (values[seen] for values in some)
+        for i, *samples in aimed:
+            seen = np.flatnonzero(free[first : first + len(samples[0])])
+            first += len(samples[0])
+            point, triangle, barycentric, *way = (values[seen] for values in samples)
             by_rays, by_aim = self._densities(i, point, triangle, barycentric, *way)
             # Radiance L brings L cosine / pi for each unit of solid angle: L times the density of
             # the cosine-distributed rays, over that of the sample.

@@ -26,7 +26,8 @@ from prt_core.sphere import sobol_points, square_to_cosine, tangent_frames
 from prt_core.transport.sharing import DARK, MISS, Sharing
 
 ROUND = 32
-# A ray that was not cast: the one in slot s of its round stands for it where its hit is REPRESENTED - s.
+# A ray that was not cast: the one in slot s of its round represents it, where its hit is
+# REPRESENTED - s.
 REPRESENTED = -4
 # Rays of a point that are likely to meet nothing, of which one is cast.
 _GROUP = 16

@@ -46,8 +46,8 @@ def ray_ends(hits):
         hits = np.take_along_axis(hits, representative, axis=1) if good else hits
     expect(
         not hits.size or hits.min() >= DARK,
-        f"hits: expected points, {MISS}, {DARK}, or {REPRESENTED} and less for the slot of a ray of the "
-        f"same {ROUND} that was cast, got something else",
+        f"hits: expected points, {MISS}, {DARK}, or {REPRESENTED} and less for the slot of a ray "
+        f"of the same {ROUND} that was cast, got something else",
     )
     return hits
 

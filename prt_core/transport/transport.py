@@ -16,6 +16,7 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.reflectance import Materials, expect_materials
+from prt_core.runtime.renamed import renamed
 from prt_core.sphere import CubeMap
 from prt_core.transport.bounce import (
     MOST_RECEIVED,
@@ -138,7 +139,7 @@ class Transport:
         received = received_light(self.bits, self.normals, self.cube_map, some)
         return np.broadcast_to(received, (self.n_points, light.shape[1])).copy()
 
-    def relight(self, light, lamps=None, bounces="baked"):
+    def radiance(self, light, lamps=None, bounces="baked"):
         """Outgoing radiance of every point under a light, exactly (nothing is compressed).
 
         Parameters
@@ -157,6 +158,8 @@ class Transport:
         """
         return self.exit_radiance(self.product(light, lamps, bounces)).toward()
 
+    relight = renamed("relight", "radiance")
+
     def product(self, light, lamps=None, bounces="baked"):
         """What every point receives under a light, with all bounces: the light stage.
 
@@ -165,7 +168,7 @@ class Transport:
         Parameters
         ----------
         light, lamps, bounces
-            As `relight` takes them.
+            As `radiance` takes them.
 
         Returns
         -------
@@ -187,7 +190,7 @@ class Transport:
         received : (n_points, n_channels) float32
             Irradiance / pi of light that arrives straight from where it is made.
         bounces : int or None
-            As `relight` takes them.
+            As `radiance` takes them.
 
         Returns
         -------

@@ -298,8 +298,8 @@ def frames_table(blend, path, n_frames=48):
     parts = ", ".join(f"{name} {np.median(v):.1f}" for name, v in stages.items())
     return [
         f"A frame in Blender without a window, {len(radiance):,} points, {corners:,} corners, "
-        f"{attributes['method']} of {attributes['bytes'] / 1e6:.0f} MB: {np.median(total):.1f} ms in the "
-        f"median, {np.percentile(total, 95):.1f} ms at 95 % ({parts} ms): "
+        f"{attributes['method']} of {attributes['bytes'] / 1e6:.0f} MB: {np.median(total):.1f} ms "
+        f"in the median, {np.percentile(total, 95):.1f} ms at 95 % ({parts} ms): "
         f"{1e3 / np.median(total):.0f} frames a second.",
     ]
 
@@ -317,8 +317,8 @@ def memory_table(blend, path, resolution=64):
         f"`prt compress --method wavelet4d` at 6 x {resolution} x {resolution}: {n_points:,} "
         f"points, a matrix of {4 * 3 * n_points * n_directions / 1e9:.1f} GB in "
         f"{attributes['seconds']:.0f} s with a peak of {attributes['peak_bytes'] / 1e9:.2f} GB; "
-        f"{attributes['bytes'] / 1e6:.1f} MB, relit colours {attributes['error']:.2%} off in the mean of "
-        "Blender's eight.",
+        f"{attributes['bytes'] / 1e6:.1f} MB, relit colours "
+        f"{attributes['error']:.2%} off in the mean of Blender's eight.",
     ]
 
 

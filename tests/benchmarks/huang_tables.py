@@ -141,8 +141,9 @@ class _Only:
 def radius(names):
     """Figure 6: least squares, L1 and all directions against the radius, position alone.
 
-    Two weights of the L1 norm: one at which the bare combinations are below those of least squares
-    at every radius, and the sampler's, at which they are nearest with the traced entries put in.
+    Two weights of the L1 norm: one at which the bare combinations are as near as those of least
+    squares or nearer at every radius, and the sampler's, at which they are nearest with the traced
+    entries put in.
     """
     name = names[0] if names else "dancer"
     base = HuangSettings(normal_weight=0.0, neighbours=160)
@@ -154,7 +155,7 @@ def radius(names):
         "full": {"reconstruction": "full"},
     }
     print(f"{name}: matrix L2 % of the combinations (with traced entries put in)")
-    print("object  radius  neighbours  " + "  ".join(f"{kind:23}" for kind in kinds))
+    print("object  radius  neighbours  " + "  ".join(f"{kind:23}" for kind in kinds).rstrip())
     for index, item in enumerate(sparse.scene.objects):
         for radius in (0.03, 0.06, 0.1, 0.15, 0.2, 0.3):
             cells = []
@@ -166,7 +167,7 @@ def radius(names):
                 cells.append(f"{found['combined']:6.2f} ({found['final']:6.2f}{used})")
             print(
                 f"{item.name:7} {radius:6.3f} {found['neighbours']:11.1f}  "
-                + "  ".join(f"{cell:23}" for cell in cells),
+                + "  ".join(f"{cell:23}" for cell in cells).rstrip(),
                 flush=True,
             )
 

@@ -2,7 +2,8 @@
 
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
-Each part (rays, bake, large, sampling, compression, wavelets, truth) replaces its own sections.
+Each part (rays, bake, large, sampling, compression, irradiance, clusters, wavelets, filters,
+figures, truth) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -27,7 +28,15 @@ import prt_core.blender  # noqa: E402, F401
 from prt_core.blender.colours import corners_to_vertices  # noqa: E402
 from prt_core.evaluate import colour_error, contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
-from tests.benchmarks import compress_tables, sampling, wavelet4d_tables  # noqa: E402
+from tests.benchmarks import (  # noqa: E402
+    compress_tables,
+    irradiance,
+    object_clusters,
+    sampling,
+    wavelet4d_figures,
+    wavelet4d_filters,
+    wavelet4d_tables,
+)
 from tests.benchmarks.sections import write_sections  # noqa: E402
 
 WORK = ROOT / "build" / "bench"
@@ -189,7 +198,11 @@ PARTS = {
         compress_tables.PAGE,
         compress_tables.sections(WORK / "embree.prt", MODEL, WORK),
     ),
+    "irradiance": (irradiance.PAGE, irradiance.SECTIONS),
+    "clusters": (object_clusters.PAGE, object_clusters.SECTIONS),
     "wavelets": (wavelet4d_tables.PAGE, wavelet4d_tables.sections(measure=True)),
+    "filters": (wavelet4d_filters.PAGE, wavelet4d_filters.SECTIONS),
+    "figures": (wavelet4d_figures.PAGE, wavelet4d_figures.SECTIONS),
     "truth": ("cycles", {"Vertex colours": truth_table}),
 }
 

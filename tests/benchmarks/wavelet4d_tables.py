@@ -158,22 +158,37 @@ def density(scene):
     kept(scene, "model", "density", "json").write_text(json.dumps(found))
 
 
-def image(name, kind, size, *errors):
-    """Bytes of an image in each column transform, the pixels' own hierarchy among them."""
-    path = CACHE / f"{name}-{kind}{size}.prt"
+def image_path(name, kind, size):
+    return CACHE / f"{name}-{kind}{size}.prt"
+
+
+def image_bake(name, kind, size):
+    """A bake of all bounces with an image of a measuring scene, made where it is not kept."""
+    path = image_path(name, kind, size)
     scene = measuring_scene(name)
     meshes = [flat_ground(), model_mesh(name)]
     asked = ((int(size),) * 2, 2, None) if kind == "camera" else (None, 1, (kind, int(size)))
     scene = run(image_steps(scene, meshes, auto_camera(scene), "embree", ImageSettings(*asked)))
-    print(*scene.messages, sep="\n", flush=True)
+    print(*scene.messages, sep="\n", file=sys.stderr, flush=True)
     run(bake_steps(scene, path, BakeSettings(caster="embree")))
-    bake = prt_core.load(path)
+    return prt_core.load(path)
+
+
+def image_rows(bake):
+    """`Rows` of the image's pixels."""
+    return ImageRows(TransportRows(bake.transport), bake.scene.image, bake.transport.albedo)
+
+
+def image(name, kind, size, *errors):
+    """Bytes of an image in each column transform, the pixels' own hierarchy among them."""
+    path = image_path(name, kind, size)
+    bake = image_bake(name, kind, size)
     if kind == "model":
         far = remeshed(bake, model_mesh(name))
         path.with_suffix(".remesh.json").write_text(json.dumps(far))
         print(path.stem, "remeshed", far, flush=True)
     shown, points = bake.scene.image, bake.scene.points
-    rows = ImageRows(TransportRows(bake.transport), shown, bake.transport.albedo)
+    rows = image_rows(bake)
     shape = shown.height, shown.width
     place = [shown.pixels(a).reshape(-1, 3) for a in (points.positions, points.normals)]
     orders = (
@@ -213,25 +228,36 @@ def remeshed(bake, mesh):
     list of float
         Relative L2 over the vertices, for each HDRI and turn.
     """
+    point, u, v = vertex_texels(bake, mesh)
+    found = []
+    for light in studio_lights(bake):
+        radiance = bake.transport.radiance(light)
+        read, truth = read_texels(bake.image(radiance), u, v), radiance[point]
+        found.append(float(np.linalg.norm(read - truth) / np.linalg.norm(truth)))
+    return found
+
+
+def vertex_texels(bake, mesh):
+    """Bake points of a model's vertices, and their (u, v) in its geometry image over the sphere."""
     surface = closed_surface(mesh.name, mesh.vertices, mesh.corner_vertex[mesh.solid_triangles()])
     place = spherical_positions(mesh.name, surface.vertices, surface.faces)
     item = next(item for item in bake.scene.objects if item.name == mesh.name)
     vertex = surface.of_vertex[item.corner_vertex]
     used = (item.corner_point >= 0) & (vertex >= 0)
     point, first = np.unique(item.corner_point[used], return_index=True)
-    u, v = octahedral_square(place[vertex[used][first]])
-    found = []
-    for light in studio_lights(bake):
-        radiance = bake.transport.radiance(light)
-        picture, truth = bake.image(radiance), radiance[point]
-        # Past its border the square goes on as it came.
-        picture = np.concatenate([picture[:1, ::-1], picture, picture[-1:, ::-1]])
-        picture = np.concatenate([picture[::-1, :1], picture, picture[::-1, -1:]], axis=1)
-        size = len(picture) - 2
-        at = np.stack([(1 - v) * size + 0.5, u * size + 0.5])
-        read = [map_coordinates(part, at, order=1) for part in np.moveaxis(picture, -1, 0)]
-        found.append(float(np.linalg.norm(np.transpose(read) - truth) / np.linalg.norm(truth)))
-    return found
+    return point, *octahedral_square(place[vertex[used][first]])
+
+
+def read_texels(picture, u, v):
+    """(n, 3) of a geometry image over the sphere, with a linear filter."""
+    # Past its border the square goes on as it came.
+    picture = np.concatenate([picture[:1, ::-1], picture, picture[-1:, ::-1]])
+    picture = np.concatenate([picture[::-1, :1], picture, picture[::-1, -1:]], axis=1)
+    size = len(picture) - 2
+    at = np.stack([(1 - v) * size + 0.5, u * size + 0.5])
+    return np.transpose(
+        [map_coordinates(part, at, order=1) for part in np.moveaxis(picture, -1, 0)]
+    )
 
 
 def studio_lights(bake):
@@ -319,10 +345,9 @@ def milliseconds(models, lights):
 
 def image_times(name, kind, size, error=0.02, *modes):
     """Milliseconds a frame of an image that `image` baked, in Haar columns; all modes, or some."""
-    path = CACHE / f"{name}-{kind}{size}.prt"
-    bake = prt_core.load(path)
-    shown = bake.scene.image
-    rows = ImageRows(TransportRows(bake.transport), shown, bake.transport.albedo)
+    path = image_path(name, kind, size)
+    bake = image_bake(name, kind, size)
+    shown, rows = bake.scene.image, image_rows(bake)
     columns = ImageWavelet((shown.height, shown.width), "haar")
     models = {}
     with run(Wavelet4D(columns).columns_steps(rows)) as file:

@@ -57,9 +57,9 @@ def test_cycles_agrees_on_how_bright_a_panel_and_a_tube_are():
     assert set(baked.emitters) == {"panel", "neon"}
     caster = prt_core.make_caster("blender", baked.vertices, baked.triangles)
     lights = surface_lights(baked, caster)
-    found = emitted_light(baked, caster, lights, slice(0, len(baked.points)), 0, 0.005)
+    emitted = emitted_light(baked, caster, lights, slice(0, len(baked.points)), 0, 0.005)
     caster.close()
-    received = found.received[:, :, :3].sum(axis=0)
+    received = emitted.received[:, :, :3].sum(axis=0)
     item = next(item for item in baked.objects if item.name == "floor")
     ours = np.empty((item.n_vertices, 3))
     ours[item.corner_vertex] = received[item.corner_point]

@@ -76,12 +76,12 @@ def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
     info = json.loads(prt("info", one, "--json").stdout)["compressed"]
     assert info["error"] == attributes["error"] and info["bytes"] == attributes["bytes"]
     assert "compressed:" in prt("info", one).stdout
-    for transport, says in (("auto", "compressed (cpca"), ("exact", "exactly")):
+    for form, says in (("auto", "compressed (cpca"), ("exact", "exactly")):
         done = prt("relight", one, "--light", hdri("night"), "--rotate", 30, "--output",
-                   tmp_path / "c.npz", "--form", transport)  # fmt: skip
+                   tmp_path / "c.npz", "--form", form)  # fmt: skip
         assert f"points relit {says}" in done.stdout
         found = np.load(tmp_path / "c.npz")
-        colours = prt_core.relight(two, hdri("night"), rotation=30, transport=transport)
+        colours = prt_core.relight(two, hdri("night"), rotation=30, form=form)
         for name in colours:
             np.testing.assert_array_equal(found[name], colours[name])
     exact = prt_core.relight(baked, hdri("night"), rotation=30)

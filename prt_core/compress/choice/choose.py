@@ -1,7 +1,7 @@
 """Which method, and which of its settings: tried on a sample of the points.
 
-Each method's budgets is bisected, on patches of neighbouring points or on an even sample, under a
-few lights, for the budget where it is near enough or too large or too slow for what was asked. A
+Each method's budgets are bisected, on patches of neighbouring points or on an even sample, under a
+few lights, for the one where it is near enough or too large or too slow for what was asked. A
 budget that fails is out of the race and says why; the others go on. Methods that are seldom
 the best are tried only where none of the others keeps what was asked for.
 """
@@ -21,7 +21,8 @@ from prt_core.errors import (
     expect_number,
 )
 from prt_core.light.environment import expect_radiance
-from prt_core.runtime.progress import Progress, in_thread
+from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.progress import Progress
 
 _POINTS, _PATCHES, _FEW = 3072, 12, 64
 # Lights are timed so often; what is slower than this (ms) is not live.
@@ -189,8 +190,8 @@ def choose_steps(task, names, limits, lights):
 def none_left(trials):
     """What is said where all trials failed."""
     reasons = {trial.method: trial.failure for trial in trials if trial.failure}
-    told = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
-    return f"method: none of {len(reasons)} can compress this bake. {told}"
+    reasons_line = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
+    return f"method: none of {len(reasons)} can compress this bake. {reasons_line}"
 
 
 def reason_of(error):
@@ -283,10 +284,10 @@ def _times(evaluator, subject, lights):
     return spent
 
 
-def relative_l2(found, truth):
+def relative_l2(values, truth):
     """Relative L2 distance, in float64."""
     size = np.linalg.norm(np.asarray(truth, np.float64))
-    distance = np.linalg.norm(np.asarray(found, np.float64) - truth)
+    distance = np.linalg.norm(np.asarray(values, np.float64) - truth)
     return float(distance / size) if size else float(distance > 0)
 
 

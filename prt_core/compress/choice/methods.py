@@ -110,15 +110,15 @@ class Task:
             Radiance of points, or of pixels.
         """
         # Of light without colour one column is enough.
-        some = [x[:, :1] if (x == x[:, :1]).all() else x for x in lights.values()]
-        ends = np.cumsum([x.shape[1] for x in some])
-        received = np.split(self.transport.received(np.hstack(some)), ends[:-1], axis=1)
+        narrow = [x[:, :1] if (x == x[:, :1]).all() else x for x in lights.values()]
+        ends = np.cumsum([x.shape[1] for x in narrow])
+        received = np.split(self.transport.received(np.hstack(narrow)), ends[:-1], axis=1)
         shape = self.transport.n_points, 3
-        found = {}
+        colours = {}
         for name, part in zip(lights, received, strict=True):
             arrived = self.transport.product(None, lamps=np.broadcast_to(part, shape).copy())
-            found[name] = self.subject.radiance_of_points(arrived)
-        return found
+            colours[name] = self.subject.radiance_of_points(arrived)
+        return colours
 
     def some(self, points):
         """The same for some of the points: their rows hold the light of all."""
@@ -183,7 +183,7 @@ class Method:
         A `Compressor` with `state` and `from_state`.
     budgets : callable(Task) -> list of Compressor
         Not fitted: the smallest and fastest first, the nearest to the truth last.
-    relighter : callable(model, Transport or None) -> object
+    evaluator : callable(model, Transport or None) -> object
         What gives a fitted model's `product(light)` quickest; default: the model itself.
     finish : callable(model, Task), optional
         The last touch on a model that is kept.
@@ -202,7 +202,7 @@ class Method:
         Parameters that come with the bake or with the call, and are no settings.
     choices : dict of str -> tuple of str
         Words for settings that are objects.
-    made : callable(Task, str, str) -> object
+    make : callable(Task, str, str) -> object
         What such a word stands for: of the task, the setting and the word.
     """
 
@@ -218,7 +218,7 @@ class Method:
     first: Callable = _on_points
     fixed: tuple = ("seed",)
     choices: dict = field(default_factory=dict)
-    made: Callable | None = None
+    make: Callable | None = None
 
     @property
     def settings(self):
@@ -261,14 +261,14 @@ class Method:
             raise PRTError(f"method: '{self.name}': {error}") from error
 
         def budgets(task):
-            more = {key: self.made(task, key, word) for key, word in words.items()}
-            found = []
+            more = {key: self.make(task, key, word) for key, word in words.items()}
+            models = []
             for model in self.budgets(task):
                 model.set_params(**values, **more)
                 params = model.get_params()
-                if all(params != other.get_params() for other in found):
-                    found.append(model)
-            return found
+                if all(params != other.get_params() for other in models):
+                    models.append(model)
+            return models
 
         return replace(self, budgets=budgets)
 

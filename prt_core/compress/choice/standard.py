@@ -7,7 +7,7 @@ from prt_core.basis import WAVELETS, ImageWavelet, PointHaar, PointMultiwavelet
 from prt_core.compress.choice.methods import Method, register_method
 from prt_core.compress.clusters.clustered_pca import ClusteredPCA
 from prt_core.compress.clusters.pca import PCA, BlockPCA
-from prt_core.compress.clusters.realtime import ClusterRelighter
+from prt_core.compress.clusters.realtime import ClusterEvaluator
 from prt_core.compress.clusters.seams import neighbour_pairs
 from prt_core.compress.clusters.sparse_clusters import SparseClusteredPCA
 from prt_core.compress.clusters.vq import VectorQuantisation
@@ -66,8 +66,8 @@ def _dense_neighbours(task):
         known = task.dense[task.groups[task.dense] == group]
         known = known if len(known) else task.dense
         k = min(_NEIGHBOURS, len(known))
-        _, found = cKDTree(task.positions[known]).query(task.positions[mine], range(1, k + 1))
-        near[mine, :k] = known[found]
+        _, nearest = cKDTree(task.positions[known]).query(task.positions[mine], range(1, k + 1))
+        near[mine, :k] = known[nearest]
     return near
 
 
@@ -162,20 +162,20 @@ def _blend(model, task):
 
 
 register_method(
-    Method("cpca", ClusteredPCA, _clustered, ClusterRelighter, _blend, work=_clusters_work)
+    Method("cpca", ClusteredPCA, _clustered, ClusterEvaluator, _blend, work=_clusters_work)
 )
 register_method(
     Method(
         "pca",
         PCA,
         lambda task: [PCA(n) for n in _COMPONENTS],
-        ClusterRelighter,
+        ClusterEvaluator,
         local=False,
         size=_one_basis,
         work=_one_basis_work,
     )
 )
-register_method(Method("vq", VectorQuantisation, _vectors, ClusterRelighter, work=_clusters_work))
+register_method(Method("vq", VectorQuantisation, _vectors, ClusterEvaluator, work=_clusters_work))
 register_method(
     Method(
         "haar",
@@ -192,7 +192,7 @@ register_method(
         _wavelets,
         first=_is_image,
         choices={"columns": tuple(dict.fromkeys((*_ON_POINTS, *WAVELETS)))},
-        made=_columns,
+        make=_columns,
     )
 )
 register_method(
@@ -209,7 +209,7 @@ register_method(
         "block_pca",
         BlockPCA,
         _blocks,
-        ClusterRelighter,
+        ClusterEvaluator,
         work=_clusters_work,
         candidate=False,
         fixed=("shape", "pixels"),
@@ -220,7 +220,7 @@ register_method(
         "sparse_cpca",
         SparseClusteredPCA,
         _from_dense,
-        ClusterRelighter,
+        ClusterEvaluator,
         _blend,
         work=_clusters_work,
         candidate=False,

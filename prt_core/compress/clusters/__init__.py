@@ -2,7 +2,7 @@
 
 from prt_core.compress.clusters.clustered_pca import ClusteredPCA
 from prt_core.compress.clusters.pca import PCA, BlockPCA
-from prt_core.compress.clusters.realtime import ClusterRelighter
+from prt_core.compress.clusters.realtime import ClusterEvaluator
 from prt_core.compress.clusters.seams import border_pairs, neighbour_pairs, seam
 from prt_core.compress.clusters.sparse_clusters import SparseClusteredPCA
 from prt_core.compress.clusters.vq import VectorQuantisation
@@ -10,7 +10,7 @@ from prt_core.compress.clusters.vq import VectorQuantisation
 __all__ = [
     "PCA",
     "BlockPCA",
-    "ClusterRelighter",
+    "ClusterEvaluator",
     "ClusteredPCA",
     "SparseClusteredPCA",
     "VectorQuantisation",

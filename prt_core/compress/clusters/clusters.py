@@ -74,8 +74,8 @@ class ClusterCompressor(Compressor):
         self._expect_fitted()
         rows = as_rows(rows)
         wanted = self.n_directions_, self.n_outputs_
-        found = rows.n_directions, rows.n_outputs
-        expect(found == wanted, f"rows: expected (n, {wanted[0]}, {wanted[1]}), got {found}")
+        shape = rows.n_directions, rows.n_outputs
+        expect(shape == wanted, f"rows: expected (n, {wanted[0]}, {wanted[1]}), got {shape}")
         return rows
 
     def inverse_transform(self, coordinates):
@@ -130,9 +130,12 @@ class ClusterCompressor(Compressor):
             vectors = np.concatenate([affine.mean[None], affine.basis])
             looked_up = self.code_.responses(vectors, self.code_.texels(used))
             for part in pieces(len(here)):
-                some, weights = place[part], affine.weights[slots[here[part]] - self.starts_[c]]
-                result[here[part]] = looked_up[0, some]
-                result[here[part]] += np.einsum("nk,kno->no", weights, looked_up[1:, some])
+                part_weights, weights = (
+                    place[part],
+                    affine.weights[slots[here[part]] - self.starts_[c]],
+                )
+                result[here[part]] = looked_up[0, part_weights]
+                result[here[part]] += np.einsum("nk,kno->no", weights, looked_up[1:, part_weights])
         return result
 
     def _by_cluster(self, slots):
@@ -164,7 +167,7 @@ class ClusterCompressor(Compressor):
         expect(not len(self.border_points_), "blend_borders: the borders are blended already")
         points, clusters = border_points(self.labels_, pairs)
         members = np.split(self.order_, self.starts_[1:-1])
-        order, found, shares, start = [], [], [], 0
+        order, slots_of, shares, start = [], [], [], 0
         own = self._slot_features(self.place_[points])
         for c, affine in enumerate(self.affine_):
             border = points[clusters == c]
@@ -172,18 +175,18 @@ class ClusterCompressor(Compressor):
                 features = rows.features(border)
                 weights = (features - affine.mean) @ affine.basis.T
                 here = ((features - own[clusters == c]) ** 2).sum(axis=1)
-                there = ((features - affine.mean - weights @ affine.basis) ** 2).sum(axis=1)
-                shares.append(here / np.maximum(here + there, 1e-30))
+                error_there = ((features - affine.mean - weights @ affine.basis) ** 2).sum(axis=1)
+                shares.append(here / np.maximum(here + error_there, 1e-30))
                 affine.weights = np.concatenate([affine.weights, weights])
                 slots = start + len(members[c]) + np.arange(len(border))
-                found.append(np.column_stack([border, slots]))
+                slots_of.append(np.column_stack([border, slots]))
             self.place_[members[c]] = start + np.arange(len(members[c]))
             order += [members[c], border]
             start += len(members[c]) + len(border)
         self.order_ = np.concatenate(order)
         self.starts_ = np.concatenate([[0], np.cumsum([len(a.weights) for a in self.affine_])])
-        if found:
-            self.border_points_ = np.concatenate(found)
+        if slots_of:
+            self.border_points_ = np.concatenate(slots_of)
             self.shares_ = np.minimum(np.concatenate(shares), 0.5)
         return self
 
@@ -244,13 +247,15 @@ class ClusterCompressor(Compressor):
         self.labels_ = array_of(state, "labels", (n_points,), "int32", len(sizes))
         self.order_ = array_of(state, "order", (n_slots,), "int32", n_points).astype(np.int64)
         self.place_ = array_of(state, "place", (n_points,), "int32", n_slots).astype(np.int64)
-        found = array_of(state, "border_points", (None, 2), "int32", max(n_points, n_slots))
-        self.border_points_ = found.astype(np.int64)
+        # Forms of before were stored under another word.
+        name = "border_points" if "border_points" in state else "guests"
+        border = array_of(state, name, (None, 2), "int32", max(n_points, n_slots))
+        self.border_points_ = border.astype(np.int64)
         expect_state(
-            (found[:, 0] < n_points).all() and (found[:, 1] < n_slots).all(),
+            (border[:, 0] < n_points).all() and (border[:, 1] < n_slots).all(),
             "its borders do not fit its points",
         )
-        self.shares_ = array_of(state, "shares", (len(found),), "float32")
+        self.shares_ = array_of(state, "shares", (len(border),), "float32")
         self.code_ = RowCode.from_state(state, self.n_directions_, self.reads_, self.resolution_)
         n_features = self.code_.n_features
         means = array_of(state, "means", (len(sizes), n_features), "float32")

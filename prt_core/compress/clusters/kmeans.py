@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.parallel import in_parallel
-from prt_core.runtime.progress import Progress, in_thread
+from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
 
 # Points of a block, and distances of a block: each stays in a core's cache.
@@ -41,9 +42,9 @@ def kmeans_steps(coordinates, n_clusters, seed=0):
     centres = yield from in_thread("clusters", _first_centres, coordinates, n_clusters, rng)
     labels = np.full(n_points, -1, np.int32)
     for turn in range(_ROUNDS):
-        found, distances = yield from _nearest_steps(coordinates, centres, turn)
-        changed = np.count_nonzero(found != labels)
-        labels = found
+        nearest, distances = yield from _nearest_steps(coordinates, centres, turn)
+        changed = np.count_nonzero(nearest != labels)
+        labels = nearest
         if changed <= _SETTLED * n_points:
             break
         centres = _means(coordinates, labels, distances, centres)

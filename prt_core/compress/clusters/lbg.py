@@ -39,9 +39,9 @@ def lbg_steps(coordinates, labels, rank, rounds=2, ranks=None, last_rounds=4):
     for step, components in enumerate(ranks):
         for _ in range(last_rounds if components == ranks[-1] else rounds):
             models = _models(coordinates, labels, n_clusters, components)
-            found, _ = assign(coordinates, models)
-            changed = int((found != labels).sum())
-            labels = found
+            assigned, _ = assign(coordinates, models)
+            changed = int((assigned != labels).sum())
+            labels = assigned
             yield Progress("clusters", step, len(ranks))
             if changed <= len(labels) // 1000:
                 break
@@ -85,9 +85,9 @@ def assign(coordinates, models):
         return best, np.take_along_axis(distances, best[:, None], axis=1)[:, 0]
 
     parts = [slice(first, first + 1024) for first in range(0, len(coordinates), 1024)]
-    found = list(in_parallel(nearest, parts))
-    labels = np.asarray(used, np.int32)[np.concatenate([best for best, _ in found])]
-    return labels, np.maximum(np.concatenate([distance for _, distance in found]), 0)
+    results = list(in_parallel(nearest, parts))
+    labels = np.asarray(used, np.int32)[np.concatenate([best for best, _ in results])]
+    return labels, np.maximum(np.concatenate([distance for _, distance in results]), 0)
 
 
 def _models(coordinates, labels, n_clusters, rank):

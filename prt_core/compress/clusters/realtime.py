@@ -31,7 +31,7 @@ _CHUNK, _ROUND = 256, 16
 _BATCH, _PIECE = 4096, 8192
 
 
-class ClusterRelighter:
+class ClusterEvaluator:
     """Relights a fitted `ClusterCompressor`, as fast as memory can be read.
 
     Parameters
@@ -198,10 +198,10 @@ class ClusterRelighter:
         result = np.zeros((code.n_outputs, self._bases[0].shape[1]), np.float32)
         for i, group in enumerate(code.groups):
             used = np.flatnonzero(group.shares)
-            some = coded[group.direct]
-            chosen = self._chosen(i, some)
+            coded_part = coded[group.direct]
+            chosen = self._chosen(i, coded_part)
             shares = np.asarray(group.shares, np.float32)[used]
-            values = some[chosen][:, code.reads[used]] * shares
+            values = coded_part[chosen][:, code.reads[used]] * shares
             if self._inner[i] is not None:
                 result[used] += values.T @ self._inner[i][chosen] @ self._bases[i]
             else:
@@ -226,8 +226,8 @@ class ClusterRelighter:
         bits = self._bits[bright, piece.start // 8 : -(-piece.stop // 8)]
         lit = self._vectors[bright] @ self._normals[:, piece]
         lit *= np.unpackbits(bits, axis=1, count=lit.shape[1], bitorder="little")
-        some = np.take(light[bright], self.model.reads_, axis=1)
-        np.matmul(lit.T, some, out=self._lit[piece])
+        bright_light = np.take(light[bright], self.model.reads_, axis=1)
+        np.matmul(lit.T, bright_light, out=self._lit[piece])
 
 
 def _blending(model, slots, n_slots):
@@ -316,8 +316,8 @@ def batches_of(model, chunks):
     for r, n in sorted(set(zip(rank.tolist(), padded.tolist(), strict=True))):
         same = np.flatnonzero((rank == r) & (padded == n))
         most = max(1, _BATCH // n)
-        for some in (same[i : i + most] for i in range(0, len(same), most)):
-            alike = chunks.some(some)
+        for batch in (same[i : i + most] for i in range(0, len(same), most)):
+            alike = chunks.some(batch)
             slot = alike.first[:, None] + np.minimum(np.arange(n), alike.size[:, None] - 1)
             weights = np.ones((len(slot), n, r), np.float32)
             for i, (c, here) in enumerate(zip(alike.cluster, slot, strict=True)):

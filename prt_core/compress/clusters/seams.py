@@ -101,10 +101,10 @@ def border_points(labels, pairs):
     """
     border = border_pairs(labels, pairs)
     both = np.concatenate([border, border[:, ::-1]])
-    found, counts = np.unique(
+    kinds, counts = np.unique(
         np.column_stack([both[:, 0], labels[both[:, 1]]]), axis=0, return_counts=True
     )
     # The most frequent cluster of each point; among equals the smaller number.
-    order = np.lexsort([found[:, 1], -counts, found[:, 0]])
-    points, first = np.unique(found[order, 0], return_index=True)
-    return points, found[order[first], 1]
+    order = np.lexsort([kinds[:, 1], -counts, kinds[:, 0]])
+    points, first = np.unique(kinds[order, 0], return_index=True)
+    return points, kinds[order[first], 1]

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.compress.linalg import principal_rows
+from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.parallel import in_parallel
-from prt_core.runtime.progress import Progress, in_thread
+from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
 
 _BLOCK, _SAMPLE_FACTOR, _LEAST_SAMPLE = 512, 4, 1024

@@ -82,11 +82,15 @@ class SparseClusteredPCA(ClusterCompressor):
         if hasattr(rows, "prepare_steps"):
             yield from rows.prepare_steps()
         basis = yield from sketch_basis(rows, dense, self.n_sketch, self.seed)
-        some: Sketch = yield from sketch_coordinates(rows, basis, dense)
-        labels = yield from kmeans_steps(some.coordinates[:, :64], n_clusters, self.seed)
+        dense_coordinates: Sketch = yield from sketch_coordinates(rows, basis, dense)
+        labels = yield from kmeans_steps(
+            dense_coordinates.coordinates[:, :64], n_clusters, self.seed
+        )
         # Components several at a time: nearly as good as one by one, in fewer rounds.
         ranks = sorted({min(rank, k) for k in _RANKS} | {rank})
-        labels = yield from lbg_steps(some.coordinates, labels, rank, rounds=2, ranks=ranks)
+        labels = yield from lbg_steps(
+            dense_coordinates.coordinates, labels, rank, rounds=2, ranks=ranks
+        )
         everywhere = self._follow(labels, dense, near, rows.n_points)
         every = yield from sketch_coordinates(rows, basis, np.arange(rows.n_points))
         everywhere = yield from lbg_steps(

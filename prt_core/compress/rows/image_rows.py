@@ -46,15 +46,15 @@ class ImageRows(Rows):
     @cached_property
     def _groups(self):
         """Of each group: a slice of the points' features, shares of their albedo, the group."""
-        found = []
+        groups = []
         mixed = OPPONENTS if self.n_outputs == 3 else np.eye(self.n_outputs)
         for group, part in zip(self.rows.code.groups, self.rows.code.slices, strict=True):
             if self._grey:
-                found.append((part, np.eye(self.n_outputs)[0], group))
+                groups.append((part, np.eye(self.n_outputs)[0], group))
                 continue
             for shares in mixed:
-                found.append((part, shares * group.shares, replace(group, shares=tuple(shares))))
-        return found
+                groups.append((part, shares * group.shares, replace(group, shares=tuple(shares))))
+        return groups
 
     @cached_property
     def code(self):
@@ -68,12 +68,14 @@ class ImageRows(Rows):
         if not len(entries):
             return result
         shown, place = np.unique(self.image.point[entries], return_inverse=True)
-        made = self.rows.features(shown)
+        features = self.rows.features(shown)
         pixel = np.repeat(np.arange(len(points)), counts)
         shape = len(points), len(shown)
         for (part, shares, _), own in zip(self._groups, self.code.slices, strict=True):
             weights = self._albedo[shown[place]] @ (shares / self.image.samples).astype(np.float32)
-            result[:, own] = sp.csr_matrix((weights, (pixel, place)), shape=shape) @ made[:, part]
+            result[:, own] = (
+                sp.csr_matrix((weights, (pixel, place)), shape=shape) @ features[:, part]
+            )
         return result
 
     def block(self, points):

@@ -71,14 +71,14 @@ class ColumnCoder:
             depths = transform_to_better(transform, transform.haar, columns, limit, *allowed)
         else:
             depths, _ = transform_to_best(transform, columns, limit, *allowed)
-        found = []
+        encoded = []
         for name, column, depth in zip(names, columns, depths, strict=True):
-            found.append(self._cut(int(name), column, int(depth), np.float32(limit)))
+            encoded.append(self._cut(int(name), column, int(depth), np.float32(limit)))
         # What is left of the columns now is what was lost.
         rest = columns if transform.orthonormal else invert_from(transform, columns, depths)
-        for column, left in zip(found, rest, strict=True):
+        for column, left in zip(encoded, rest, strict=True):
             column.lost = float(np.einsum("p,p->", left, left, dtype=np.float64))
-        return found
+        return encoded
 
     def _cut(self, name, column, depth, limit):
         """A `Column` of the terms above the limit, which are taken out of the array."""
@@ -127,23 +127,25 @@ class ColumnCoder:
         n_columns, n_points = file.shape
         total = file.energies.sum()
         # A column with less energy than the smallest term has no term.
-        some = np.flatnonzero(file.energies > limit * (1 if self.transform.orthonormal else 0.25))
-        lost = total - file.energies[some].sum()
+        kept_columns = np.flatnonzero(
+            file.energies > limit * (1 if self.transform.orthonormal else 0.25)
+        )
+        lost = total - file.energies[kept_columns].sum()
         per = int(np.clip(self.memory / (160 * n_points), 1, 16))
 
         def read():
-            for first in range(0, len(some), per):
-                names = some[first : first + per]
+            for first in range(0, len(kept_columns), per):
+                names = kept_columns[first : first + per]
                 yield names, file.read(names)
 
-        found, done = [], 0
+        encoded, done = [], 0
         for part in in_parallel(lambda item: self.encode(*item, limit), read()):
             lost += sum(column.lost for column in part)
             done += len(part)
-            found += [column for column in part if len(column.places)]
-            yield Progress("columns", done, len(some))
+            encoded += [column for column in part if len(column.places)]
+            yield Progress("columns", done, len(kept_columns))
         error = float(np.sqrt(max(lost, 0.0) / total)) if total else 0.0
-        return found, error, int(self._bytes(found, n_points).sum())
+        return encoded, error, int(self._bytes(encoded, n_points).sum())
 
     def fitting_steps(self, file, strata, error, nbytes):
         """All columns at the limit that gives an error, or so many bytes.
@@ -166,16 +168,16 @@ class ColumnCoder:
         """
         total = file.energies.sum()
         if not total or (error == 0 and nbytes is None):
-            found, reached, _ = yield from self.all_steps(file, 1e-37)
-            return found, reached, 1e-37
+            encoded, reached, _ = yield from self.all_steps(file, 1e-37)
+            return encoded, reached, 1e-37
         wanted = error if nbytes is None else nbytes
         search = _search(self._sampled(file, strata, wanted, nbytes), wanted, nbytes, total)
         best = None
         while search.limit is not None:
             limit = search.limit
-            found, reached, size = yield from self.all_steps(file, limit)
-            if search.tell(reached if nbytes is None else size) and found:
-                best = found, reached, limit
+            encoded, reached, size = yield from self.all_steps(file, limit)
+            if search.tell(reached if nbytes is None else size) and encoded:
+                best = encoded, reached, limit
         expect(
             best is not None,
             self._too_few_bits(error)
@@ -208,12 +210,12 @@ class ColumnCoder:
             tried = in_parallel(
                 lambda part, at=limit: self.encode(names[part], columns[part], at), parts
             )
-            found = [column for part in tried for column in part]
+            sample = [column for part in tried for column in part]
             if nbytes is None:
-                lost, cut = weights @ [(column.lost, column.cut) for column in found]
+                lost, cut = weights @ [(column.lost, column.cut) for column in sample]
                 search.tell(float(np.sqrt(lost / total)))
             else:
-                search.tell(float(weights @ self._bytes(found, file.shape[1])))
+                search.tell(float(weights @ self._bytes(sample, file.shape[1])))
         if nbytes is None:
             # Ever smaller terms would have to make up for what quantising loses of all.
             strained = lost > 0.9 * wanted**2 * total and cut < _LEAST_CUT * lost

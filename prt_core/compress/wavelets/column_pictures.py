@@ -28,10 +28,10 @@ def columns_by_depth(groups, weights, decode):
     pieces = []
     for depths, packed in groups:
         light = weights[packed.names] * packed.sizes[:, None]
-        some = np.flatnonzero(light.any(axis=1))
+        lit = np.flatnonzero(light.any(axis=1))
         pieces += [
             (packed, part, depths[part], light[part])
-            for part in parts_of_terms(some, packed.counts[some])
+            for part in parts_of_terms(lit, packed.counts[lit])
         ]
 
     def unpacked(piece):
@@ -39,17 +39,17 @@ def columns_by_depth(groups, weights, decode):
         matrix.data = decode(matrix.data)
         return matrix
 
-    found = {}
+    pictures = {}
     matrices = on_all_cores(unpacked, pieces)
     for (_, _, depths, light), matrix in zip(pieces, matrices, strict=True):
         deep, firsts = np.unique(depths, return_index=True)
         for depth, a, b in zip(deep, firsts, [*firsts[1:], len(depths)], strict=True):
             terms = slice(matrix.indptr[a], matrix.indptr[b])
             starts = matrix.indptr[a:b] - matrix.indptr[a]
-            some = matrix.data[terms], matrix.indices[terms], starts, light[a:b]
-            found.setdefault(int(depth), []).append(some)
+            lit = matrix.data[terms], matrix.indices[terms], starts, light[a:b]
+            pictures.setdefault(int(depth), []).append(lit)
     n_rows = groups[0][1].n_rows if groups else 0
-    return {depth: _joined(some, n_rows) for depth, some in found.items()}
+    return {depth: _joined(lit, n_rows) for depth, lit in pictures.items()}
 
 
 def picture_of(columns, transform, n_outputs, level_scales=False):
@@ -85,8 +85,8 @@ def _invert(transform, picture, before, after):
 def _joined(parts, n_rows):
     """One CSC of (values, places, starts, light) of columns side by side, and their light."""
     values, places, starts, light = zip(*parts, strict=True)
-    ends = np.cumsum([0, *(len(some) for some in values)])
-    starts = [some + first for some, first in zip(starts, ends, strict=False)]
+    ends = np.cumsum([0, *(len(bounds) for bounds in values)])
+    starts = [bounds + first for bounds, first in zip(starts, ends, strict=False)]
     indptr = np.concatenate([*starts, ends[-1:]]).astype(np.int32)
     light = np.concatenate(light)
     shape = n_rows, len(light)

@@ -56,8 +56,8 @@ class HaarLighting(Compressor):
         self._mix = OPPONENTS if rows.n_outputs == 3 else np.eye(rows.n_outputs)
         largest = 0.0
         for points in rows.blocks(max(1, rows.n_points // 16)):
-            some = self._encode(rows.block(points[:: max(1, len(points) // 64)]))
-            largest = max(largest, float(np.abs(some).max(initial=0)))
+            sample = self._encode(rows.block(points[:: max(1, len(points) // 64)]))
+            largest = max(largest, float(np.abs(sample).max(initial=0)))
         self.step_ = self.step * largest or 1.0
 
         def quantise(points):
@@ -118,8 +118,8 @@ class HaarLighting(Compressor):
         for shares, columns in zip(self._mix, self.columns_, strict=True):
             light = read * (shares * self.step_)
             used = np.flatnonzero(shares)
-            some = columns[:, chosen].astype(np.float32)
-            result[:, used] += some @ np.ascontiguousarray(light[:, used], np.float32)
+            block = columns[:, chosen].astype(np.float32)
+            result[:, used] += block @ np.ascontiguousarray(light[:, used], np.float32)
         return result
 
     @property
@@ -136,8 +136,8 @@ class HaarLighting(Compressor):
         for part in pieces(len(points)):
             places, values = haar_texels(columns[part], self.resolution_)
             for shares, matrix in zip(self._mix, self.columns_, strict=True):
-                found = _looked_up(matrix, points[part, None], places)
-                sums = np.einsum("nt,nt->n", found, values) * np.float32(self.step_)
+                looked_up = _looked_up(matrix, points[part, None], places)
+                sums = np.einsum("nt,nt->n", looked_up, values) * np.float32(self.step_)
                 result[part] += sums[:, None] * shares.astype(np.float32)
         return result
 

@@ -37,16 +37,16 @@ def mixed_wavelets(rows, wavelet):
         features = rows.features(points)
         # The background of a picture is often most of it.
         lit = features.any(axis=1)
-        made = np.zeros((np.count_nonzero(lit), len(mixed), rows.n_directions), np.float32)
+        mixed_block = np.zeros((np.count_nonzero(lit), len(mixed), rows.n_directions), np.float32)
         features = features if lit.all() else features[lit]
         for part, basis, share in zip(code.slices, bases, shares.T, strict=True):
             coded = convert(features[:, part]) if basis is None else features[:, part] @ basis
             for mixture in np.flatnonzero(share):
-                made[:, mixture] += share[mixture] * coded
+                mixed_block[:, mixture] += share[mixture] * coded
         if lit.all():
-            return made.reshape(len(points), -1)
-        result = np.zeros((len(points), *made.shape[1:]), np.float32)
-        result[lit] = made
+            return mixed_block.reshape(len(points), -1)
+        result = np.zeros((len(points), *mixed_block.shape[1:]), np.float32)
+        result[lit] = mixed_block
         return result.reshape(len(points), -1)
 
     return mixed, encode

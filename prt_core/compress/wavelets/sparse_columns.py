@@ -117,31 +117,35 @@ class SparseColumns:
         low = -(-counts // 2) * 2 * self.word // 8
         return tuple(np.concatenate([[0], np.cumsum(n)]) for n in (high, low, counts))
 
-    def matrix(self, some):
-        """Columns `some` (sorted) as (n_rows, len(some)) CSC float32, without their sizes."""
+    def matrix(self, columns):
+        """`columns` (sorted) as (n_rows, len(columns)) CSC float32, without their sizes."""
         high_starts, low_starts, term_starts = self.starts()
-        counts = self.counts[some].astype(np.int64)
-        indptr = np.concatenate([[0], np.cumsum(counts)])
-        n_bytes = np.diff(high_starts)[some]
+        counts = self.counts[columns]
+        indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        n_bytes = np.diff(high_starts)[columns]
         first_bit = 8 * (np.cumsum(n_bytes) - n_bytes)
-        bits = np.unpackbits(_pieces(self.high, high_starts, some)).view(bool)
-        places = np.flatnonzero(bits) - np.repeat(first_bit - indptr[:-1], counts)
-        places -= np.arange(len(places))
-        words = _from_bytes(_pieces(self.low, low_starts, some), self.word)
-        if (counts & 1).any():
+        bits = np.unpackbits(_pieces(self.high, high_starts, columns)).view(bool)
+        places = np.flatnonzero(bits).astype(np.int32)
+        places -= np.repeat((first_bit - indptr[:-1]).astype(np.int32), counts)
+        places -= np.arange(len(places), dtype=np.int32)
+        words = _from_bytes(_pieces(self.low, low_starts, columns), self.word)
+        odd = (counts & 1).astype(bool)
+        if odd.any():
             # Words come in pairs; the odd one at a column's end is none.
-            pairs = np.concatenate([[0], np.cumsum(-(-counts // 2) * 2)])
+            pairs = np.cumsum(counts + odd)
             real = np.ones(pairs[-1], bool)
-            real[(pairs[1:] - 1)[counts & 1 == 1]] = False
+            real[pairs[odd] - 1] = False
             words = words[real]
-        shift = self.word - (self.bits or 0)
-        places = (places << shift).astype(np.int32) | (words & ((1 << shift) - 1)).astype(np.int32)
+        # In the words' own type: what is narrow is quick to go through.
+        shift = words.dtype.type(self.word - (self.bits or 0))
+        places <<= int(shift)
+        places |= (words & words.dtype.type((1 << int(shift)) - 1)).astype(np.int32)
         if self.bits is None:
-            values = _pieces(self.values, term_starts, some)
+            values = _pieces(self.values, term_starts, columns)
         else:
-            values = (words >> shift).astype(np.float32) - np.float32(1 << (self.bits - 1))
-        shape = self.n_rows, len(some)
-        return sp.csc_matrix((values, places, indptr.astype(np.int32)), shape=shape)
+            values = (words >> shift).astype(np.float32)
+            values -= np.float32(1 << (self.bits - 1))
+        return sp.csc_matrix((values, places, indptr), shape=(self.n_rows, len(columns)))
 
 
 _ARRAYS = {"names": "int32", "counts": "int32", "sizes": "float32", "high": "uint8",
@@ -185,9 +189,9 @@ def unpack_groups(state, n_rows, n_names, bits):
 
     number = heads[:, 2]
     expect((number >= 0).all() and number.sum() == len(state["names"]), "groups: other names")
-    for word, some in groupby(heads, key=lambda head: head[1]):
+    for word, same_head in groupby(heads, key=lambda head: head[1]):
         expect(word in _WORDS and word > (bits or 0), f"word: {word} bits")
-        depths = np.concatenate([np.full(count, depth) for depth, _, count in some])
+        depths = np.concatenate([np.full(count, depth) for depth, _, count in same_head])
         expect((np.diff(depths) >= 0).all(), "groups: columns do not lie by depth")
         n_columns = len(depths)
         own = {name: take(name, n_columns) for name in ("names", "counts", "sizes")}
@@ -203,10 +207,10 @@ def unpack_groups(state, n_rows, n_names, bits):
             values=take("values", terms if bits is None else 0),
         )  # fmt: skip
         expect(len(packed.high) == high and len(packed.low) == low, "words: some are missing")
-        for some in parts_of_terms(np.arange(n_columns), counts):
-            matrix = packed.matrix(some)
+        for same_head in parts_of_terms(np.arange(n_columns), counts):
+            matrix = packed.matrix(same_head)
             expect(
-                len(matrix.indices) == counts[some].sum()
+                len(matrix.indices) == counts[same_head].sum()
                 and matrix.indices.min(initial=0) >= 0
                 and matrix.indices.max(initial=-1) < n_rows,
                 "places: some are outside the rows",
@@ -215,20 +219,20 @@ def unpack_groups(state, n_rows, n_names, bits):
     return groups
 
 
-def parts_of_terms(some, counts):
+def parts_of_terms(columns, counts):
     """Pieces of columns `some` of about 2^18 terms each, for the cache."""
     ends = np.searchsorted(np.cumsum(counts), np.arange(_TERMS, counts.sum(), _TERMS))
-    return [part for part in np.split(some, np.unique(ends)) if len(part)]
+    return [part for part in np.split(columns, np.unique(ends)) if len(part)]
 
 
 def _buckets(n_rows, shift):
     return ((n_rows - 1) >> shift) + 1
 
 
-def _pieces(array, starts, some):
-    if len(some) == len(starts) - 1:
+def _pieces(array, starts, columns):
+    if len(columns) == len(starts) - 1:
         return array
-    return np.concatenate([array[starts[i] : starts[i + 1]] for i in some] or [array[:0]])
+    return np.concatenate([array[starts[i] : starts[i + 1]] for i in columns] or [array[:0]])
 
 
 def _to_bytes(words, word):

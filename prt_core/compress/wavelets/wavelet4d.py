@@ -172,12 +172,12 @@ class Wavelet4D(Compressor):
         )  # fmt: skip
         level, _ = haar_areas(rows.resolution)
         strata = np.arange(len(mixed))[:, None] * (level.max() + 1) + level
-        found, self.matrix_error_, self.limit_ = yield from coder.fitting_steps(
+        encoded, self.matrix_error_, self.limit_ = yield from coder.fitting_steps(
             file, strata.ravel(), self.error, self.nbytes_wanted
         )
         energies = file.energies.reshape(len(mixed), -1).sum(axis=0)
         self.importance_ = _relative(np.sqrt(energies))
-        self._pack(found, file.shape[0])
+        self._pack(encoded, file.shape[0])
         return self._fitted(rows)
 
     def expect_params(self):
@@ -219,17 +219,17 @@ class Wavelet4D(Compressor):
         self._mixed = mixed
         return self._order
 
-    def _pack(self, found, n_columns):
-        names = np.array([column.name for column in found], int)
-        depths = np.array([column.depth for column in found], int)
-        counts = np.array([len(column.places) for column in found], int)
+    def _pack(self, encoded, n_columns):
+        names = np.array([column.name for column in encoded], int)
+        depths = np.array([column.depth for column in encoded], int)
+        counts = np.array([len(column.places) for column in encoded], int)
         _, words = column_bytes(counts, self._transform.n, self.bits)
         # One packing for each length of words; its columns by depth.
         self._groups = []
         for word in np.unique(words):
             mine = np.flatnonzero(words == word)
             mine = mine[np.argsort(depths[mine], kind="stable")]
-            part = [found[i] for i in mine]
+            part = [encoded[i] for i in mine]
             packed = SparseColumns.pack(
                 self._transform.n, int(word), self.bits, names[mine],
                 [c.size for c in part], [c.places for c in part], [c.values for c in part],
@@ -291,13 +291,13 @@ class Wavelet4D(Compressor):
         each = 4 * self.n_outputs_ * (len(self._mixed) * self.n_directions_ + 4 * self.n_points_)
         per = int(np.clip(self.memory / each, 1, 256))
         for first in range(0, len(used), per):
-            some = used[first : first + per]
-            lights = np.zeros((len(some), self.n_directions_), np.float32)
-            lights[np.arange(len(some)), some] = 1
+            block = used[first : first + per]
+            lights = np.zeros((len(block), self.n_directions_), np.float32)
+            lights[np.arange(len(block)), block] = 1
             coefficients = wavelet_rows(lights, self.resolution_, self.rows).T
             weights = self._mixed[:, None, None] * coefficients[None, :, :, None]
-            pictures = self._pictures(weights.reshape(-1, len(some) * self.n_outputs_))
-            pictures = pictures.reshape(len(some), self.n_outputs_, -1)
+            pictures = self._pictures(weights.reshape(-1, len(block) * self.n_outputs_))
+            pictures = pictures.reshape(len(block), self.n_outputs_, -1)
             mine = np.flatnonzero((which >= first) & (which < first + per))
             result[mine] = pictures[which[mine] - first, :, places[points[mine]]]
         return result
@@ -383,8 +383,8 @@ def _points_transform(state, n_points):
         return PointHaar.from_order(order)
     features = array_of(state, "features", (n_points, None), "int8")
     transform = PointMultiwavelet.from_order(order, features)
-    found, check = transform.check(), array_of(state, "check", (1,), "float64")[0]
-    expect_state(abs(found - check) < 1e-5, f"a basis came out as {found}, expected {check}")
+    checks, check = transform.check(), array_of(state, "check", (1,), "float64")[0]
+    expect_state(abs(checks - check) < 1e-5, f"a basis came out as {checks}, expected {check}")
     return transform
 
 

@@ -55,7 +55,7 @@ class Truth:
     seconds: list
 
 
-def bench_compress_steps(bake, name, methods, lights, budget_numbers=None, seed=0, made=None):
+def bench_compress_steps(bake, name, methods, lights, budget_numbers=None, seed=0, evaluators=None):
     """Fit and measure methods; a generator of `Progress`.
 
     Parameters
@@ -67,9 +67,9 @@ def bench_compress_steps(bake, name, methods, lights, budget_numbers=None, seed=
         NAME or NAME:key=value,key=value (see `method_from_text`).
     lights : dict of str -> (n_directions, 3) float32
     budget_numbers : sequence of int, optional
-        Of each method's budgets (its budgets); default: all.
+        Which of each method's budgets; default: all.
     seed : int
-    made : dict, optional
+    evaluators : dict, optional
         Filled with what gives products, by the label of its row (for pictures).
 
     Returns
@@ -108,15 +108,17 @@ def bench_compress_steps(bake, name, methods, lights, budget_numbers=None, seed=
                 "budget": budget,
             }
             try:
-                found = yield from _measured(method, model, task, truth, pairs, label, made)
-                found["seconds"] += prepared
+                measured = yield from _measured(
+                    method, model, task, truth, pairs, label, evaluators
+                )
+                measured["seconds"] += prepared
             except FAILURES as error:
-                found = {"failure": reason_of(error)}
-            rows.append({**row, **found})
+                measured = {"failure": reason_of(error)}
+            rows.append({**row, **measured})
     return rows
 
 
-def _measured(method, model, task, truth, pairs, label, made):
+def _measured(method, model, task, truth, pairs, label, evaluators):
     """Fit a model and measure it; a generator of `Progress` that returns its figures."""
     reset_peak()
     began = time.perf_counter()
@@ -133,8 +135,8 @@ def _measured(method, model, task, truth, pairs, label, made):
         **_matrix(model, truth, task),
         **(yield from _relit(evaluator, model, truth, task, pairs, label)),
     }
-    if made is not None:
-        made[label] = evaluator
+    if evaluators is not None:
+        evaluators[label] = evaluator
     return figures
 
 
@@ -148,8 +150,8 @@ def _truth(transport, lights, seed):
     rng = generator(seed, Stage.BENCH_MATRIX)
     shape = transport.n_directions, 3
     white = [rng.standard_normal(shape).astype(np.float32) for _ in range(_WHITE)]
-    some = np.sort(rng.choice(transport.n_points, min(64, transport.n_points), replace=False))
-    largest = float(np.abs(transport.rows(some)).max())
+    sample = np.sort(rng.choice(transport.n_points, min(64, transport.n_points), replace=False))
+    largest = float(np.abs(transport.rows(sample)).max())
     # Received light is cut at zero: each half of the noise by itself.
     sides = [
         transport.radiance(np.maximum(w, 0)) - transport.radiance(np.maximum(-w, 0)) for w in white
@@ -161,17 +163,17 @@ def _references(task, truth):
     """The dense product, the exact bake and irradiance."""
     transport = task.transport
     n_entries = 3 * task.n_points * task.rows.n_directions
-    some = np.arange(min(_DENSE_POINTS, task.n_points))
-    dense = [np.ascontiguousarray(transport.direct(some)) for _ in range(3)]
+    sample = np.arange(min(_DENSE_POINTS, task.n_points))
+    dense = [np.ascontiguousarray(transport.direct(sample)) for _ in range(3)]
     spent = []
     for light in list(truth.lights.values())[:8]:
         start = time.perf_counter()
         for matrix, channel in zip(dense, np.ascontiguousarray(light.T), strict=True):
             matrix @ channel
-        spent.append((time.perf_counter() - start) * task.n_points / len(some))
+        spent.append((time.perf_counter() - start) * task.n_points / len(sample))
     exact = {"matrix_l2": 0.0, "relit_l2_mean": 0.0, "relit_l2_worst": 0.0, "seam": None}
     yield {
-        "method": "dense", "label": "dense product", "settings": {"of_points": len(some)},
+        "method": "dense", "label": "dense product", "settings": {"of_points": len(sample)},
         **_size(4 * n_entries, task), "seconds": None, "peak_bytes": None, **exact,
         "ms_median": 1e3 * float(np.median(spent)), "ms_worst": 1e3 * max(spent),
     }  # fmt: skip
@@ -190,9 +192,9 @@ def _references(task, truth):
     errors, spent = [], []
     for name, light in truth.lights.items():
         start = time.perf_counter()
-        found = radiance_of(model, task.subject, light)
+        radiance = radiance_of(model, task.subject, light)
         spent.append(time.perf_counter() - start)
-        errors.append(relative_l2(found, truth.colours[name]))
+        errors.append(relative_l2(radiance, truth.colours[name]))
     yield {
         "method": "irradiance", "label": "irradiance", "settings": {},
         **_size(model.nbytes, task), "seconds": seconds, "peak_bytes": None, "matrix_l2": None,
@@ -214,8 +216,8 @@ def _matrix(model, truth, task):
     model = model.uncut()
     lost = kept = 0.0
     for light, wanted in zip(truth.white, truth.white_colours, strict=True):
-        found = radiance_of(model, task.subject, light).astype(np.float64)
-        lost += float(((found - wanted) ** 2).sum())
+        radiance = radiance_of(model, task.subject, light).astype(np.float64)
+        lost += float(((radiance - wanted) ** 2).sum())
         kept += float((wanted.astype(np.float64) ** 2).sum())
     entries = 3 * task.n_points * task.rows.n_directions
     rms = np.sqrt(lost / (len(truth.white) * entries))
@@ -232,16 +234,16 @@ def _relit(evaluator, model, truth, task, pairs, label):
     errors, spent, psnr, seams = {}, [], [], []
     for index, (name, light) in enumerate(truth.lights.items()):
         start = time.perf_counter()
-        found = radiance_of(evaluator, task.subject, light)
+        radiance = radiance_of(evaluator, task.subject, light)
         spent.append(time.perf_counter() - start)
         wanted = truth.colours[name]
-        errors[name] = relative_l2(found, wanted)
+        errors[name] = relative_l2(radiance, wanted)
         expect(np.isfinite(errors[name]), f"its colours are not finite under {name}")
-        rms = max(float(np.sqrt(((found - wanted).astype(np.float64) ** 2).mean())), 1e-30)
+        rms = max(float(np.sqrt(((radiance - wanted).astype(np.float64) ** 2).mean())), 1e-30)
         if wanted.any():
             psnr.append(20 * np.log10(float(wanted.max()) / rms))
         if border is not None:
-            seams.append(seam(found, wanted, border))
+            seams.append(seam(radiance, wanted, border))
         yield Progress(label.split(" ")[0], index + 1, len(truth.lights))
     worst = max(errors, key=errors.get)
     return {

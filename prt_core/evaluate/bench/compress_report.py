@@ -40,7 +40,7 @@ _WIDTH, _HEIGHT, _TANGENT = 400, 300, 0.26
 _FACTOR, _SHOWN_ERROR = 10, 0.01
 
 
-def compress_report(bake, caster, rows, made, light_name, light, n_lights):
+def compress_report(bake, caster, rows, evaluators, light_name, light, n_lights):
     """A `Report` of what `bench_compress_steps` returned.
 
     Parameters
@@ -49,7 +49,7 @@ def compress_report(bake, caster, rows, made, light_name, light, n_lights):
     caster : RayCaster
         For the pictures.
     rows : list of dict
-    made : dict of str -> object
+    evaluators : dict of str -> object
         What relights, by label.
     light_name, light : str, (n_directions, 3) float32
         Shown.
@@ -81,12 +81,12 @@ def compress_report(bake, caster, rows, made, light_name, light, n_lights):
         f"{first['ms_median']:.0f} ms as a dense product (timed on "
         f"{first['settings']['of_points']:,} of the points).",
     ]
-    pictures = _pictures(bake, caster, rows, made, light_name, light)
+    pictures = _pictures(bake, caster, rows, evaluators, light_name, light)
     title = f"Compression of {first['scene']}"
     return Report(title, rows, _COLUMNS, notes, {"error": plot}, pictures)
 
 
-def _pictures(bake, caster, rows, made, light_name, light):
+def _pictures(bake, caster, rows, evaluators, light_name, light):
     """The scene under one light by each method, where it is nearest to one per cent."""
     camera = replace(auto_camera(bake.scene), tangent=_TANGENT)
     rays = CameraRays(bake.scene, caster, camera, _WIDTH, _HEIGHT)
@@ -94,11 +94,11 @@ def _pictures(bake, caster, rows, made, light_name, light):
     image = rays.picture(truth)
     stops = -np.log2(max(float(np.percentile(image.max(axis=-1), 97)), 1e-6))
     shown, differences = [("exact", to_srgb(image, stops))], []
-    fitted = [row for row in rows if row["label"] in made]
+    fitted = [row for row in rows if row["label"] in evaluators]
     for method in dict.fromkeys(row["method"] for row in fitted):
         own = [row for row in fitted if row["method"] == method]
         best = min(own, key=lambda row: abs(np.log(max(row["relit_l2_mean"], 1e-9) / _SHOWN_ERROR)))
-        colours = radiance_of(made[best["label"]], Subject(bake.transport), light)
+        colours = radiance_of(evaluators[best["label"]], Subject(bake.transport), light)
         caption = f"{best['label']}: {best['bytes'] / 1e6:.1f} MB, {best['ms_median']:.1f} ms"
         shown.append((caption, to_srgb(rays.picture(colours), stops)))
         away = rays.picture(_FACTOR * np.abs(colours - truth))

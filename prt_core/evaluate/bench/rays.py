@@ -51,13 +51,13 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
             visibility_bits(scene, cube_map, caster, few)
             stage.append(time.perf_counter() - start)
             start = time.perf_counter()
-            found = _bare(caster, some_origins, some_directions)
+            seconds = _bare(caster, some_origins, some_directions)
             bare.append(time.perf_counter() - start)
         mixed = rng.permutation(len(some_origins))[: 1 << 19]
         start = time.perf_counter()
         _bare(caster, some_origins[mixed], some_directions[mixed])
         incoherent = len(mixed) / (time.perf_counter() - start)
-        truth = found if truth is None else truth
+        truth = seconds if truth is None else truth
         rows.append(
             {
                 "back_end": name,
@@ -66,7 +66,7 @@ def bench_rays(scene, resolution=32, n_points=2048, repeats=3, seed=0):
                 "bare_rays_per_second": len(some_origins) / min(bare),
                 "overhead": min(stage) / min(bare),
                 "incoherent_rays_per_second": incoherent,
-                "disagree": int((found != truth[: len(found)]).sum()),
+                "disagree": int((seconds != truth[: len(seconds)]).sum()),
             }
         )
         caster.close()

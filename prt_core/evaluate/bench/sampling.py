@@ -94,11 +94,11 @@ def bench_sampling_steps(scene, cube_map, caster, methods, lights, name, seed=0)
               for key, light in lights.items()}  # fmt: skip
     rows, results = [], {}
     for method, settings in [(Method("exhaustive", {}), None), *chosen]:
-        found = truth
+        sampled = truth
         if settings is not None:
             sampler = sampler_named(method.name)[0]
-            found = yield from _measured(sampler(scene, cube_map, caster, settings))
-        results[method.label] = found
+            sampled = yield from _measured(sampler(scene, cube_map, caster, settings))
+        results[method.label] = sampled
         head = {
             "scene": name,
             "method": method.name,
@@ -107,18 +107,18 @@ def bench_sampling_steps(scene, cube_map, caster, methods, lights, name, seed=0)
             "back_end": caster.name,
         }
         cost = {
-            "rays": int(found.rays),
-            "seconds": found.seconds["total"],
-            "time_ratio": found.seconds["total"] / whole,
-            "stages": {k: v for k, v in found.seconds.items() if k != "total"},
-            "peak_bytes": found.attributes["peak_bytes"],
+            "rays": int(sampled.rays),
+            "seconds": sampled.seconds["total"],
+            "time_ratio": sampled.seconds["total"] / whole,
+            "stages": {k: v for k, v in sampled.seconds.items() if k != "total"},
+            "peak_bytes": sampled.attributes["peak_bytes"],
         }
         certified = {}
         if settings is not None:
-            certified = yield from _certified(scene, cube_map, caster, found)
+            certified = yield from _certified(scene, cube_map, caster, sampled)
         yield Progress("errors", 0, 0)
-        of_points = matrix_errors(scene, cube_map, found.bits, truth.bits)
-        relit = {key: received_light(found.bits, scene.points.normals, cube_map, light)
+        of_points = matrix_errors(scene, cube_map, sampled.bits, truth.bits)
+        relit = {key: received_light(sampled.bits, scene.points.normals, cube_map, light)
                  for key, light in lights.items()}  # fmt: skip
         for index, item in enumerate(scene.objects):
             mine = scene.points.object_index == index
@@ -128,7 +128,7 @@ def bench_sampling_steps(scene, cube_map, caster, methods, lights, name, seed=0)
                         **head,
                         "object": item.name,
                         "points": int(mine.sum()),
-                        **_entries(found.traced[mine], above[mine], cube_map),
+                        **_entries(sampled.traced[mine], above[mine], cube_map),
                         **cost,
                         **_matrix_row(*(values[mine] for values in of_points)),
                         **_relit_row(relit, wanted, mine),
@@ -164,16 +164,16 @@ def _exhaustive(scene, cube_map, caster):
     """Every entry traced, as the bake does it."""
     n_points, tally = len(scene.points), []
     shape = n_points, -(-cube_map.n_directions // 8)
-    found = Sampled(np.empty(shape, np.uint8), np.empty(shape, np.uint8), 0)
+    sampled = Sampled(np.empty(shape, np.uint8), np.empty(shape, np.uint8), 0)
     start = time.perf_counter()
     for first in range(0, n_points, _BLOCK):
         part = slice(first, first + _BLOCK)
-        found.bits[part] = visibility_bits(scene, cube_map, caster, part, tally.append)
-        found.seconds["rays"] = time.perf_counter() - start
+        sampled.bits[part] = visibility_bits(scene, cube_map, caster, part, tally.append)
+        sampled.seconds["rays"] = time.perf_counter() - start
         yield Progress("exhaustive", min(part.stop, n_points), n_points)
-    found.rays = sum(tally)
-    found.traced = horizon_bits(scene, cube_map, slice(0, n_points))
-    return found
+    sampled.rays = sum(tally)
+    sampled.traced = horizon_bits(scene, cube_map, slice(0, n_points))
+    return sampled
 
 
 def _above(scene, cube_map):
@@ -186,16 +186,16 @@ def _above(scene, cube_map):
     return np.concatenate(counts)
 
 
-def _certified(scene, cube_map, caster, found):
+def _certified(scene, cube_map, caster, sampled):
     """Interval of each object's matrix error, by rays of its own."""
-    copy = replace(found, bits=found.bits.copy(), traced=found.traced.copy())
+    copy = replace(sampled, bits=sampled.bits.copy(), traced=sampled.traced.copy())
     certified = yield from certificate_steps(scene, cube_map, caster, copy, {})
     return {
         item.name: {
             "interval_low": item.matrix.low,
             "interval_high": item.matrix.high,
             "certificate_l2": item.matrix.error,
-            "certificate_rays": int(copy.rays - found.rays),
+            "certificate_rays": int(copy.rays - sampled.rays),
         }
         for item in certified
     }
@@ -242,11 +242,11 @@ def _matrix_row(errors, sizes):
     }
 
 
-def _relit_row(found, wanted, mine):
+def _relit_row(sampled, wanted, mine):
     """Errors of received light; `p95` and `max` are of points, as shares of the mean square."""
     relit = {}
     for key, truth in wanted.items():
-        colours, truth = found[key][mine].astype(np.float64), truth[mine].astype(np.float64)
+        colours, truth = sampled[key][mine].astype(np.float64), truth[mine].astype(np.float64)
         size = max(float(np.sqrt((truth**2).sum(axis=1).mean())), 1e-300)
         of_points = np.sqrt(((colours - truth) ** 2).sum(axis=1)) / size
         relit[key] = {

@@ -70,9 +70,9 @@ def sampling_report(scene, cube_map, caster, rows, results, lights):
         pictures += _relit(scene, cube_map, rays, results, *next(iter(lights.items())))
     pictures.append(_where(cube_map, rays, results))
     pictures += [
-        _exploration(rays, label, found.dense)
-        for label, found in results.items()
-        if getattr(found, "dense", None) is not None
+        _exploration(rays, label, sampled.dense)
+        for label, sampled in results.items()
+        if getattr(sampled, "dense", None) is not None
     ]
     notes = [
         f"Scene {rows[0]['scene']}: {len(scene.points):,} points, {cube_map.n_directions:,} "
@@ -109,17 +109,17 @@ def _relit(scene, cube_map, rays, results, light_name, light):
     """The scene under one light by each method, and its difference from the truth."""
     white = scene.points.albedo
 
-    def lit(found):
-        return white * received_light(found.bits, scene.points.normals, cube_map, light)
+    def lit(sampled):
+        return white * received_light(sampled.bits, scene.points.normals, cube_map, light)
 
     truth = lit(results["exhaustive"])
     image = rays.picture(truth)
     stops = -np.log2(max(float(np.percentile(image.max(axis=-1), 97)), 1e-6))
     shown = [("every entry traced", to_srgb(image, stops))]
     differences = []
-    for label, found in results.items():
+    for label, sampled in results.items():
         if label != "exhaustive":
-            colours = lit(found)
+            colours = lit(sampled)
             shown.append((label, to_srgb(rays.picture(colours), stops)))
             away = rays.picture(_FACTOR * np.abs(colours - truth))
             differences.append((label, to_srgb(away, stops)))
@@ -132,8 +132,8 @@ def _relit(scene, cube_map, rays, results, light_name, light):
 def _where(cube_map, rays, results):
     """How many entries of each point were traced, on one logarithmic scale."""
     shown = []
-    for label, found in results.items():
-        counts = count_bits(found.traced, axis=1)
+    for label, sampled in results.items():
+        counts = count_bits(sampled.traced, axis=1)
         colours = heat_colours(
             np.maximum(counts, 1), 1, cube_map.n_directions / 2, logarithmic=True
         )

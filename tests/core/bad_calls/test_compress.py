@@ -101,8 +101,8 @@ CALLS = {
         },
         ("n_terms None",),
     ),  # fmt: skip
-    "ClusterRelighter": lambda t: Call(
-        lambda light, **rest: compress.ClusterRelighter(**rest).product(light),
+    "ClusterEvaluator": lambda t: Call(
+        lambda light, **rest: compress.ClusterEvaluator(**rest).product(light),
         {
             "model": compress.PCA(2).fit(compress.TransportRows(t.bake.transport)),
             "transport": t.bake.transport,

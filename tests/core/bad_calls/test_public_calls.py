@@ -1,4 +1,4 @@
-"""Wrong calls of the doors: bakes, stores, relighting, pictures."""
+"""Wrong public calls: bakes, stores, relighting, pictures."""
 
 import shutil
 from pathlib import Path
@@ -153,7 +153,7 @@ CALLS = {
             "lamp_samples": 3,
             "caster": "brute",
             "bounces": 1,
-            "transport": "exact",
+            "form": "exact",
         },
         ("light None", "caster other text", "caster empty text", "bounces None"),
     ),  # fmt: skip
@@ -184,7 +184,7 @@ CALLS = {
     ),
     "Relighter": lambda t: Call(
         Relighter,
-        {"bake": t.bake, "caster": "brute", "transport": "exact"},
+        {"bake": t.bake, "caster": "brute", "form": "exact"},
         ("caster other text", "caster empty text"),
     ),
     "environment_light": lambda t: Call(

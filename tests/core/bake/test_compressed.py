@@ -1,4 +1,4 @@
-"""The compressed form behind the doors: chosen, kept, used, never where it is not right."""
+"""The compressed form behind the public calls: chosen, kept, used, never where it is not right."""
 
 import shutil
 from dataclasses import replace
@@ -25,7 +25,7 @@ from prt_core.compress.choice import methods
 from prt_core.compress.choice.choose import Trial
 from prt_core.light import EnvironmentMap
 from prt_core.relight import Lighting, Relighter
-from prt_core.runtime.progress import MainThreadCalls, steps_in_thread
+from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from tests.meshes import plane, sphere
 
 LAMP = Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")
@@ -123,8 +123,8 @@ def test_other_bounces_are_exact(chosen):
     assert quick.used == "exact" and "bounces" in quick.why
     with pytest.raises(PRTError, match="holds the bounces of the bake, not 1"):
         Relighter(bake, form="compressed").radiance(SKY, bounces=1)
-    with pytest.raises(PRTError, match="transport: expected one of"):
-        Relighter(bake, transport="fast")
+    with pytest.raises(PRTError, match="form: expected one of"):
+        Relighter(bake, form="fast")
 
 
 def test_a_form_of_another_bake_is_not_used(chosen, tmp_path):

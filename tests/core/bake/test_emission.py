@@ -210,9 +210,9 @@ def test_command_line(lit, tmp_path, capsys):
         code, _ = prt("relight", lit.path, "--emission", *words, "--output", out)
         assert code == 0
         wanted = relight(lit, emission=emission)
-        found = np.load(out)
+        written = np.load(out)
         for name, values in wanted.items():
-            np.testing.assert_array_equal(found[name], values)
+            np.testing.assert_array_equal(written[name], values)
     for words, message in (
         (["x=2"], "emission: the bake has no emitter 'x'; it has tube, sign"),
         (["tube"], "expected all, none or NAME=HOW, got 'tube'"),

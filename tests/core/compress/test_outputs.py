@@ -12,7 +12,7 @@ from prt_core.compress import (
     ArrayRows,
     BlockPCA,
     ClusteredPCA,
-    ClusterRelighter,
+    ClusterEvaluator,
     HaarLighting,
     Harmonics,
     IncrementalLighting,
@@ -73,7 +73,7 @@ def test_five_outputs_of_three_channels_are_the_dense_product(name):
     again = type(model).from_state(model.state())
     np.testing.assert_array_equal(again.product(light), model.product(light))
     if hasattr(model, "affine_"):
-        quick = ClusterRelighter(model, n_terms=None, error=0)
+        quick = ClusterEvaluator(model, n_terms=None, error=0)
         assert relative(quick.product(light), wanted) < 1e-5
         assert relative(model.reconstruct(np.arange(N_POINTS)), MATRIX) < 1e-5
     if name == "haar":
@@ -92,7 +92,7 @@ def test_a_channel_counts_as_often_as_it_is_read():
     form = Wavelet4D(PLACES, error=0, bits=None, n_terms=1).fit(ArrayRows(same, 2, reads))
     kept = form.choose(light)
     assert kept[:, 1].any() and not kept[:, 0].any()
-    quick = ClusterRelighter(PCA(1).fit(ArrayRows(same, None, reads)), n_terms=1, error=0)
+    quick = ClusterEvaluator(PCA(1).fit(ArrayRows(same, None, reads)), n_terms=1, error=0)
     found = quick.product(light)
     # One term for each group, and each output is a group of its own.
     assert relative(found[:, :4], same[:, 0, :4]) < 1e-5 and found[:, 4].any()
@@ -137,7 +137,7 @@ def test_a_form_that_did_not_name_its_channels_is_read():
 def test_bright_texels_are_looked_up_only_where_rows_know_direct_light_apart(transport, light):
     shape = transport.n_points, transport.n_directions
     model = PCA(3).fit(ArrayRows(np.random.default_rng(1).random((*shape, 3)), 8))
-    quick = ClusterRelighter(model, transport, None, 0)
+    quick = ClusterEvaluator(model, transport, None, 0)
     assert relative(quick.product(light), model.product(light)) < 1e-4
 
 
@@ -161,5 +161,5 @@ def test_bright_texels_are_those_of_the_channel_that_is_read(transport, light):
     model = PCA(2).fit(DirectOfFive(transport))
     sun = np.zeros_like(light)
     sun[100] = light[100]
-    found = ClusterRelighter(model, transport).product(sun)
+    found = ClusterEvaluator(model, transport).product(sun)
     assert relative(found, transport.product(sun, bounces=0)[:, READS]) < 1e-5

@@ -7,7 +7,8 @@ import pytest
 
 from prt_core.errors import PRTError
 from prt_core.rays import RelayCaster, make_caster, relay
-from prt_core.runtime.progress import MainThreadCalls, Progress, run, steps_in_thread
+from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
+from prt_core.runtime.progress import Progress, run
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""`Lighting`: one value that all doors fill in, and what its fields do to the colours."""
+"""`Lighting`: one value that panel, command and call fill in, and what it does to colours."""
 
 import os
 from dataclasses import fields, replace

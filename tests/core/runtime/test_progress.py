@@ -5,7 +5,8 @@ import time
 
 import pytest
 
-from prt_core.runtime.progress import MainThreadCalls, Pace, Progress, run, steps_in_thread
+from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
+from prt_core.runtime.progress import Pace, Progress, run
 
 
 def test_a_dear_call_is_not_cut_ever_smaller():

@@ -116,7 +116,7 @@ def test_outputs_are_refused_before_the_work(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.npz").mkdir()
     assert expect_output("o", tmp_path / "o.npz", ".npz") == tmp_path / "o.npz"
-    assert expect_output("o", tmp_path / "new" / "o.prt", ".prt", folder=True, made=True)
+    assert expect_output("o", tmp_path / "new" / "o.prt", ".prt", folder=True, create=True)
     for path, options, what in (
         ("o.png", {}, "ends in .npz"),
         ("folder.npz", {}, "a folder is in the way"),

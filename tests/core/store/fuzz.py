@@ -119,7 +119,7 @@ class Fuzzer:
         if finished and settings not in self._colours:
             self._colours[settings] = self.worker.ask(do="load", path=str(path))["colours"]
         if method:
-            asked = {"do": "load", "path": str(path), "transport": "compressed"}
+            asked = {"do": "load", "path": str(path), "form": "compressed"}
             self._colours[method] = self.worker.ask(**asked)["colours"]
 
     def _make_canary(self):

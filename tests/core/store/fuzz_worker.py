@@ -59,7 +59,7 @@ def compressed(path, method):
 def colours(path, form="exact"):
     """Digests of what relighting gives, and whether it is finite."""
     bake = load(path)
-    relighter = Relighter(bake, transport=transport)
+    relighter = Relighter(bake, form=form)
     radiance = [relighter.radiance(light) for light in (world()[::-1].copy(), "world")]
     radiance.append(relighter.radiance(None, lamps=True, lamp_samples=3))
     named = bake.colours(radiance[0])
@@ -87,7 +87,7 @@ def work(request):
         run(steps(path, request["settings"], **options))
     else:
         info(path)
-    return colours(path, request.get("transport", "exact"))
+    return colours(path, request.get("form", "exact"))
 
 
 def answer(request):

@@ -14,9 +14,9 @@ def received(scene, tolerance=0.003):
     """(n_emitters, n_points, 4) that points receive."""
     caster = caster_of(scene)
     lights = surface_lights(scene, caster, 3)
-    found = emitted_light(scene, caster, lights, slice(0, len(scene.points)), 3, tolerance)
-    assert (np.sqrt(found.spread) <= 2 * tolerance * np.sqrt(found.size)).all()
-    return found.received
+    emitted = emitted_light(scene, caster, lights, slice(0, len(scene.points)), 3, tolerance)
+    assert (np.sqrt(emitted.spread) <= 2 * tolerance * np.sqrt(emitted.size)).all()
+    return emitted.received
 
 
 def of_polygon(corners, place):
@@ -48,8 +48,8 @@ def test_a_plate_in_a_sky_made_of_a_mesh_receives_exactly_its_radiance():
     # Rays alone tell it, with the fewest of them.
     caster = caster_of(scene)
     lights = surface_lights(scene, caster)
-    found = emitted_light(scene, caster, lights, slice(0, 9), 0, 1e-4)
-    assert found.n_rays <= 9 * 4 * 32 and found.spread[0] == 0
+    emitted = emitted_light(scene, caster, lights, slice(0, 9), 0, 1e-4)
+    assert emitted.n_rays <= 9 * 4 * 32 and emitted.spread[0] == 0
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -35,7 +35,7 @@ class FakeTask(Task):
         matrix = 1 + np.random.default_rng(0).random((N_POINTS, N_DIRECTIONS))
         self.matrix = matrix[self.points]
         self.transport = SimpleNamespace(
-            relight=lambda light: self.matrix @ light,
+            radiance=lambda light: self.matrix @ light,
             exit_radiance=lambda received: ExitRadiance(received, np.ones((len(received), 1))),
             cube_map=SimpleNamespace(n_directions=N_DIRECTIONS),
         )
@@ -70,7 +70,7 @@ class Known:
         return self.size * self.n_points_
 
 
-def relighter(model, transport):
+def evaluator(model, transport):
     return SimpleNamespace(product=lambda light: transport.radiance(light) * (1 + model.error))
 
 
@@ -80,7 +80,7 @@ def known(monkeypatch):
 
     def register(name, budgets):
         kind = Method(
-            name, Known, lambda task: [Known(*budget) for budget in budgets], relighter, local=False
+            name, Known, lambda task: [Known(*budget) for budget in budgets], evaluator, local=False
         )
         register_method(kind)
 
@@ -96,10 +96,10 @@ def chosen(names, **limits):
 
 
 @pytest.mark.parametrize("tolerance, budget", [(0.3, 0), (0.13, 1), (0.03, 3), (0.0066, 5)])
-def test_the_first_rung_that_is_near_enough_is_found_in_few_trials(known, tolerance, budget):
+def test_the_first_budget_that_is_near_enough_is_found_in_few_trials(known, tolerance, budget):
     # A fifth nearer than was asked for.
-    known("budgets", BUDGETS)
-    best, _, trials = chosen(["budgets"], tolerance=tolerance)
+    known("many", BUDGETS)
+    best, _, trials = chosen(["many"], tolerance=tolerance)
     assert best.budget == budget and best.error == pytest.approx(BUDGETS[budget][0], rel=1e-4)
     assert len(trials) <= 3 and [t.budget for t in trials] == sorted(t.budget for t in trials)
     # Of all points, not of those it was tried on.

@@ -82,8 +82,8 @@ METHODS = (
 )
 
 
-@pytest.mark.parametrize("door", METHODS)
-def test_doors_of_images(path, method):
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_of_images(path, method):
     attributes = compress(path, method=method, tolerance=0.3, lights={"sky": SKY})
     assert attributes["of"] == "image" and attributes["tolerance_met"], attributes["error"]
     exact = Relighter(load(path), form="exact").radiance(SKY, rotation=65, of="image")

@@ -44,7 +44,7 @@ def test_settings_hold_all_along_the_ladder(task):
     assert method_from_text("pca") == method_named("pca")
 
 
-# The door, what the form has, and the words that say it.
+# The method, what the form has, and the words that say it.
 METHODS = {
     "cpca:method=iterative,n_clusters=5,n_components=3": "method iterative",
     "irradiance": "irradiance",
@@ -59,7 +59,7 @@ METHODS = {
 }
 
 
-@pytest.mark.parametrize("door", METHODS)
+@pytest.mark.parametrize("method", METHODS)
 def test_what_is_built_is_compressed_stored_relit_and_named(baked, method):
     attributes = compress(baked, method=method, tolerance=0.1, lights={"sky": SKY})
     assert (
@@ -80,7 +80,7 @@ def test_what_is_built_is_compressed_stored_relit_and_named(baked, method):
     assert error <= attributes["worst"] * 1.001
 
 
-def test_doors_differ(baked):
+def test_methods_differ(baked):
     """Each selects what it names: other settings give other bytes."""
     sizes = {}
     for method in METHODS:

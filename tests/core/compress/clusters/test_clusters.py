@@ -9,7 +9,7 @@ from prt_core.compress import (
     ArrayRows,
     BlockPCA,
     ClusteredPCA,
-    ClusterRelighter,
+    ClusterEvaluator,
     SparseClusteredPCA,
     TransportRows,
     VectorQuantisation,
@@ -158,7 +158,7 @@ def compressed(transport):
 
 
 def test_real_time_relighting_is_that_of_the_model(transport, compressed, light):
-    quick = ClusterRelighter(compressed, n_terms=None, error=0)
+    quick = ClusterEvaluator(compressed, n_terms=None, error=0)
     assert relative(quick.product(light), compressed.product(light)) < 1e-5
     again = light[::-1].copy()
     assert relative(quick.product(again), compressed.product(again)) < 1e-5
@@ -167,24 +167,24 @@ def test_real_time_relighting_is_that_of_the_model(transport, compressed, light)
 
 def test_bright_texels_are_exact(transport, compressed, light):
     truth = transport.product(light)
-    plain = relative(ClusterRelighter(compressed).product(light), truth)
-    exact = relative(ClusterRelighter(compressed, transport).product(light), truth)
+    plain = relative(ClusterEvaluator(compressed).product(light), truth)
+    exact = relative(ClusterEvaluator(compressed, transport).product(light), truth)
     assert exact < 0.5 * plain
     sun = np.zeros_like(light)
     sun[100] = 1e5
     direct_only = TransportRows(transport, 0)
     model = ClusteredPCA(2, 0).fit(direct_only)
-    found = ClusterRelighter(model, transport).product(sun)
+    found = ClusterEvaluator(model, transport).product(sun)
     assert relative(found, transport.product(sun, bounces=0)) < 1e-5
 
 
 def test_fewer_terms_cost_what_was_asked_for(transport, compressed, light):
     light = light.copy()
     light[100] = 1
-    every = ClusterRelighter(compressed, n_terms=None, error=0).product(light)
+    every = ClusterEvaluator(compressed, n_terms=None, error=0).product(light)
     errors = []
     for error in (0.1, 0.01, 0.001):
-        quick = ClusterRelighter(compressed, n_terms=None, error=error)
+        quick = ClusterEvaluator(compressed, n_terms=None, error=error)
         assert quick.terms(light)[0] < transport.n_directions
         errors.append(relative(quick.product(light), every))
         assert errors[-1] < 3 * error
@@ -197,7 +197,7 @@ def test_another_transport_is_refused(transport, compressed):
     parts = {name: getattr(transport, name)[:-1] for name in ("bits", "normals", "materials")}
     other = replace(transport, gather=None, **parts)
     with pytest.raises(PRTError, match="transport"):
-        ClusterRelighter(compressed, other)
+        ClusterEvaluator(compressed, other)
 
 
 def test_blended_borders_have_smaller_seams(scene, transport, light):
@@ -215,7 +215,7 @@ def test_blended_borders_have_smaller_seams(scene, transport, light):
     after = seam(model.product(light), truth, border)
     assert after["rms"] < 0.85 * before["rms"]
     assert relative(model.product(light), truth) < error
-    quick = ClusterRelighter(model, n_terms=None, error=0)
+    quick = ClusterEvaluator(model, n_terms=None, error=0)
     assert relative(quick.product(light), model.product(light)) < 1e-5
     every = np.arange(rows.n_points)
     truth = np.einsum("ndc,dc->nc", model.reconstruct(every), light)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.compress import ArrayRows, ClusteredPCA, ClusterRelighter, TransportRows
+from prt_core.compress import ArrayRows, ClusteredPCA, ClusterEvaluator, TransportRows
 from prt_core.compress.light_terms import heaviest
 
 
@@ -19,17 +19,17 @@ def test_terms_are_left_out_by_what_they_add_to_the_colours(n_channels):
     light = (rng.standard_normal((24, n_channels)) ** 3).astype(np.float32)
     squares = (held.astype(np.float64) ** 2).sum(axis=0) * light.astype(np.float64) ** 2
     for error in (0.3, 0.1, 0.03):
-        quick = ClusterRelighter(model, n_terms=None, error=error)
+        quick = ClusterEvaluator(model, n_terms=None, error=error)
         wanted = []
         for channel in range(n_channels):
             order = np.sort(squares[:, channel])
             spare = (np.cumsum(order) < error**2 * order.sum()).sum()
             wanted.append(24 - int(spare))
         assert quick.terms(light) == wanted
-        every = ClusterRelighter(model, n_terms=None, error=0).product(light)
+        every = ClusterEvaluator(model, n_terms=None, error=0).product(light)
         left = np.linalg.norm(quick.product(light) - every) / np.linalg.norm(every)
         assert left < 2 * error
-    few = ClusterRelighter(model, n_terms=5, error=0)
+    few = ClusterEvaluator(model, n_terms=5, error=0)
     assert few.terms(light) == [5] * n_channels
 
 
@@ -58,9 +58,9 @@ def test_the_texels_that_are_looked_up_are_those_of_most_power(transport):
     rest, one = light.copy(), np.zeros_like(light)
     rest[large], one[large] = 0, light[large]
     wanted = model.product(rest) + transport.product(one, bounces=0)
-    found = ClusterRelighter(model, transport, None, 0, n_exact=1).product(light)
+    found = ClusterEvaluator(model, transport, None, 0, n_exact=1).product(light)
     np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * wanted.max())
     # None of them is looked up where it is not bright.
     even = np.ones_like(light)
-    dim = ClusterRelighter(model, transport, None, 0, n_exact=16, bright=0.01)
+    dim = ClusterEvaluator(model, transport, None, 0, n_exact=16, bright=0.01)
     np.testing.assert_allclose(dim.product(even), model.product(even), rtol=1e-4)

@@ -38,7 +38,7 @@ def lights(bake):
 def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
     made = {}
     names = candidate_names()
-    rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], made=made))
+    rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], evaluators=made))
     assert [row["method"] for row in rows[:3]] == ["dense", "exact", "irradiance"]
     assert all(KEYS <= set(row) for row in rows)
     for name in names:

@@ -123,7 +123,7 @@ class EmittedLight:
         wanted = {name: how for name, *how in lighting.emission}
         rest = wanted.pop(OTHERS, [None, 1.0])
         unknown = [name for name in wanted if name not in names]
-        names_text = f"it has {', '.join(names)}" if names else "nothing in it emits light"
+        known = f"it has {', '.join(names)}" if names else "nothing in it emits light"
         expect(
             not unknown,
             f"emission: the bake has no emitter {', '.join(map(repr, unknown))}; {known}",

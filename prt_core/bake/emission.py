@@ -41,11 +41,14 @@ class Emission:
         channel alone, which is what it sends out in another colour.
     received : (n_emitters, n_points, 6) float32, or None
         With all bounces: in its own colours, and where it is white instead. None: as `direct`.
+    albedo : (n_points, 3) float32, or None
+        The very array with which it bounced: where the transport has another, it bounces anew.
     """
 
     names: tuple
     direct: np.ndarray
     received: np.ndarray | None = None
+    albedo: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -172,8 +175,17 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds):
     add_seconds(seconds, "emission", time.perf_counter() - start)
 
 
-def read_emission(store, scene, rounds):
+def read_emission(store, scene, rounds, albedo):
     """`Emission` of a finished bake, None where nothing emits light.
+
+    Parameters
+    ----------
+    store : BakeStore
+    scene : Scene
+    rounds : int
+        Of bounce rays.
+    albedo : (n_points, 3) float32
+        With which points bounce.
 
     Raises
     ------
@@ -190,4 +202,4 @@ def read_emission(store, scene, rounds):
             values is None or not values.size or (values.min() >= 0 and np.isfinite(values).all())
         )
         expect(good, f"{store.path}: '{name}' is out of range; the bake is damaged")
-    return Emission(scene.emitters, direct, received)
+    return Emission(scene.emitters, direct, received, albedo)

@@ -64,7 +64,7 @@ def load(path):
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
-    emission = read_emission(store, scene, rounds)
+    emission = read_emission(store, scene, rounds, transport.bounced_albedo)
     return Bake(scene, transport, *parts, _read_dense(store, n_points), emission)
 
 

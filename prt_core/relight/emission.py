@@ -95,7 +95,7 @@ class EmittedLight:
     """
 
     def __init__(self, bake):
-        self._bake, self._albedo = bake, bake.transport.albedo
+        self._bake = bake
         self.close()
 
     def close(self):
@@ -132,7 +132,7 @@ class EmittedLight:
         if not any(factor > 0 for _, factor in settings):
             return None
         transport = self._bake.transport
-        key = lighting.emission, lighting.bounces, transport.albedo
+        key = lighting.emission, lighting.bounces, transport.bounced_albedo
         if self._last[0] is None or any(
             a is not b and a != b if i < 2 else a is not b
             for i, (a, b) in enumerate(zip(self._last[0], key, strict=True))
@@ -145,7 +145,9 @@ class EmittedLight:
         emission, transport = self._bake.emission, self._bake.transport
         baked = bounces == "baked" or bounces == transport.bounces
         # Albedo that was replaced after the bake bounces otherwise.
-        stored = emission.received is not None and baked and transport.albedo is self._albedo
+        stored = (
+            emission.received is not None and baked and transport.bounced_albedo is emission.albedo
+        )
         values = emission.received if stored else emission.direct
         total = np.zeros((transport.n_points, 3), np.float32)
         for light, (colour, factor) in zip(values, settings, strict=True):

@@ -116,6 +116,10 @@ def test_albedo_that_is_replaced_bounces_the_emitters_light(lit):
     own = lit.scene.points.materials.emission
     direct = shown(lit, emission="all", bounces=0)
     np.testing.assert_allclose(halved - own, (direct - own) / 2, rtol=1e-4, atol=1e-6)
+    fewer, series = (shown(changed, emission="all", bounces=n) for n in ("baked", 40))
+    np.testing.assert_allclose(fewer, series, rtol=0.02, atol=1e-4)
+    floor = slice(0, 49)
+    assert fewer[floor].sum() < 0.999 * shown(lit, emission="all")[floor].sum() / 2
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from prt_core.scene import Scene
 from prt_core.sphere import sobol_points
 from prt_core.transport.gather import cosine_directions
 from prt_core.transport.lamps import before_the_lamp
-from prt_core.transport.surface_light import SurfaceLight
+from prt_core.transport.surface_light import MOST_CLUSTERS, SurfaceLight
 
 # Rays of each kind that a point casts in a turn; turns go in pairs, whose halves are compared.
 TURN = 32
@@ -36,6 +36,8 @@ MOST_TURNS = 32
 # The share of all cosine-distributed rays that has to meet an emitter for them to do alone; and
 # that all emitters together have to be met by for more than _FEW of them to be cast in a turn.
 _OFTEN, _SELDOM, _FEW = 1 / 8, 1 / 16, 8
+# Clusters of all emitters together, and of one where there are hundreds.
+_ALL_CLUSTERS, _FEWEST_CLUSTERS = 2048, 8
 # Points on either side that say how far off one of a block is.
 _BESIDE = 8
 # Received light less than so much of an emitter's mean radiance is as good as none.
@@ -79,7 +81,10 @@ def surface_lights(scene, caster, seed=0):
     expect_kind("scene", scene, Scene)
     expect_caster(caster)
     expect_seed(seed)
-    return [SurfaceLight(scene, index, caster, seed) for index in range(len(scene.emitters))]
+    count = len(scene.emitters)
+    # A point has a chance for each cluster of all emitters.
+    n_clusters = max(_FEWEST_CLUSTERS, min(MOST_CLUSTERS, _ALL_CLUSTERS // max(count, 1)))
+    return [SurfaceLight(scene, index, caster, seed, n_clusters) for index in range(count)]
 
 
 def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turns=MOST_TURNS):

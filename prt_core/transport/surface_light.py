@@ -20,8 +20,9 @@ import numpy as np
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.transport.gather import cosine_directions
 
-# Triangles are cut until there are so many pieces; clusters of pieces, at most.
-_PIECES, _CLUSTERS = 2048, 256
+# Clusters of an emitter, at most, and pieces of each that triangles are cut into.
+MOST_CLUSTERS = 256
+_PIECES = 8
 # Rays from each side of a piece that tell whether anything else sees it.
 _LOOKS = 8
 # Places on a piece, by the weights of its three corners, whose mean is its emission.
@@ -38,6 +39,8 @@ class SurfaceLight:
         In `Scene.emitters`.
     caster : RayCaster
     seed : int
+    n_clusters : int
+        At most.
 
     Attributes
     ----------
@@ -50,10 +53,10 @@ class SurfaceLight:
         That were cast to see which sides are open.
     """
 
-    def __init__(self, scene, index, caster, seed=0):
-        self.name, self.n_rays = scene.emitters[index], 0
+    def __init__(self, scene, index, caster, seed=0, n_clusters=MOST_CLUSTERS):
+        self.name, self.n_rays, self._n_clusters = scene.emitters[index], 0, n_clusters
         triangles = np.flatnonzero(scene.triangle_emitter == index)
-        self._pieces = pieces = _Pieces(scene, triangles)
+        self._pieces = pieces = _Pieces(scene, triangles, _PIECES * n_clusters)
         places = np.einsum("pk,nkc->npc", _PLACES, pieces.corners)
         emission = scene.emission_at(
             np.repeat(pieces.triangle, len(_PLACES)), places.reshape(-1, 3)[:, 1:]
@@ -102,7 +105,7 @@ class SurfaceLight:
         # To face otherwise keeps pieces apart as a quarter of the emitter's size does.
         across = max(float(np.ptp(middle, axis=0).max()), 1e-300)
         features = np.hstack([middle[lit] / across, pieces.normal[lit] / 8])
-        groups = _near_each_other(features, power[lit], _CLUSTERS)
+        groups = _near_each_other(features, power[lit], self._n_clusters)
         order = lit[np.concatenate(groups)] if len(lit) else lit
         sizes = np.array([len(group) for group in groups], np.int64)
         cluster = np.repeat(np.arange(len(groups)), sizes)
@@ -221,18 +224,18 @@ class _Pieces:
     area : (n,) float64
     """
 
-    def __init__(self, scene, triangles):
+    def __init__(self, scene, triangles, count):
         self._first = np.full(len(scene.triangles), -1, np.int64)
         self._first[triangles] = np.arange(len(triangles))
         triangle, corners = triangles, np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
         positions = scene.vertices[scene.triangles[triangles]]
         edge, children = np.zeros(len(triangles), np.int64), np.full((len(triangles), 2), -1)
         leaves = np.arange(len(triangles))
-        while len(leaves) < _PIECES:
+        while len(leaves) < count:
             length = np.linalg.norm(positions[leaves][:, [1, 2, 0]] - positions[leaves], axis=2)
             longest = length.max(axis=1)
             cut = np.flatnonzero(longest >= 0.75 * longest.max())
-            cut = cut[np.argsort(-longest[cut], kind="stable")][: _PIECES - len(leaves)]
+            cut = cut[np.argsort(-longest[cut], kind="stable")][: count - len(leaves)]
             node, turn = leaves[cut], length[cut].argmax(axis=1)
             edge[node] = turn
             children[node] = len(edge) + np.arange(2 * len(node)).reshape(2, -1).T

@@ -1,4 +1,4 @@
-# make demo | make test | make lint | make bench | make extension; everything lives in .venv
+# make demo | make test | make lint | make conformance | make bench | make extension; everything lives in .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || echo python3)
 VENV ?= .venv
 RUN = $(VENV)/bin/python
@@ -27,6 +27,10 @@ bench: $(VENV)/.ready
 extension: $(VENV)/.ready
 	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS))
 
+# Every conformance scene against Cycles, as a table; make conformance SCENES="lamps text" for some.
+conformance: $(VENV)/.ready
+	$(RUN) -m tests.conformance.run $(SCENES)
+
 # The extension in real windows: make test-window BLENDER="command" (several, separated by ':').
 test-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
@@ -42,4 +46,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint bench extension test-window bench-window matrix clean
+.PHONY: setup demo test lint conformance bench extension test-window bench-window matrix clean

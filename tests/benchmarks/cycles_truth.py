@@ -52,8 +52,8 @@ def set_cycles(scene, samples, seed):
     cycles.light_sampling_threshold = 0
 
 
-def bake(scene, names, bounces):
-    """Point colours of each object as Cycles bakes them, and the seconds it took."""
+def bake(scene, names, bounces, domain="POINT"):
+    """Colours of each object as Cycles bakes them, of a domain, and the seconds it took."""
     passes = {"COLOR", "DIRECT"} | ({"INDIRECT"} if bounces == "all" else set())
     colours = {}
     start = time.perf_counter()
@@ -62,7 +62,7 @@ def bake(scene, names, bounces):
         for item in scene.objects:
             item.select_set(item is target)
         bpy.context.view_layer.objects.active = target
-        attribute = target.data.color_attributes.new("truth", "FLOAT_COLOR", "POINT")
+        attribute = target.data.color_attributes.new("truth", "FLOAT_COLOR", domain)
         target.data.color_attributes.active_color = attribute
         bpy.ops.object.bake(type="DIFFUSE", target="VERTEX_COLORS", pass_filter=passes)
         attribute = target.data.color_attributes["truth"]

@@ -1,0 +1,109 @@
+"""How bright a lamp is and in which colour: settings and nodes."""
+
+import bpy
+
+from tests.conformance.parts import add, ground, lamp, lamp_above
+from tests.conformance.scene import scene
+
+
+def _nodes(item, strength):
+    """The lamp's nodes: an Emission of the strength or colour that `strength(tree)` gives."""
+    data = item.data
+    data.use_nodes = True
+    tree = data.node_tree
+    tree.nodes.clear()
+    socket = strength(tree)
+    name = "Color" if socket.type == "RGBA" else "Strength"
+    shine = add(tree, "ShaderNodeEmission", {name: socket}).outputs[0]
+    add(tree, "ShaderNodeOutputLight", {0: shine})
+    return item
+
+
+@scene(light="lamps")
+def lamp_of_a_colour(on):
+    ground()
+    lamp_above("POINT", color=(1, 0.3, 0.1) if on else (1, 1, 1))
+
+
+@scene(light="lamps", since=(4, 5))
+def lamp_of_a_temperature(on):
+    ground()
+    lamp_above("POINT", use_temperature=on, temperature=2500.0)
+
+
+@scene(light="lamps", since=(4, 5))
+def lamp_of_an_exposure(on):
+    ground()
+    lamp_above("POINT", exposure=1.5 if on else 0.0)
+
+
+@scene(light="lamps")
+def lamp_of_negative_power(on):
+    ground()
+    lamp_above("POINT", -20 if on else 20)
+    lamp("other", "SUN", (0, 0, 3), 3)
+
+
+@scene(light="lamps")
+def lamp_by_nodes(on):
+    def strength(tree):
+        value = add(tree, "ShaderNodeValue").outputs[0]
+        value.default_value = 2.5 if on else 1.0
+        return value
+
+    ground()
+    _nodes(lamp_above("POINT"), strength)
+
+
+@scene(light="lamps", quick=True)
+def lamp_of_a_blackbody_node(on):
+    def colour(tree):
+        kelvin = 2500.0 if on else 6500.0
+        return add(tree, "ShaderNodeBlackbody", {0: kelvin}).outputs[0]
+
+    ground()
+    _nodes(lamp_above("SPOT", 200, spot_size=2.0), colour)
+
+
+@scene(light="lamps", says=("lamp", "nodes"))
+def lamp_with_a_falloff_node(on):
+    def strength(tree):
+        falloff = add(tree, "ShaderNodeLightFalloff", {"Strength": 1.0, "Smooth": 0.0}).outputs
+        return falloff["Constant" if on else "Quadratic"]
+
+    ground()
+    _nodes(lamp_above("POINT", 20), strength)
+
+
+@scene(light="lamps", says=("lamp", "nodes"), since=(5, 0))
+def lamp_with_an_ies_profile(on):
+    profile = """IESNA:LM-63-1995
+TILT=NONE
+1 1000 1 5 1 1 2 0 0 0
+1 1 100
+0 30 60 90 180
+0
+100 900 50 5 0
+"""
+
+    def strength(tree):
+        text = bpy.data.texts.new("profile.ies")
+        text.write(profile)
+        node = add(tree, "ShaderNodeTexIES", mode="INTERNAL", ies=text)
+        return node.outputs[0] if on else add(tree, "ShaderNodeValue").outputs[0]
+
+    ground()
+    _nodes(lamp_above("POINT", 5, (0, 0, 1.2), (0, 0, 0)), strength)
+
+
+@scene(light="lamps", says=("lamp", "nodes"))
+def lamp_with_a_pattern(on):
+    def colour(tree):
+        normal = add(tree, "ShaderNodeTexCoord").outputs["Normal"]
+        checker = {"Vector": normal, "Scale": 3.0}
+        checker |= {"Color1": (1, 0, 0, 1), "Color2": (0, 0, 1, 1)}
+        plain_colour = add(tree, "ShaderNodeRGB").outputs[0]
+        return add(tree, "ShaderNodeTexChecker", checker).outputs[0] if on else plain_colour
+
+    ground()
+    _nodes(lamp_above("SPOT", 200, spot_size=2.0, shadow_soft_size=0.0), colour)

@@ -53,4 +53,8 @@ def find_emitters(meshes, stacked, levels, built):
     for index in np.flatnonzero(shines[:-1]):
         owner, material = groups[index].tolist()
         emitter[index] = names.setdefault(meshes[owner].material_name(material), len(names))
-    return tuple(names), emitter[group], emitter[point_group]
+    # What diffuse rays do not see shines for the viewer only.
+    unseen = np.array([not getattr(mesh, "diffuse_rays", True) for mesh in meshes], bool)
+    seen = ~unseen[stacked["triangle_object"].astype(np.int64)]
+    triangle_emitter = np.where(seen, emitter[group], -1).astype(np.int32)
+    return tuple(names), triangle_emitter, emitter[point_group]

@@ -66,7 +66,7 @@ class SurfaceLight:
         self.radiance = pieces.area @ emission / max(self.area, 1e-300)
         value = emission.max(axis=1)
         # What most pieces are as bright as costs the fewest numbers.
-        power = pieces.area * (value / max(value.max(), 1e-300))
+        power = pieces.area * (value / value.max(initial=1e-300))
         self._make_clusters(power, self._open_sides(scene, index, caster, seed, power > 0))
 
     def _open_sides(self, scene, index, caster, seed, lit):
@@ -103,7 +103,7 @@ class SurfaceLight:
         lit = np.flatnonzero(power > 0)
         middle = pieces.positions.mean(axis=1)
         # To face otherwise keeps pieces apart as a quarter of the emitter's size does.
-        across = max(float(np.ptp(middle, axis=0).max()), 1e-300)
+        across = max(float(np.ptp(middle, axis=0).max()), 1e-300) if len(middle) else 1.0
         features = np.hstack([middle[lit] / across, pieces.normal[lit] / 8])
         groups = _near_each_other(features, power[lit], self._n_clusters)
         order = lit[np.concatenate(groups)] if len(lit) else lit
@@ -231,7 +231,7 @@ class _Pieces:
         positions = scene.vertices[scene.triangles[triangles]]
         edge, children = np.zeros(len(triangles), np.int64), np.full((len(triangles), 2), -1)
         leaves = np.arange(len(triangles))
-        while len(leaves) < count:
+        while 0 < len(leaves) < count:
             length = np.linalg.norm(positions[leaves][:, [1, 2, 0]] - positions[leaves], axis=2)
             longest = length.max(axis=1)
             cut = np.flatnonzero(longest >= 0.75 * longest.max())

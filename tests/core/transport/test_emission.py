@@ -176,6 +176,14 @@ def test_objects_of_one_material_are_one_light_and_those_of_others_are_others():
     assert Scene.from_meshes([floor, plane(2, name="d", z=1)]).emitters == ()
 
 
+def test_what_diffuse_rays_do_not_see_shines_for_the_viewer_only():
+    lamp = glowing(plane(2, name="lamp", z=1.0), (1.0, 1.0, 1.0))
+    lamp.diffuse_rays = False
+    scene = Scene.from_meshes([plane(3, name="floor"), lamp], max_hidden=0)
+    assert scene.emitters == ("lamp",) and set(scene.points.emitter) == {-1, 0}
+    assert not received(scene).any()
+
+
 @pytest.mark.parametrize("value", [np.nan, -1.0, np.inf, 1e16])
 def test_emission_that_is_no_radiance_is_refused(value):
     with pytest.raises(PRTError, match="emission: ") as caught:

@@ -165,6 +165,29 @@ class PRT_PT_light(_Panel, bpy.types.Panel):
             layout.prop(settings, "lamp_samples")
 
 
+class PRT_PT_emission(_Panel, bpy.types.Panel):
+    bl_label = "Emission"
+    bl_parent_id = "PRT_PT_light"
+
+    @classmethod
+    def poll(cls, context):
+        return bool(preview.emitters(preview.held(context.scene)))
+
+    def draw(self, context):
+        settings = context.scene.prt
+        column = self.layout.column(align=True)
+        for name in preview.emitters(preview.held(context.scene)):
+            item = settings.emitters.get(name)
+            if item is None:
+                continue
+            row = column.row(align=True)
+            row.label(text=name, icon="LIGHT")
+            row.prop(item, "recolour", text="", icon="COLOR")
+            if item.recolour:
+                row.prop(item, "colour", text="")
+            row.prop(item, "strength", text="")
+
+
 class PRT_PT_preview(_Panel, bpy.types.Panel):
     bl_label = "Preview"
     bl_parent_id = "PRT_PT_main"
@@ -281,6 +304,7 @@ _CLASSES = (
     PRT_PT_objects,
     PRT_PT_bake,
     PRT_PT_light,
+    PRT_PT_emission,
     PRT_PT_preview,
     PRT_PT_bakes,
 )

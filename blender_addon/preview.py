@@ -125,6 +125,15 @@ def write(scene, preview, radiance, asked):
     if settings.shown != settings.attribute:
         settings.shown = settings.attribute
     preview.shown = asked
+    for name in emitters(preview):
+        if name not in settings.emitters:
+            settings.emitters.add().name = name
+
+
+def emitters(preview):
+    """Names of the materials that emit light in a bake; `preview` may be None."""
+    emission = None if preview is None else preview.bake.emission
+    return () if emission is None else emission.names
 
 
 def clear(scene):

@@ -6,6 +6,7 @@ from bpy.props import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
@@ -31,6 +32,25 @@ def _object_changed(settings, context):
 
 def _shown_changed(settings, _context):
     live.touch(settings.id_data, show=True)
+
+
+class PRTEmitter(bpy.types.PropertyGroup):
+    """How a material that emits light shines."""
+
+    name: StringProperty(name="Emitter", description="A material that emits light")
+    strength: FloatProperty(
+        name="Strength", description="Factor on the light of this material; 0 is off",
+        default=1.0, min=0.0, soft_max=10.0, update=_changed,
+    )  # fmt: skip
+    recolour: BoolProperty(
+        name="Colour", description="Shine in another colour than the material's own",
+        update=_changed,
+    )  # fmt: skip
+    colour: FloatVectorProperty(
+        name="Colour", description="In place of the material's own, as bright as its largest "
+        "channel", subtype="COLOR", size=3, default=(1.0, 1.0, 1.0), min=0.0, soft_max=1.0,
+        update=_changed,
+    )  # fmt: skip
 
 
 class PRTScene(bpy.types.PropertyGroup):
@@ -130,6 +150,8 @@ class PRTScene(bpy.types.PropertyGroup):
         max=65536, soft_max=1024, update=_changed,
     )  # fmt: skip
 
+    emitters: CollectionProperty(type=PRTEmitter)
+
     compress_tolerance: FloatProperty(
         name="Tolerance",
         description="Relative error of the relit colours that compression may add",
@@ -227,7 +249,7 @@ class PRTStatus(bpy.types.PropertyGroup):
     active_bake: IntProperty(options={"SKIP_SAVE"})
 
 
-_CLASSES = (PRTScene, PRTObject, PRTSource, PRTBakeItem, PRTStatus)
+_CLASSES = (PRTEmitter, PRTScene, PRTObject, PRTSource, PRTBakeItem, PRTStatus)
 
 
 def register():

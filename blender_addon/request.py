@@ -12,6 +12,7 @@ from prt_core.blender.world import read_environment
 from prt_core.errors import expect
 from prt_core.sphere import rotation_matrix
 
+from . import preview
 from .studio import studio_lights
 
 
@@ -33,10 +34,10 @@ class Request:
     form: str
     key: tuple
 
-    def steps(self, preview, pace=None):
-        """Radiance of the bake's points; a generator of `Progress`."""
-        preview.relighter.form = self.form
-        return preview.relighter.steps(self.lighting, pace)
+    def steps(self, shown, pace=None):
+        """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
+        shown.relighter.form = self.form
+        return shown.relighter.steps(self.lighting, pace)
 
 
 def request(scene, samples=None, depsgraph=None):
@@ -67,9 +68,20 @@ def request(scene, samples=None, depsgraph=None):
         lamp_strength=1.0,
         lamp_samples=samples or settings.lamp_samples,
         exposure=settings.exposure,
+        emission=_emission(settings),
     )
     form = "auto" if settings.use_compressed else "exact"
     return Request(lighting, form, (form, *lighting.key))
+
+
+def _emission(settings):
+    """How the emitters of the bake in memory shine that the panel has changed."""
+    names = preview.emitters(preview.held())
+    return {
+        item.name: (tuple(item.colour) if item.recolour else None, item.strength)
+        for item in settings.emitters
+        if item.name in names and (item.recolour or item.strength != 1)
+    }
 
 
 def _environment(scene):

@@ -285,7 +285,7 @@ def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
         one that is its own (see `compress`). Lamps and sharp suns are exact.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
-        lamp_samples, bounces, exposure.
+        lamp_samples, bounces, exposure, emission.
 
     Returns
     -------

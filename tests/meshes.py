@@ -1,5 +1,7 @@
 """Small meshes that tests are made of."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from prt_core.rays import BruteForceCaster
@@ -40,6 +42,12 @@ def plane(n=5, low=-1.0, high=1.0, name="plane", albedo=0.5, z=0.0, **settings):
     first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
     quads = np.column_stack([first, first + 1, first + n + 1, first + n])
     return _quads(name, vertices, quads, albedo, **settings)
+
+
+def glowing(mesh, emission):
+    """The mesh with an emission (3,) on all its corners."""
+    colour = np.broadcast_to(np.asarray(emission, float), mesh.materials.albedo.shape)
+    return replace(mesh, materials=mesh.materials.replaced(emission=colour))
 
 
 def wall(x, height, half_width, n=3, name="wall", albedo=0.0):
@@ -100,7 +108,8 @@ def sphere(n=16, radius=1.0, centre=(0, 0, 0), inside=False, name="sphere", albe
 
 
 def ball_on_paint(**options):
-    """A scene with all that a bake may hold: a painted floor, and details below a ball."""
+    """A scene with all that a bake may hold: a painted floor, details below a ball that glows."""
     ball, floor = sphere(6, 0.5, (0, 0, 0.52), name="ball", albedo=(0.9, 0.3, 0.1)), plane(9)
+    ball = glowing(ball, (0.5, 0.25, 0.0))
     floor.paint = Stripes(floor, 0.4)
     return Scene.from_meshes([ball, floor], **options)

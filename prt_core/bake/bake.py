@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from prt_core.bake.emission import Emission
 from prt_core.errors import expect, expect_array
 from prt_core.scene import Camera, Scene
 from prt_core.transport import Transport
@@ -32,6 +33,8 @@ class Bake:
         The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
     dense : (n_dense,) int32, or None
         The points that were sampled densely, where the bake's method has such: ascending.
+    emission : Emission, or None
+        What points receive of surfaces that emit light, where there are such.
     """
 
     scene: Scene
@@ -45,6 +48,7 @@ class Bake:
     path: Path | None = None
     origin: dict = field(default_factory=dict)
     dense: np.ndarray | None = None
+    emission: Emission | None = None
 
     @property
     def cube_map(self):

@@ -56,8 +56,20 @@ class Bounced:
     skipped: dict = field(default_factory=dict)
 
 
-def bounce_steps(store, scene, cube_map, caster, settings, seconds):
+def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None):
     """Gather rays of a scene into a store; yields `Progress`.
+
+    Parameters
+    ----------
+    store : BakeStore
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : BakeSettings
+    seconds : dict of str -> float
+        By stage; added to.
+    emitted : (n_points, k) float32, optional
+        Directly received light of emitters, under which the error is measured as well.
 
     Returns
     -------
@@ -68,6 +80,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds):
     start = time.perf_counter()
     probes = yield from _probe_light(store, scene, cube_map, parts)
     add_seconds(seconds, "error", time.perf_counter() - start)
+    if emitted is not None:
+        probes = np.hstack([probes, emitted])
     # What nothing can be in front of gathers nothing.
     spared = scene.open_points
     skipped = {"gather_open_points": int(spared.sum())}

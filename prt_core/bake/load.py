@@ -6,6 +6,7 @@ import numpy as np
 
 from prt_core.bake.bake import Bake
 from prt_core.bake.bounces import MOST_ROUNDS
+from prt_core.bake.emission import read_emission
 from prt_core.bake.gather import read_gather, stored_hits
 from prt_core.bake.lights import read_lights
 from prt_core.bake.settings import BakeSettings
@@ -58,13 +59,14 @@ def load(path):
         _read_gather(store, n_points, rounds) if rounds else None,
         points.normals,
         points.materials,
-        min(settings.tolerance / 5, 1e-3),
+        settings.series,
         settings.bounces,
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
         scene.opposite if points.materials.translucency.any() else None,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
-    return Bake(scene, transport, *parts, _read_dense(store, n_points))
+    emission = read_emission(store, scene, rounds, transport.bounced_albedo)
+    return Bake(scene, transport, *parts, _read_dense(store, n_points), emission)
 
 
 def _read_dense(store, n_points):

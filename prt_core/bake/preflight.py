@@ -16,6 +16,8 @@ from prt_core.transport.gather import ROUND
 _RATES = {"embree": 8e6, "blender": 1.7e6, "bvhtree": 3e5, "brute": 1e4}
 # Bounce rounds most scenes need at 1 %; grows with the square of a smaller tolerance.
 _ROUNDS = 2
+# Rays of a point for each emitter, of direct light.
+_EMISSION = 250
 # Share of the rays that sampling casts at 60,000 points, and how much longer one takes.
 _SAMPLED, _GRAZING = 0.06, 4.0
 # Points further apart than this share of the scene cannot show a shadow's edge.
@@ -83,13 +85,14 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
         wanted = int(np.ceil(_ROUNDS * (0.01 / settings.tolerance) ** 2))
         rounds = min(MOST_ROUNDS, max(_ROUNDS, wanted))
         gather = n_points * rounds * ROUND
+    emission = n_points * len(scene.emitters) * _EMISSION
     bits = n_points * -(-n_directions // 8)
     return Preflight(
         points=n_points,
         hidden_points=int((~scene.points.visible).sum()),
         triangles=len(scene.triangles),
-        rays=rays + gather,
-        seconds=(rays * slower + gather)
+        rays=rays + gather + emission,
+        seconds=(rays * slower + gather + emission)
         / (rays_per_second or _RATES.get(back_end, _RATES["blender"])),
         memory_bytes=bits + 12 * gather + 200 * n_points + (64 << 20),
         disk_bytes=bits // 2 + 3 * gather + 100 * n_points,

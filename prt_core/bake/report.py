@@ -7,15 +7,16 @@ import numpy as np
 
 from prt_core.rays import MOST_LAYERS
 from prt_core.runtime.machine import peak_bytes
+from prt_core.transport.emission import MOST_TURNS, TURN
 from prt_core.transport.gather import ROUND
 from prt_core.version import __version__
 
 # Share of the bounce rays that may meet places without a bake point before it is said.
 _MANY_HIDDEN = 0.005
-_RAY_STAGES = "details", "visibility", "certificate", "gather"
+_RAY_STAGES = "details", "visibility", "certificate", "emission", "gather"
 
 
-def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store):
+def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store):
     """What a finished bake says of itself (see `bake_steps`).
 
     Parameters
@@ -26,6 +27,7 @@ def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store
     settings : BakeSettings
     seen : dict
         What `visibility_steps` returns.
+    emitted : EmissionResult
     bounced : Bounced
     seconds : dict of str -> float
         By stage.
@@ -37,7 +39,7 @@ def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store
     """
     rounds, error = bounced.rounds, bounced.error
     # The gravest first: of many lines a panel shows only the first ones.
-    messages = [*_missed(seen, bounced, settings.tolerance), *scene.messages]
+    messages = [*_missed(seen, emitted, bounced, settings.tolerance), *scene.messages]
     too_deep = getattr(caster, "too_deep", 0)
     if too_deep:
         messages.append(
@@ -51,8 +53,11 @@ def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store
         "rays_gather": bounced.rays,
         "rays_short": bounced.short_rays,
     }
+    if emitted.emitters:
+        by_kind["rays_emission"] = emitted.rays
     rays = sum(by_kind.values())
-    met = seen["tolerance_met"] and (error is None or error <= settings.tolerance)
+    within = [value is None or value <= settings.tolerance for value in (error, emitted.error)]
+    met = seen["tolerance_met"] and all(within)
     return {
         "points": len(scene.points),
         "hidden_points": int((~scene.points.visible).sum()),
@@ -70,6 +75,7 @@ def bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store
         "hidden_hits": bounced.hidden,
         "back_points": len(np.unique(scene.lattice_back[scene.lattice_back >= 0])),
         "dark_backs": bounced.dark_backs,
+        **({"emitters": emitted.emitters} if emitted.emitters else {}),
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
         "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
@@ -98,13 +104,20 @@ def _spared(scene, cube_map, seen):
     return skipped
 
 
-def _missed(seen, bounced, tolerance):
+def _missed(seen, emitted, bounced, tolerance):
     """What is not as it was asked for, in a line each."""
     if not seen["tolerance_met"]:
         yield (
             f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
             f"than the tolerance of {tolerance:.2%}; bake with --method exhaustive"
         )
+    for item in emitted.emitters:
+        if item["error"] > tolerance:
+            yield (
+                f"emitter '{item['name']}': its direct light may be {item['error']:.2%} off, more "
+                f"than the tolerance of {tolerance:.2%}, with the most rays that are cast "
+                f"({MOST_TURNS * TURN} of each kind); it is hardly seen from where it shines"
+            )
     if bounced.error is not None and bounced.error > tolerance:
         yield (
             f"the bounces may be {bounced.error:.2%} off in relit colours, more than the "

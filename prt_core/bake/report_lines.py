@@ -59,6 +59,9 @@ def _errors(report):
             yield f"  and {len(ranked) - _MOST} more: at most {_worst(ranked[_MOST]):.2%}"
     else:
         yield "none of direct light"
+    for item in report.get("emitters", ()):
+        error = item["error"]
+        yield f"{error:.2%} of the direct light of '{item['name']}', {_met(report, error)}"
     error = report["error"]
     if error is not None:
         rays = report["rays_a_point"]

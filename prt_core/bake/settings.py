@@ -43,3 +43,8 @@ class BakeSettings:
         expect_number("tolerance", self.tolerance, above=0, below=1)
         expect_seed(self.seed)
         expect_kind("caster", self.caster, str, "the name of one")
+
+    @property
+    def series(self):
+        """The tolerance at which the series of the bounces ends (see `all_bounces`)."""
+        return min(self.tolerance / 5, 1e-3)

@@ -4,6 +4,7 @@ import time
 from dataclasses import asdict
 
 from prt_core.bake.bounces import Bounced, bounce_steps
+from prt_core.bake.emission import bounced_emission_steps, emission_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.report import bake_report
@@ -148,11 +149,16 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
     )
+    emitted = yield from emission_steps(store, scene, caster, settings, seconds)
     bounced = Bounced()
     if settings.bounces != 0:
-        bounced = yield from bounce_steps(store, scene, cube_map, caster, settings, seconds)
+        work = store, scene, cube_map, caster, settings, seconds, emitted.probes
+        bounced = yield from bounce_steps(*work)
+    yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
-        report = bake_report(scene, cube_map, caster, settings, seen, bounced, seconds, store)
+        report = bake_report(
+            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store
+        )
     if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")
         # Some of the rays were cast before the clock was started.

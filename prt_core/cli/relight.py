@@ -55,6 +55,11 @@ def add_relight(commands, in_blender):
     relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
     relight.add_argument("--lamp-samples", type=int, help="shadow rays a lamp (256)")
     relight.add_argument(
+        "--emission", nargs="+", metavar="NAME=HOW",
+        help="of materials that emit light: all (default), none, or NAME=2.5, NAME=#ff8800, "
+        "NAME=#ff8800:2 for a factor, a colour or both",
+    )  # fmt: skip
+    relight.add_argument(
         "--bounces", type=bounces, default="baked", help="default: as baked; 0 is direct light"
     )
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
@@ -141,8 +146,8 @@ def _expect_request(options):
         "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
     )
     expect(
-        options.light is not None or options.lamps,
-        "relight: no light; give --light IMAGE, --light world or --lamps",
+        options.light is not None or options.lamps or options.emission,
+        "relight: no light; give --light IMAGE, --light world, --lamps or --emission all",
     )
     expect_used(options, _NEEDED)
     _fill_in(options)
@@ -208,11 +213,31 @@ def _lighting(options):
             lamp_samples=options.lamp_samples,
             bounces=options.bounces,
             exposure=options.exposure,
+            emission=_emission(options.emission),
         )
     except PRTError as error:
         field, _, said = str(error).partition(":")
         flag = _FLAGS.get(field, field).replace("_", "-")
         raise PRTError(f"--{flag}:{said}") from error
+
+
+def _emission(words):
+    """What `Lighting` takes of the words after --emission."""
+    if words is None or words == ["all"]:
+        return words and "all"
+    settings = {}
+    for word in words:
+        name, sign, how = word.rpartition("=")
+        if word == "none":
+            settings["*"] = 0.0
+        elif word != "all":
+            expect(
+                sign and name and how,
+                f"emission: expected all, none or NAME=HOW, got '{word}'; HOW is a factor, "
+                "#rrggbb or #rrggbb:factor",
+            )
+            settings[name] = how
+    return settings
 
 
 def _outputs(options):

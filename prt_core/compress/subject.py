@@ -75,19 +75,22 @@ class Subject:
         """
         return self.transport.exit_radiance(product).toward() if self.image is None else product
 
-    def radiance_of_points(self, received):
+    def radiance_of_points(self, received, sent=None):
         """What is seen of it, from what all points of the transport receive.
 
         Parameters
         ----------
         received : (n_points, 3) float32
             With all bounces.
+        sent : (n_points, 3) float32, optional
+            Radiance that points send out of their own.
 
         Returns
         -------
         (n_rows, 3) float32
         """
         radiance = self.transport.exit_radiance(received).toward()
+        radiance = radiance if sent is None else radiance + sent
         return radiance if self.image is None else self.image.pixels(radiance).reshape(-1, 3)
 
     def shaped(self, radiance):

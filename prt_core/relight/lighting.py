@@ -20,6 +20,7 @@ from prt_core.errors import (
 )
 from prt_core.light import BrightPixels, EnvironmentMap, Lamp
 from prt_core.light.environment import BRIGHTEST
+from prt_core.relight.emission import emission_of
 from prt_core.relight.lamps import lamp_signature
 from prt_core.sphere import rotation_matrix
 
@@ -56,6 +57,12 @@ class Lighting:
         that matter. Default: "baked", as the bake was made.
     exposure : float
         Stops: a factor of 2^stops on the colours that come out.
+    emission : str or dict, optional
+        How materials that emit light shine, which they do by default, as in a render: "all",
+        "none", or a dict that has for the names of some, or "*" for all others, a factor (0 is
+        off); a colour in place of their own, linear (3,) or "#rrggbb"; or both, as
+        (colour, factor) or "#rrggbb:factor". A colour is as bright as the emitter's largest
+        channel.
 
     Raises
     ------
@@ -72,6 +79,7 @@ class Lighting:
     lamp_samples: int = 256
     bounces: object = "baked"
     exposure: float = 0.0
+    emission: object = None
 
     def __post_init__(self):
         checked = {
@@ -92,9 +100,10 @@ class Lighting:
         rotation_matrix(self.rotation)
         # No lamps in a list is an answer; not to ask for any is none.
         expect(
-            self.environment is not None or self.lamps is not False,
-            "light: give an environment image, 'world', or ask for the lamps",
+            self.environment is not None or self.lamps is not False or self.emission is not None,
+            "light: give an environment image, 'world', or ask for the lamps or the emission",
         )
+        object.__setattr__(self, "emission", emission_of(self.emission))
         self._expect_turnable()
         expect(
             not self.sharp_sun or self.is_image,

@@ -14,6 +14,7 @@ from prt_core.errors import (
     expect_one_of,
 )
 from prt_core.light.images import reads_in_threads
+from prt_core.relight.emission import EmittedLight
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps, world_suns
@@ -66,6 +67,7 @@ class Relighter:
         self._compressed = FormInUse(bake, expect_flag("progressive", progressive))
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
+        self._emitted = EmittedLight(bake)
 
     def radiance(self, light=None, *, of="points", **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
@@ -121,17 +123,21 @@ class Relighter:
         # What belongs to the environment has its strength, and comes last.
         n_suns = len(world_suns(self.bake, lighting)) + (sun is not None)
         factors = [lighting.lamp_factor] * (len(parts) - n_suns) + [lighting.strength] * n_suns
+        emitted = yield from maybe_in_thread(pace, "emission", self._emitted.of, lighting)
         if distant is not None and evaluator is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
         radiance = None
         if evaluator is not None:
             own = self._compressed.read().of == of
             radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
-        if parts or evaluator is None:
+        if parts or (evaluator is None and emitted is None):
             work = (self._with_bounces, parts, factors, lighting.bounces)
             received = yield from maybe_in_thread(pace, "bounces", *work)
             exact = subject.radiance_of_points(received)
             radiance = exact if evaluator is None else exact + radiance
+        if emitted is not None:
+            shining = subject.radiance_of_points(*emitted)
+            radiance = shining if radiance is None else shining + radiance
         return subject.shaped(_exposed(radiance, lighting))
 
     def sky(self, lighting):
@@ -165,7 +171,7 @@ class Relighter:
 
     def close(self):
         """Let go of everything."""
-        for part in (self._environments, self._lamps, self._compressed):
+        for part in (self._environments, self._lamps, self._emitted, self._compressed):
             part.close()
 
 

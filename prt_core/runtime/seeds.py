@@ -27,6 +27,9 @@ class Stage(IntEnum):
     BENCH_MATRIX = 17
     GATHER_SHIFT = 18
     SIDES = 19
+    EMISSION_RAYS = 21
+    EMISSION_SAMPLES = 22
+    EMISSION_SIDES = 23
 
 
 def generator(seed, stage, *key):

@@ -6,6 +6,7 @@ import numpy as np
 
 from prt_core.errors import (
     expect,
+    expect_all,
     expect_array,
     expect_flag,
     expect_kind,
@@ -57,7 +58,8 @@ class Mesh:
     paint : Paint, optional
         The materials between the corners; default: as they say, in between.
     material_names : tuple of str
-        Of its materials, by slot; may be empty.
+        Names of the materials by their number in `corner_material`; what has none is called as the
+        mesh. Surfaces that emit light are told apart by them: those of one name are one light.
     shadow_rays, diffuse_rays, camera_rays : bool
         Whether rays towards lamps, rays that gather light (from the sky, and from surfaces), and
         those of pictures meet it.
@@ -110,6 +112,9 @@ class Mesh:
         self.corner_material = expect_array(
             f"{self.name}: corner_material", self.corner_material, (n_corners,), np.int64
         )
+        self.material_names = tuple(
+            expect_all(f"{self.name}: material_names", self.material_names, str, "texts")
+        )
         if self.corner_uv is not None:
             self.corner_uv = expect_array(
                 f"{self.name}: corner_uv", self.corner_uv, (n_corners, 2), np.float64
@@ -136,6 +141,12 @@ class Mesh:
                     f"{self.name}: {name} expected indices in 0..{limit - 1}, "
                     f"got {index.min()}..{index.max()}",
                 )
+
+    def material_name(self, number):
+        """The name of the material of this number, or that of the mesh where it has none."""
+        names = self.material_names
+        # Numbers beyond the last slot are of the last one, as in Blender.
+        return (names and number >= 0 and names[min(number, len(names) - 1)]) or self.name
 
     def solid_triangles(self):
         """(n, 3) int64: the triangles that have an area, by their corners."""

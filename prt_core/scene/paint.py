@@ -72,6 +72,15 @@ class Surfaces:
                 getattr(found, name)[mine] = QUANTITIES[name].settled(values)
         return found
 
+    def quantity_at(self, name, triangle, barycentric):
+        """(m, n_channels) float64: one quantity of the materials at places (see `at`)."""
+        if self.painted[triangle].any():
+            return getattr(self.at(triangle, barycentric), name)
+        second, third = np.asarray(barycentric, np.float64).T
+        weights = np.stack([1 - second - third, second, third], axis=1)
+        values = getattr(self._materials, name)[self._corners[triangle]]
+        return QUANTITIES[name].settled(np.einsum("mk,mkc->mc", weights, values))
+
     def mean(self, levels, lattice_start, lattice, materials):
         """What each bake point stands for.
 

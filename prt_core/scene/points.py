@@ -39,6 +39,8 @@ class BakePoints:
     object_index : (n_points,) int32
     visible : (n_points,) bool
         Whether a corner of a receiving object shows the point; the others only bounce.
+    emitter : (n_points,) int32
+        Which of the scene's emitters the point belongs to, -1 where to none.
     """
 
     positions: np.ndarray
@@ -50,6 +52,7 @@ class BakePoints:
     mean_materials: Materials
     object_index: np.ndarray
     visible: np.ndarray
+    emitter: np.ndarray
 
     def __len__(self):
         return len(self.positions)
@@ -70,14 +73,14 @@ class BakePoints:
         return [name for name in QUANTITIES if name in nondefault]
 
     def arrays(self):
-        """Name -> array of everything stored; quantities that are their default are left out."""
+        """Name -> array of everything stored; what is its default everywhere is left out."""
         arrays = {}
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name in MATERIALS:
                 prefix = MATERIALS[field.name]
                 arrays |= {prefix + name: getattr(value, name) for name in self.nondefault()}
-            else:
+            elif field.name != "emitter" or (value >= 0).any():
                 arrays[field.name] = value
         return arrays
 
@@ -173,7 +176,7 @@ def make_points(stacked, levels, frames, surfaces):
         for key, value in points.items()
     }
     return SimpleNamespace(
-        points=BakePoints(**stored),
+        points=BakePoints(**stored, emitter=np.full(len(stored["positions"]), -1, np.int32)),
         corner_point=corner_point,
         lattice_start=start,
         lattice=lattice.astype(np.int32),

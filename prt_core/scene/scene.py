@@ -23,6 +23,7 @@ from prt_core.rays import precision_frames
 from prt_core.reflectance import Materials
 from prt_core.scene.backs import opposites, with_backs
 from prt_core.scene.details import Details, no_details
+from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
@@ -109,6 +110,10 @@ class Scene:
         What was between the corners of the meshes it was made from; not kept on disk.
     opacity : Opacity or None
         Where triangles let light pass; None where all are opaque.
+    emitters : tuple of str
+        Names of the materials that emit light, of one each.
+    triangle_emitter : (n_triangles,) int32
+        Which of them each triangle belongs to; -1, the default: to none.
     """
 
     centre: np.ndarray
@@ -127,6 +132,12 @@ class Scene:
     details: Details = field(default_factory=no_details)
     surfaces: Surfaces | None = field(default=None, repr=False, compare=False)
     opacity: Opacity | None = field(default=None, repr=False)
+    emitters: tuple = ()
+    triangle_emitter: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.triangle_emitter is None:
+            self.triangle_emitter = np.full(len(self.triangles), -1, np.int32)
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -180,6 +191,9 @@ class Scene:
             )
         surfaces = Surfaces(stacked, [mesh.paint for mesh in meshes], counts["first_corner"])
         built = make_points(stacked, levels, frames, surfaces)
+        emitters, triangle_emitter, built.points.emitter = find_emitters(
+            meshes, stacked, levels, built
+        )
         objects = [
             SceneObject(
                 mesh.name,
@@ -214,6 +228,8 @@ class Scene:
             messages=messages,
             surfaces=surfaces,
             opacity=opacity_of(surfaces),
+            emitters=emitters,
+            triangle_emitter=triangle_emitter,
         )
         messages.extend(dimming(scene))
         # Known already; of a scene that was read they are found when they are asked for.
@@ -331,6 +347,22 @@ class Scene:
             return self.surfaces.at(triangle, barycentric)
         return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
 
+    def emission_at(self, triangle, barycentric):
+        """(m, 3) float64: radiance that places of emitters send out, by both their faces.
+
+        Parameters
+        ----------
+        triangle : (m,) int
+        barycentric : (m, 2) float
+            Weights of the second and third corner.
+        """
+        if self.surfaces is not None:
+            return self.surfaces.quantity_at("emission", triangle, barycentric)
+        front = np.zeros(len(triangle), bool)
+        around, weights = self.hit_points(triangle, barycentric, front)
+        emission = self.points.materials.emission[around].astype(np.float64)
+        return np.einsum("mk,mkc->mc", weights, emission)
+
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""
         return self.centre + self.size * expect_vectors("positions", positions)
@@ -370,6 +402,10 @@ class Scene:
                 digest.update(bytes(met_by))
         if self.opacity is not None:
             digest.update(self.opacity.digest())
+        if self.emitters:
+            digest.update("\0".join(self.emitters).encode())
+            digest.update(self.triangle_emitter)
+            digest.update(self.points.emitter)
         return digest.hexdigest()
 
 

@@ -82,6 +82,8 @@ def write_scene(store, scene):
     for name in (*_CORNERS, "face_sizes"):
         parts = [getattr(item, name) for item in scene.objects]
         store.keep(f"object_{name}", np.concatenate(parts).astype(np.int32))
+    if scene.emitters:
+        store.keep("scene_triangle_emitter", scene.triangle_emitter)
     for name in _DETAILS:
         store.keep(f"detail_{name}", getattr(scene.details, name))
     for name in _OPACITY:
@@ -92,7 +94,9 @@ def write_scene(store, scene):
     if scene.image is not None:
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
+    emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
     return {
+        **emitters,
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
@@ -138,7 +142,8 @@ def read_scene(store):
         name: store.read(f"point_{name}", (n_points, 3) if width else (n_points,), dtype)
         for name, (dtype, width) in _POINTS.items()
     }
-    points = BakePoints(**points, **_read_materials(store, n_points))
+    emitters, point_emitter, triangle_emitter = _read_emitters(store, n_points)
+    points = BakePoints(**points, **_read_materials(store, n_points), emitter=point_emitter)
     vertices = store.read("scene_vertices", (None, 3), "float64")
     triangles = store.read("scene_triangles", (None, 3), "int32")
     lattice = store.read("scene_lattice", (None,), "int32")
@@ -188,6 +193,8 @@ def read_scene(store):
             image=_read_image(store, attributes["image"]),
             details=details,
             opacity=_read_opacity(store, len(triangles)),
+            emitters=emitters,
+            triangle_emitter=triangle_emitter,
             **by_triangle,
         )
         check_scene(scene)
@@ -196,6 +203,24 @@ def read_scene(store):
             "its objects have more or fewer corners than there are",
         )
     return scene
+
+
+def _read_emitters(store, n_points):
+    """Names of the emitters, and which of them each point and triangle belongs to."""
+    names = store.attributes.get("emitters", [])
+    with damage_as_error(store.path):
+        texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        good = texts and len(set(names)) == len(names)
+        # Where something emits light there is somebody whose light it is.
+        good = good and bool(names) == ("emission" in store.attributes.get("materials", _FIRST))
+        expect(good, "the names of its emitters are")
+    if not names:
+        return (), np.full(n_points, -1, np.int32), None
+    point, triangle = (
+        store.read(name, (length,), "int32")
+        for name, length in (("point_emitter", n_points), ("scene_triangle_emitter", None))
+    )
+    return tuple(names), point, triangle
 
 
 def _read_materials(store, n_points):
@@ -401,6 +426,9 @@ def _leads_inside(scene):
         and _inside(scene.lattice_start, 0, len(scene.lattice))
         and _inside(scene.lattice_start + cells, 0, len(scene.lattice) + 1)
         and _inside(scene.points.object_index, 0, len(scene.objects))
+        and len(scene.triangle_emitter) == len(scene.triangles)
+        and _inside(scene.triangle_emitter, -1, len(scene.emitters))
+        and _inside(scene.points.emitter, -1, len(scene.emitters))
         and _inside(scene.details.point, 0, n_points)
         and (scene.opacity is None or _cells_lie_inside(scene.opacity))
         and _lie_on(scene.details, scene)

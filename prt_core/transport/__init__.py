@@ -2,6 +2,7 @@
 
 from prt_core.transport.bounce import all_bounces, received_with_bounces
 from prt_core.transport.details import detail_steps
+from prt_core.transport.emission import emitted_light, surface_lights
 from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.gather import gather_directions, gather_hits, gather_parts
 from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
@@ -20,6 +21,7 @@ __all__ = [
     "View",
     "all_bounces",
     "detail_steps",
+    "emitted_light",
     "gather_directions",
     "gather_hits",
     "gather_operator",
@@ -32,5 +34,6 @@ __all__ = [
     "received_with_bounces",
     "reference_rows",
     "side_steps",
+    "surface_lights",
     "visibility_bits",
 ]

@@ -56,4 +56,5 @@ class ExitRadiance:
         if isinstance(self.albedo, Sent):
             return self.albedo(self.received)
         between = (1,) * (self.received.ndim - 2)
-        return self.albedo.reshape(len(self.albedo), *between, -1) * self.received
+        shape = len(self.albedo), *between, self.albedo.shape[1]
+        return self.albedo.reshape(shape) * self.received

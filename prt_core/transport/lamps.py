@@ -114,7 +114,7 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
                     light[~receives[point]] = 0
                 lit = np.flatnonzero(light.any(axis=1))
                 if len(lit) and caster is not None and lamp.casts_shadow:
-                    limit = _before_the_lamp(
+                    limit = before_the_lamp(
                         origins[point[lit]], direction[lit], distance[lit] / scene.size
                     )
                     share = transmitted(
@@ -137,7 +137,7 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
         return (received / (np.pi * count)).astype(np.float32)
 
 
-def _before_the_lamp(starts, directions, distances):
+def before_the_lamp(starts, directions, distances):
     """(n,) float32: how far shadow rays go, all in the scene's frame; infinity stays."""
     ends = starts + directions * np.where(np.isfinite(distances), distances, 0)[:, None]
     steps = _STEPS * np.maximum(np.abs(ends).max(axis=1), np.abs(starts).max(axis=1))

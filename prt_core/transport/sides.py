@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from prt_core.rays import cast_on_all_cores
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
-from prt_core.scene import camera_rays, with_backs
+from prt_core.scene import view_rays, with_backs
 from prt_core.transport.gather import cosine_directions
 from prt_core.transport.sharing import Places
 
@@ -95,9 +95,9 @@ class _Walks:
 
     def from_camera(self, camera):
         """Paths that begin at a camera; yields `Progress`."""
-        ways = camera_rays(camera, _PIXELS, _PIXELS, 1).astype(np.float32)
-        starts = np.broadcast_to(self._scene.to_frame(camera.position), ways.shape)
-        starts = np.ascontiguousarray(starts, self._scene.ray_origins.dtype)
+        rays = view_rays(camera, _PIXELS, _PIXELS, 1)
+        ways = rays.directions.astype(np.float32)
+        starts = self._scene.to_frame(rays.origins).astype(self._scene.ray_origins.dtype)
 
         def walk(caster, first):
             return self._walk(caster, starts, ways, generator(self._seed, Stage.SIDES, 1, first))
@@ -125,9 +125,10 @@ class _Walks:
             ends = caster.intersect(starts, ways)
             n_rays += len(ways)
             met = np.flatnonzero(ends.triangle >= 0)
+            triangle = ends.triangle[met]
             if step:
                 light[path[ends.triangle < 0]] = True
-            triangle = ends.triangle[met]
+                light[path[met[scene.triangle_emitter[triangle] >= 0]]] = True
             places = Places(scene, triangle, ends.barycentric[met], ways[met])
             unlit = places.back & self._dark[triangle]
             hits.append(triangle if not step else triangle[unlit])

@@ -256,6 +256,9 @@ def opponent_groups(left, right, error=_OPPONENT_ERROR):
     mix = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
     sizes, right = [len(part) for part in right], np.concatenate(right).astype(np.float64)
     rank, allowed = max(sizes), error * np.linalg.norm(right)
+    if not rank:
+        # No light from far away is bounced, as in a room without windows.
+        return [], []
     along, across = np.linalg.qr(right.T)
     stacked = np.hstack(left)
     gram = sum(

@@ -164,6 +164,7 @@ def surface_points(scene, triangle, barycentric, back, any_side=False):
         mean_materials=materials.of_what_is_met(),
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
+        emitter=scene.triangle_emitter[triangle],
     )
     return points, lit
 

@@ -144,6 +144,7 @@ OTHER = {
     "lamp_samples": 3,
     "bounces": 3,
     "exposure": 1.0,
+    "emission": {"neon": 2.0},
 }
 
 

@@ -40,7 +40,7 @@ def test_what_is_loaded_is_what_was_baked(detailed, finished):
     np.testing.assert_array_equal(bake.world, WORLD)
     report = bake.report
     assert report["points"] == len(scene.points)
-    kinds = "rays_visibility", "rays_details", "rays_gather", "rays_short"
+    kinds = "rays_visibility", "rays_details", "rays_emission", "rays_gather", "rays_short"
     assert report["rays"] == sum(report[kind] for kind in kinds)
     assert report["bytes"] > 0 and 0 <= report["error"] < 1
     colours = bake.colours(bake.transport.radiance(np.ones((96, 3), np.float32)))
@@ -255,6 +255,12 @@ def _changed(index, value):
         ("gather", _changed((4, 2), -(1 << 31)), "hits: expected points"),
         ("world1", _changed((4, 2), np.inf), "world: 1 values are NaN or infinite"),
         ("visibility", lambda a: a[:-1], "'visibility' is \\("),
+        ("point_emission", _changed((4, 2), -1.0), "its 'emission' are not finite"),
+        ("point_emitter", _changed(4, 7), "its indices do not fit"),
+        ("scene_triangle_emitter", _changed(4, -2), "its indices do not fit"),
+        ("emission_direct", _changed((0, 4, 3), -1.0), "'emission_direct' is out of range"),
+        ("emission_received", _changed((0, 4, 5), np.nan), "'emission_received' is out of range"),
+        ("emission_received", lambda a: a[:, :-1], "'emission_received' is \\("),
     ],
 )
 def test_values_are_checked_where_the_digests_were_forged(baked, name, change, message):
@@ -292,6 +298,10 @@ def test_values_are_checked_where_the_digests_were_forged(baked, name, change, m
         {"arrays": None},
         {"arrays": {}},
         {"identity": 4},
+        {"emitters": "ball"},
+        {"emitters": ["ball", "ball"]},
+        {"emitters": [3]},
+        {"emitters": []},
     ],
 )
 def test_forged_facts_give_one_clear_line(baked, attributes):

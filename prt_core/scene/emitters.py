@@ -1,0 +1,58 @@
+"""Which surfaces of a scene emit light, and which of them are one light together.
+
+An emitter is a material: all surfaces of one material are one light, on however many objects, for
+so a person knows it, and so its colour and strength are set. A material emits where any of its bake
+points does, by its own place or by the area that it stands for.
+"""
+
+import numpy as np
+
+from prt_core.scene.lattice import lattice_size
+
+
+def find_emitters(meshes, stacked, levels, built):
+    """The emitters of meshes and what belongs to each.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+    stacked : dict of arrays
+        All meshes, one after the other (see `Scene.from_meshes`).
+    levels : (n_triangles,) int
+    built : SimpleNamespace
+        See `make_points`.
+
+    Returns
+    -------
+    names : tuple of str
+    triangle_emitter : (n_triangles,) int32
+        -1 where a triangle belongs to none.
+    point_emitter : (n_points,) int32
+    """
+    points = built.points
+    triangle_emitter = np.full(len(levels), -1, np.int32)
+    point_emitter = np.full(len(points), -1, np.int32)
+    if "emission" not in points.nondefault():
+        return (), triangle_emitter, point_emitter
+    first_corner = stacked["triangle_corners"].astype(np.int64)[:, 0]
+    keys = np.column_stack(
+        [stacked["triangle_object"], stacked["corner_material"][first_corner]]
+    ).astype(np.int64)
+    groups, group = np.unique(keys, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    # The corners of a lattice are of one material: no point is shared by two.
+    of_lattice = np.repeat(group, lattice_size(levels))
+    point_group = np.full(len(points), -1)
+    point_group[built.lattice] = of_lattice
+    own, mean = points.materials.emission, points.mean_materials.emission
+    shines = np.zeros(len(groups) + 1, bool)
+    shines[point_group[((own > 0) | (mean > 0)).any(axis=1)]] = True
+    names, emitter = {}, np.full(len(groups) + 1, -1, np.int32)
+    for index in np.flatnonzero(shines[:-1]):
+        owner, material = groups[index].tolist()
+        emitter[index] = names.setdefault(meshes[owner].material_name(material), len(names))
+    # What diffuse rays do not see shines for the viewer only.
+    unseen = np.array([not mesh.diffuse_rays for mesh in meshes], bool)
+    seen = ~unseen[stacked["triangle_object"].astype(np.int64)]
+    triangle_emitter = np.where(seen, emitter[group], -1).astype(np.int32)
+    return tuple(names), triangle_emitter, emitter[point_group]

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from prt_core.blender.depsgraph import read_meshes
-from prt_core.blender.passes.probe import name_number
+from prt_core.blender.passes.cryptomatte import name_number
+from prt_core.blender.passes.openexr import read_channels
+from prt_core.errors import PRTError
 from prt_core.reflectance.bump import bump_mean
 
 
@@ -622,3 +624,25 @@ def test_names_are_numbered_as_cryptomatte_does():
     assert name_number("test") == 0xBA6BD213
     assert name_number("Hello, world!") == 0xC0363E43
     assert name_number("") == 0x00800000
+
+
+def test_what_is_no_uncompressed_image_is_refused(tmp_path):
+    path = tmp_path / "noise.exr"
+    path.write_bytes(bytes(64))
+    with pytest.raises(PRTError, match="noise.exr: expected an OpenEXR file"):
+        read_channels(path)
+    image = bpy.data.images.new("small", 5, 3, float_buffer=True)
+    image.pixels.foreach_set(np.arange(60, dtype=np.float32) / 60)
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.color_depth = "OPEN_EXR", "32"
+    settings.color_mode = "RGBA"
+    for codec in ("ZIP", "NONE"):
+        settings.exr_codec = codec
+        image.save_render(str(path))
+        if codec == "ZIP":
+            with pytest.raises(PRTError, match="expected uncompressed pixels"):
+                read_channels(path)
+    channels = read_channels(path)
+    wanted = np.arange(60).reshape(3, 5, 4)[::-1] / 60
+    for number, name in enumerate("RGBA"):
+        np.testing.assert_allclose(channels[name], wanted[..., number], atol=1e-6)

@@ -7,6 +7,8 @@
 | `records.py` | what is kept of an evaluated mesh until then |
 | `probe.py` | one render of many places: a camera whose rays go through portals |
 | `place_reader.py` | places of triangles, looked at until it was these that were seen |
+| `cryptomatte.py` | how objects and materials are numbered in it |
+| `traces.py` | renders that leave none |
 | `openexr.py` | reads what was rendered |
 | `quantities.py` | albedo, emission, opacity, translucency of what was rendered, and what to say |
 | `corners.py` | which corners are sampled |

@@ -7,9 +7,11 @@ import bpy
 import numpy as np
 
 from prt_core.blender.identity import by_uid
+from prt_core.blender.passes.cryptomatte import name_number
 from prt_core.blender.passes.light_paths import answering
-from prt_core.blender.passes.probe import MOST_PLACES, name_number, probe, switched
+from prt_core.blender.passes.probe import MOST_PLACES, probe
 from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, quantities_of
+from prt_core.blender.passes.traces import switched
 from prt_core.errors import PRTError
 from prt_core.runtime.progress import Progress
 

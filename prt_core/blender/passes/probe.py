@@ -6,9 +6,6 @@ objects are evaluated with all the coordinates and attributes that they have. Po
 transparent, hence passes hold the first surface behind them, and rays are still camera rays.
 """
 
-import os
-import struct
-import sys
 import tempfile
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -19,6 +16,7 @@ import numpy as np
 from prt_core.blender.casters import mark_temporary
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.passes.openexr import read_channels
+from prt_core.blender.passes.traces import no_handlers, no_output, same_images, switched
 from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.render_scene import is_rendering, reading, rendered_layer
 from prt_core.errors import PRTError
@@ -94,7 +92,7 @@ class Probe:
         dict of str -> array
             diffuse, glossy, transmission, emission, normal, position (n, 3) float32; share (n,):
             of the light that does not go straight through; name, material (n,) uint32:
-            `name_number` of the object and the material; met (n,) bool (with `first_only`).
+            `cryptomatte.name_number` of both; met (n,) bool (with `first_only`).
 
         Raises
         ------
@@ -194,8 +192,8 @@ class Probe:
             try:
                 here = {"scene": self._idle, "view_layer": self._idle.view_layers[0]}
                 with (
-                    _no_handlers(),
-                    _no_output(),
+                    no_handlers(),
+                    no_output(),
                     reading(self.scene, self._idle),
                     bpy.context.temp_override(**here),
                 ):
@@ -273,7 +271,7 @@ def probe(scene, objects, centre, size, samples=1):
         Cycles is not there.
     """
     with ExitStack() as stack:
-        stack.enter_context(_same_images())
+        stack.enter_context(same_images())
         for item in objects:
             for name, value in _SEEN.items():
                 stack.enter_context(switched(item, name, value))
@@ -297,31 +295,6 @@ def probe(scene, objects, centre, size, samples=1):
         stack.callback(built.remove)
         built.show_only([item for item, own in objects.items() if own])
         yield built
-
-
-@contextmanager
-def _same_images():
-    """Without the image that Blender shows renders in, where there was none."""
-    before = {image.session_uid for image in bpy.data.images}
-    try:
-        yield
-    finally:
-        for image in [image for image in bpy.data.images if image.session_uid not in before]:
-            bpy.data.images.remove(image)
-
-
-@contextmanager
-def switched(item, name, value):
-    """An attribute of something of Blender's has another value for as long as it lasts."""
-    before = getattr(item, name)
-    if before == value:
-        yield
-        return
-    setattr(item, name, value)
-    try:
-        yield
-    finally:
-        setattr(item, name, before)
 
 
 def _settings(scene, own_layer, samples):
@@ -373,62 +346,3 @@ def _settings(scene, own_layer, samples):
         layer.aovs.remove(aov)
     # Above that of portals, or they would be what is looked at; below that of all else.
     layer.pass_alpha_threshold, layer.pass_cryptomatte_depth = 1e-6, 2
-
-
-@contextmanager
-def _no_handlers():
-    """Other add-ons are not called as if the user rendered."""
-    lists = [getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)
-             if name.startswith("render_")]  # fmt: skip
-    kept = [list(handlers) for handlers in lists]
-    for handlers in lists:
-        handlers.clear()
-    try:
-        yield
-    finally:
-        for handlers, before in zip(lists, kept, strict=True):
-            handlers[:] = before
-
-
-@contextmanager
-def _no_output():
-    """Without the lines that Blender prints of each render."""
-    sys.stdout.flush()
-    try:
-        kept = os.dup(1)
-    except OSError:  # a window without a terminal
-        yield
-        return
-    try:
-        with open(os.devnull, "w") as nowhere:
-            os.dup2(nowhere.fileno(), 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-
-
-def name_number(name):
-    """The number by which Cryptomatte knows a block: MurmurHash3 of its name, as a float's bits.
-
-    Source: Austin Appleby, MurmurHash3_x86_32 (public domain); Psyop's Cryptomatte specification.
-    """
-    data, mask = name.encode(), 0xFFFFFFFF
-
-    def turned(value, by):
-        return (value << by | value >> (32 - by)) & mask
-
-    def scrambled(block):
-        return turned(block * 0xCC9E2D51 & mask, 15) * 0x1B873593 & mask
-
-    number, whole = 0, len(data) & ~3
-    for (block,) in struct.iter_unpack("<I", data[:whole]):
-        number = (turned(number ^ scrambled(block), 13) * 5 + 0xE6546B64) & mask
-    if len(data) > whole:
-        number ^= scrambled(int.from_bytes(data[whole:], "little"))
-    number ^= len(data)
-    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
-        number = (number ^ number >> shift) * factor & mask
-    # A float that is neither zero-like nor infinite.
-    exponent = min(max(number >> 23 & 255, 1), 254)
-    return number & 0x807FFFFF | exponent << 23

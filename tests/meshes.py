@@ -107,9 +107,9 @@ def sphere(n=16, radius=1.0, centre=(0, 0, 0), inside=False, name="sphere", albe
     )
 
 
-def ball_on_paint(**options):
+def ball_on_paint(emission=(0.5, 0.25, 0.0), **options):
     """A scene with all that a bake may hold: a painted floor, details below a ball that glows."""
     ball, floor = sphere(6, 0.5, (0, 0, 0.52), name="ball", albedo=(0.9, 0.3, 0.1)), plane(9)
-    ball = glowing(ball, (0.5, 0.25, 0.0))
+    ball = glowing(ball, emission)
     floor.paint = Stripes(floor, 0.4)
     return Scene.from_meshes([ball, floor], **options)

@@ -88,7 +88,7 @@ def emission_steps(store, scene, caster, settings, seconds):
     table = len(parts), n_emitters, _N_FIGURES
     figures = store.create(_FIGURES, table, "float64", (1, *table[1:]))
     yield Progress("emission", 0, n_points)
-    lights = surface_lights(scene, caster, settings.seed)
+    lights = surface_lights(scene)
     emitters = slice(0, n_emitters)
 
     def one(caster, index):
@@ -101,6 +101,8 @@ def emission_steps(store, scene, caster, settings, seconds):
         for index, part in enumerate(parts)
         if not (direct.holds(emitters, part) and figures.holds(index))
     ]
+    for light in lights if todo else ():
+        light.look_around(caster, settings.seed)
     for first in range(0, len(todo), group):
         batch = todo[first : first + group]
         for index, emitted in zip(batch, cast_on_all_cores(caster, one, batch), strict=True):
@@ -109,7 +111,6 @@ def emission_steps(store, scene, caster, settings, seconds):
             figures[index] = np.stack([rays, emitted.spread, emitted.size], axis=1)
         yield Progress("emission", parts[batch[-1]].stop, n_points)
     add_seconds(seconds, "emission", time.perf_counter() - start)
-    store.update(seconds=seconds)
     with damage_as_error(store.path, f"'{_DIRECT}'"):
         rays, spread, size = np.moveaxis(figures[...].sum(axis=0), 1, 0)
         probes = _probes(direct[...])

@@ -69,22 +69,18 @@ class Emitted:
     n_rays: int
 
 
-def surface_lights(scene, caster, seed=0):
+def surface_lights(scene):
     """The `SurfaceLight` of each emitter of a scene.
 
     Parameters
     ----------
     scene : Scene
-    caster : RayCaster
-    seed : int
     """
     expect_kind("scene", scene, Scene)
-    expect_caster(caster)
-    expect_seed(seed)
     count = len(scene.emitters)
     # A point has a chance for each cluster of all emitters.
     n_clusters = max(_FEWEST_CLUSTERS, min(MOST_CLUSTERS, _ALL_CLUSTERS // max(count, 1)))
-    return [SurfaceLight(scene, index, caster, seed, n_clusters) for index in range(count)]
+    return [SurfaceLight(scene, index, n_clusters) for index in range(count)]
 
 
 def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turns=MOST_TURNS):
@@ -95,7 +91,7 @@ def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turn
     scene : Scene
     caster : RayCaster
     lights : sequence of SurfaceLight
-        See `surface_lights`.
+        That have looked around.
     points : slice
         The random numbers depend on where it starts, and on the seed, alone.
     seed : int

@@ -37,8 +37,6 @@ class SurfaceLight:
     scene : Scene
     index : int
         In `Scene.emitters`.
-    caster : RayCaster
-    seed : int
     n_clusters : int
         At most.
 
@@ -53,8 +51,9 @@ class SurfaceLight:
         That were cast to see which sides are open.
     """
 
-    def __init__(self, scene, index, caster, seed=0, n_clusters=MOST_CLUSTERS):
+    def __init__(self, scene, index, n_clusters=MOST_CLUSTERS):
         self.name, self.n_rays, self._n_clusters = scene.emitters[index], 0, n_clusters
+        self._scene, self._index = scene, index
         triangles = np.flatnonzero(scene.triangle_emitter == index)
         self._pieces = pieces = _Pieces(scene, triangles, _PIECES * n_clusters)
         places = np.einsum("pk,nkc->npc", _PLACES, pieces.corners)
@@ -66,8 +65,19 @@ class SurfaceLight:
         self.radiance = pieces.area @ emission / max(self.area, 1e-300)
         value = emission.max(axis=1)
         # What most pieces are as bright as costs the fewest numbers.
-        power = pieces.area * (value / value.max(initial=1e-300))
-        self._make_clusters(power, self._open_sides(scene, index, caster, seed, power > 0))
+        self._piece_power = pieces.area * (value / value.max(initial=1e-300))
+
+    def look_around(self, caster, seed=0):
+        """Find which sides others may see, and cluster the pieces by it; before any sample.
+
+        Parameters
+        ----------
+        caster : RayCaster
+        seed : int
+        """
+        power = self._piece_power
+        sides = self._open_sides(self._scene, self._index, caster, seed, power > 0)
+        self._make_clusters(power, sides)
 
     def _open_sides(self, scene, index, caster, seed, lit):
         """(2, n_pieces) float64: whether the front, the back may be seen by others."""
@@ -96,7 +106,7 @@ class SurfaceLight:
     @property
     def is_dark(self):
         """Whether no piece of it emits."""
-        return not len(self._power)
+        return not self._piece_power.any()
 
     def _make_clusters(self, power, sides):
         pieces = self._pieces

@@ -56,7 +56,9 @@ def test_cycles_agrees_on_how_bright_a_panel_and_a_tube_are():
     baked = read_scene()
     assert set(baked.emitters) == {"panel", "neon"}
     caster = prt_core.make_caster("blender", baked.vertices, baked.triangles)
-    lights = surface_lights(baked, caster)
+    lights = surface_lights(baked)
+    for light in lights:
+        light.look_around(caster)
     emitted = emitted_light(baked, caster, lights, slice(0, len(baked.points)), 0, 0.003)
     caster.close()
     received = emitted.received[:, :, :3].sum(axis=0)

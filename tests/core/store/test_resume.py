@@ -22,6 +22,7 @@ from tests.core.store.conftest import (
     swapped,
     write_zeros,
 )
+from tests.meshes import ball_on_paint
 
 COUNTED = replace(SETTINGS, caster="counted")
 SAMPLED = BakeSettings(
@@ -325,7 +326,8 @@ def test_a_sound_bake_goes_on_without_a_ray(scene, baked, finished, counted):
 
 
 @pytest.mark.parametrize("name", ["visibility/c/1/0", "traced/c/0/0"])
-def test_sampled_bits_that_are_damaged_are_sampled_again(scene, tmp_path, counted, name):
+def test_sampled_bits_that_are_damaged_are_sampled_again(tmp_path, counted, name):
+    scene = ball_on_paint(0.0)  # all rays are of the visibility
     whole, broken = tmp_path / "a.prt", tmp_path / "b.prt"
     run(bake_steps(scene, whole, SAMPLED))
     rays = counted.rays
@@ -337,7 +339,8 @@ def test_sampled_bits_that_are_damaged_are_sampled_again(scene, tmp_path, counte
 
 
 @pytest.mark.parametrize("damage", [_flip, _cut, _unlink])
-def test_a_damaged_part_of_the_journal_is_cast_again(scene, tmp_path, counted, monkeypatch, damage):
+def test_a_damaged_part_of_the_journal_is_cast_again(tmp_path, counted, monkeypatch, damage):
+    scene = ball_on_paint(0.0)  # all rays are of the visibility
     monkeypatch.setattr("prt_core.store.journal.CHUNK", 4096)
     whole, broken = tmp_path / "a.prt", tmp_path / "b.prt"
     run(bake_steps(scene, whole, SAMPLED))

@@ -10,10 +10,17 @@ from prt_core.transport import emitted_light, surface_lights
 from tests.meshes import caster_of, glowing, plane, sphere, wall
 
 
+def aimed(scene, caster, seed=0):
+    lights = surface_lights(scene)
+    for light in lights:
+        light.look_around(caster, seed)
+    return lights
+
+
 def received(scene, tolerance=0.003):
     """(n_emitters, n_points, 4) that points receive."""
     caster = caster_of(scene)
-    lights = surface_lights(scene, caster, 3)
+    lights = aimed(scene, caster, 3)
     emitted = emitted_light(scene, caster, lights, slice(0, len(scene.points)), 3, tolerance)
     assert (np.sqrt(emitted.spread) <= 2 * tolerance * np.sqrt(emitted.size)).all()
     return emitted.received
@@ -47,7 +54,7 @@ def test_a_plate_in_a_sky_made_of_a_mesh_receives_exactly_its_radiance():
     np.testing.assert_allclose(light[which], np.tile([0.25, 0.5, 1, 1], (9, 1)), rtol=1e-6)
     # Rays alone tell it, with the fewest of them.
     caster = caster_of(scene)
-    lights = surface_lights(scene, caster)
+    lights = aimed(scene, caster)
     emitted = emitted_light(scene, caster, lights, slice(0, 9), 0, 1e-4)
     assert emitted.n_rays <= 9 * 4 * 32 and emitted.spread[0] == 0
 
@@ -87,7 +94,7 @@ def test_a_ball_gives_its_share_of_the_sky():
     light = received(scene)[0, which, 0]
     np.testing.assert_allclose(light, (0.05 / 2) ** 2, rtol=0.012)
     caster = caster_of(scene)
-    (one,) = surface_lights(scene, caster)
+    (one,) = aimed(scene, caster)
     chances = one.chances(scene.ray_origins[which].astype(float), np.tile([0, 0, 1.0], (9, 1)))
     places = one.sample(chances, np.random.default_rng(0).random((9, 500, 2)))[0]
     lower = scene.triangle_normals[places][..., 2] < 0.2

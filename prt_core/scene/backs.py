@@ -33,11 +33,25 @@ def with_backs(scene, triangles):
     lattice_back = np.where(triangles[owner], known[scene.lattice], scene.lattice_back)
     sided = replace(
         scene,
-        points=joined(scene.points, backs_of(scene.points, front)),
+        points=joined(scene.points, _with_their_own(scene, backs_of(scene.points, front), front)),
         lattice_back=lattice_back.astype(np.int32),
     )
     sided.frames = scene.frames
     return sided
+
+
+def _with_their_own(scene, backs, front):
+    """`BakePoints` behind some front points, with what the back is where that is known."""
+    surfaces = scene.surfaces
+    if surfaces is None or surfaces.back is surfaces:
+        return backs
+    lattice = scene.triangle_level.astype(np.int64), scene.lattice_start, scene.lattice
+    own = surfaces.back.of_points(*lattice, front)
+    every = scene.points.materials.stored().map(lambda _, values: values.astype(np.float64))
+    for name, values in own.arrays().items():
+        getattr(every, name)[front] = values
+    mean = surfaces.back.mean(*lattice, every)[front].of_what_is_met()
+    return replace(backs, materials=own.stored(), mean_materials=mean.stored())
 
 
 def backs_of(points, chosen):

@@ -7,6 +7,7 @@ import numpy as np
 
 from prt_core.errors import expect_named, expect_offers
 from prt_core.scene.mesh import RAYS
+from prt_core.scene.paint import LOOKS
 
 
 def mesh_digests(meshes):
@@ -44,6 +45,13 @@ def mesh_digests(meshes):
             digest.update("\0".join(mesh.material_names).encode())
         if mesh.paint is not None:
             digest.update(mesh.paint.digest())
+        for kind in LOOKS:
+            look = getattr(mesh, kind)
+            if look is not None:
+                digest.update(kind.encode())
+                for array in look.materials.digested():
+                    digest.update(np.ascontiguousarray(array))
+                digest.update(look.paint.digest() if look.paint is not None else b"")
         digests[mesh.name] = digest.hexdigest()
     return digests
 

@@ -2,7 +2,7 @@
 
 An emitter is a material: all surfaces of one material are one light, on however many objects, for
 so a person knows it, and so its colour and strength are set. A material emits where any of its bake
-points does, by its own place or by the area that it stands for.
+points does, by its own place, by the area that it stands for, or by its back.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from prt_core.scene.lattice import lattice_size
 
 
-def find_emitters(meshes, stacked, levels, built):
+def find_emitters(meshes, stacked, levels, built, surfaces):
     """The emitters of meshes and what belongs to each.
 
     Parameters
@@ -21,6 +21,7 @@ def find_emitters(meshes, stacked, levels, built):
     levels : (n_triangles,) int
     built : SimpleNamespace
         See `make_points`.
+    surfaces : Surfaces
 
     Returns
     -------
@@ -32,7 +33,13 @@ def find_emitters(meshes, stacked, levels, built):
     points = built.points
     triangle_emitter = np.full(len(levels), -1, np.int32)
     point_emitter = np.full(len(points), -1, np.int32)
-    if "emission" not in points.nondefault():
+    own, mean = points.materials.emission, points.mean_materials.emission
+    shining = ((own > 0) | (mean > 0)).any(axis=1)
+    if surfaces.back is not surfaces.bounced:
+        lattice = levels, built.lattice_start, built.lattice
+        behind = surfaces.back.of_points(*lattice, np.arange(len(points)))
+        shining |= surfaces.back.mean(*lattice, behind).emission.any(axis=1)
+    if not shining.any():
         return (), triangle_emitter, point_emitter
     first_corner = stacked["triangle_corners"].astype(np.int64)[:, 0]
     keys = np.column_stack(
@@ -44,9 +51,8 @@ def find_emitters(meshes, stacked, levels, built):
     of_lattice = np.repeat(group, lattice_size(levels))
     point_group = np.full(len(points), -1)
     point_group[built.lattice] = of_lattice
-    own, mean = points.materials.emission, points.mean_materials.emission
     shines = np.zeros(len(groups) + 1, bool)
-    shines[point_group[((own > 0) | (mean > 0)).any(axis=1)]] = True
+    shines[point_group[shining]] = True
     names, emitter = {}, np.full(len(groups) + 1, -1, np.int32)
     for index in np.flatnonzero(shines[:-1]):
         owner, material = groups[index].tolist()

@@ -35,7 +35,7 @@ class LatticePaint:
         self._keys = key[order]
         self._levels = np.asarray(levels, np.int64)[order]
         self._starts = np.asarray(starts, np.int64)[order]
-        self._corner_values, self._samples = corner_values, samples
+        self._corner_values, self.samples = corner_values, samples
 
     def _key(self, corners):
         return (corners[:, 0] * self._base + corners[:, 1]) * self._base + corners[:, 2]
@@ -58,7 +58,7 @@ class LatticePaint:
         values = {}
         for name, of_corner in self._corner_values.items():
             result = np.einsum("mk,mkc->mc", weights, of_corner[corners].astype(np.float64))
-            result[inside] = np.einsum("mk,mkc->mc", shares, self._samples[name][cell])
+            result[inside] = np.einsum("mk,mkc->mc", shares, self.samples[name][cell])
             values[name] = result
         return values
 
@@ -72,19 +72,19 @@ class LatticePaint:
         digest = hashlib.blake2b(digest_size=16)
         for array in (self._keys, self._levels, self._starts):
             digest.update(np.ascontiguousarray(array))
-        for name in self._samples:
-            digest.update(name.encode() + np.ascontiguousarray(self._samples[name]).tobytes())
+        for name in self.samples:
+            digest.update(name.encode() + np.ascontiguousarray(self.samples[name]).tobytes())
         return digest.digest()
 
     @property
     def n_samples(self):
         """How many samples there are."""
-        return len(next(iter(self._samples.values()), ()))
+        return len(next(iter(self.samples.values()), ()))
 
     @property
     def nbytes(self):
         """Memory of all that is kept."""
-        return sum(v.nbytes for d in (self._samples, self._corner_values) for v in d.values())
+        return sum(v.nbytes for d in (self.samples, self._corner_values) for v in d.values())
 
 
 def lattice_starts(levels):

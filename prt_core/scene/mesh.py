@@ -13,7 +13,7 @@ from prt_core.errors import (
     expect_numbers,
 )
 from prt_core.reflectance import Materials, expect_materials
-from prt_core.scene.paint import Paint
+from prt_core.scene.paint import LOOKS, Look, Paint
 
 # The kinds of rays, and which field of a mesh says whether they meet it.
 RAYS = {"shadow_rays": "shadow", "diffuse_rays": "diffuse", "camera_rays": "camera"}
@@ -57,6 +57,9 @@ class Mesh:
         For geometry images.
     paint : Paint, optional
         The materials between the corners; default: as they say, in between.
+    bounced, back : Look, optional
+        What diffuse rays meet of the front, and of the back, where that is something else than the
+        materials above, which are shown; default: the same, and that of the front.
     material_names : tuple of str
         Names of the materials by their number in `corner_material`; what has none is called as the
         mesh. Surfaces that emit light are told apart by them: those of one name are one light.
@@ -81,6 +84,8 @@ class Mesh:
     source: str = ""
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
+    bounced: Look | None = None
+    back: Look | None = None
     material_names: tuple = ()
     shadow_rays: bool = True
     diffuse_rays: bool = True
@@ -115,6 +120,12 @@ class Mesh:
         self.material_names = tuple(
             expect_all(f"{self.name}: material_names", self.material_names, str, "texts")
         )
+        for kind in LOOKS:
+            if getattr(self, kind) is not None:
+                name = f"{self.name}: {kind}"
+                look = expect_kind(name, getattr(self, kind), Look, "Look")
+                materials = expect_materials(name, look.materials, n_corners, np.float64)
+                setattr(self, kind, Look(materials, look.paint))
         if self.corner_uv is not None:
             self.corner_uv = expect_array(
                 f"{self.name}: corner_uv", self.corner_uv, (n_corners, 2), np.float64

@@ -6,12 +6,13 @@ over the area around it, weighted as K shares it out, for light that meets the f
 everywhere.
 """
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from prt_core.reflectance import QUANTITIES, Materials
-from prt_core.scene.lattice import lattice_of_hits
+from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits
 
 # Samples along an edge of a lattice cell, and of all cells together, at most.
 _ALONG, _ALL = 32, 1 << 23
@@ -38,6 +39,58 @@ class Paint(Protocol):
         """bytes that tell equal paints from others."""
 
 
+@dataclass(frozen=True)
+class Look:
+    """What one kind of rays sees of one side of a mesh.
+
+    Attributes
+    ----------
+    materials : Materials
+        Of the corners.
+    paint : Paint or None
+        The materials between the corners; None: as they say, in between.
+    """
+
+    materials: Materials
+    paint: Paint | None = None
+
+
+# The looks that a mesh may have besides what is shown of its front, and which each is where a mesh
+# does not say: what diffuse rays meet of its front, and of its back.
+LOOKS = {"bounced": "shown", "back": "bounced"}
+
+
+def look_of(mesh, name):
+    """The `Look` of a mesh: "shown", "bounced" or "back"."""
+    if name == "shown":
+        return Look(mesh.materials, mesh.paint)
+    return getattr(mesh, name) or look_of(mesh, LOOKS[name])
+
+
+def surfaces_of(meshes, stacked, first_corner):
+    """The `Surfaces` that meshes show, with those of their other looks.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+    stacked : dict of arrays
+        All meshes, one after the other (see `Scene.from_meshes`).
+    first_corner : list of int
+        Of each mesh.
+    """
+    kinds = {}
+    for name in ("shown", *LOOKS):
+        if name in LOOKS and all(getattr(mesh, name) is None for mesh in meshes):
+            kinds[name] = kinds[LOOKS[name]]
+            continue
+        looks = [look_of(mesh, name) for mesh in meshes]
+        materials = Materials.joined([look.materials for look in looks])
+        kinds[name] = Surfaces(stacked, materials, [look.paint for look in looks], first_corner)
+    for surfaces in kinds.values():
+        surfaces.bounced, surfaces.back = kinds["bounced"], kinds["back"]
+    return kinds["shown"]
+
+
 class Surfaces:
     """The materials of a scene's meshes, anywhere on their triangles.
 
@@ -45,15 +98,23 @@ class Surfaces:
     ----------
     stacked : dict of arrays
         All meshes, one after the other (see `Scene.from_meshes`).
+    materials : Materials
+        Of all corners.
     paints : list of Paint or None
         Of each mesh.
     first_corner : list of int
         Of each mesh.
+
+    Attributes
+    ----------
+    corner_materials : Materials
+    bounced, back : Surfaces
+        What diffuse rays meet of fronts and of backs; the same where that is no other.
     """
 
-    def __init__(self, stacked, paints, first_corner):
+    def __init__(self, stacked, materials, paints, first_corner):
         self._corners = stacked["triangle_corners"].astype(np.int64)
-        self._materials = stacked["materials"]
+        self.corner_materials, self.bounced, self.back = materials, self, self
         self._object = stacked["triangle_object"].astype(np.int64)
         self._paints, self._first = paints, first_corner
         self.painted = np.array([paint is not None for paint in paints], bool)[self._object]
@@ -63,7 +124,7 @@ class Surfaces:
         second, third = np.asarray(barycentric, np.float64).T
         weights = np.stack([1 - second - third, second, third], axis=1)
         corners = self._corners[triangle]
-        found = self._materials.between(corners, weights)
+        found = self.corner_materials.between(corners, weights)
         owners = self._object[triangle]
         for owner in np.unique(owners[self.painted[triangle]]):
             mine = owners == owner
@@ -78,8 +139,28 @@ class Surfaces:
             return getattr(self.at(triangle, barycentric), name)
         second, third = np.asarray(barycentric, np.float64).T
         weights = np.stack([1 - second - third, second, third], axis=1)
-        values = getattr(self._materials, name)[self._corners[triangle]]
+        values = getattr(self.corner_materials, name)[self._corners[triangle]]
         return QUANTITIES[name].settled(np.einsum("mk,mkc->mc", weights, values))
+
+    def of_points(self, levels, lattice_start, lattice, points):
+        """`Materials` of bake points, at one place of each, in float64.
+
+        Parameters
+        ----------
+        levels, lattice_start : (n_triangles,) int
+        lattice : (n,) int
+        points : (m,) int
+            That are in the lattice.
+        """
+        known, first = np.unique(lattice, return_index=True)
+        slot = first[np.searchsorted(known, points)]
+        triangle = np.searchsorted(lattice_start, slot, side="right") - 1
+        places = np.zeros((len(slot), 2))
+        for level in np.unique(levels[triangle]):
+            mine = np.flatnonzero(levels[triangle] == level)
+            which = slot[mine] - lattice_start[triangle[mine]]
+            places[mine] = lattice_coordinates(int(level))[which] / level
+        return self.at(triangle, places)
 
     def mean(self, levels, lattice_start, lattice, materials):
         """What each bake point stands for.
@@ -140,7 +221,7 @@ class Surfaces:
         (n_triangles,) int64
             0 where a triangle is known to be opaque.
         """
-        opacity = self._materials.opacity[:, 0]
+        opacity = self.corner_materials.opacity[:, 0]
         corners = opacity[self._corners] if (opacity < 1).any() else np.ones((1, 3))
         even, clear = np.ptp(corners, axis=1) == 0, (corners < 1).any(axis=1)
         cells = np.where(clear, np.where(even, 1, sloping), 0)

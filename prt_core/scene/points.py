@@ -126,7 +126,8 @@ def make_points(stacked, levels, frames, surfaces):
     face_normal = cross / doubled
     normal = _usable_normals(stacked["corner_normal"], corners, face_normal)
 
-    corner_point, n_points = _merge_corners(stacked, corners, normal)
+    looks = {id(s): s.corner_materials for s in (surfaces, surfaces.bounced, surfaces.back)}
+    corner_point, n_points = _merge_corners(stacked, corners, normal, looks.values())
     columns = corner_point[corners]
     angle = _corner_angles(a, b, c)
     share = np.repeat(doubled / 6, 3, axis=1)
@@ -168,7 +169,11 @@ def make_points(stacked, levels, frames, surfaces):
         columns, levels, face_normal, doubled[:, 0], points, surfaces, normal, corners, lifts
     )
     points = {key: _joined([points[key], hidden[key]]) for key in points}
-    means = surfaces.mean(levels, start, lattice, points["materials"])
+    met = points["materials"]
+    if surfaces.bounced is not surfaces:
+        every = np.arange(len(points["positions"]))
+        met = surfaces.bounced.of_points(levels, start, lattice, every)
+    means = surfaces.bounced.mean(levels, start, lattice, met)
     points["mean_materials"] = means.of_what_is_met()
     kinds = {"positions": np.float64, "object_index": np.int32, "visible": bool}
     stored = {
@@ -208,7 +213,7 @@ def _usable_normals(corner_normal, corners, face_normal):
     return normal
 
 
-def _merge_corners(stacked, corners, normal):
+def _merge_corners(stacked, corners, normal, looks):
     """Point of each corner (-1 where no triangle uses it) and the number of points."""
     used = np.unique(corners)
     key = np.column_stack(
@@ -216,7 +221,7 @@ def _merge_corners(stacked, corners, normal):
             stacked["corner_vertex"][used],
             stacked["corner_material"][used],
             np.rint(normal[used] / NORMAL_STEP),
-            stacked["materials"][used].in_steps(),
+            *(materials[used].in_steps() for materials in looks),
         ]
     )
     order = np.lexsort(key.T[::-1])

@@ -29,7 +29,7 @@ from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_lev
 from prt_core.scene.mesh import RAYS, Mesh
 from prt_core.scene.opacity import Opacity, dimming, opacity_of
 from prt_core.scene.open_sky import open_points
-from prt_core.scene.paint import Surfaces
+from prt_core.scene.paint import Surfaces, surfaces_of
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
@@ -189,10 +189,10 @@ class Scene:
                 "light from the world goes by their diffuse ray visibility, lamps and sharp suns "
                 "by the shadow one"
             )
-        surfaces = Surfaces(stacked, [mesh.paint for mesh in meshes], counts["first_corner"])
+        surfaces = surfaces_of(meshes, stacked, counts["first_corner"])
         built = make_points(stacked, levels, frames, surfaces)
         emitters, triangle_emitter, built.points.emitter = find_emitters(
-            meshes, stacked, levels, built
+            meshes, stacked, levels, built, surfaces
         )
         objects = [
             SceneObject(
@@ -227,7 +227,7 @@ class Scene:
             lattice_back=np.full_like(built.lattice, -1),
             messages=messages,
             surfaces=surfaces,
-            opacity=opacity_of(surfaces),
+            opacity=opacity_of(surfaces.bounced),
             emitters=emitters,
             triangle_emitter=triangle_emitter,
         )
@@ -235,7 +235,9 @@ class Scene:
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
         # What is translucent shows the light of its back.
-        through = scene.points.materials.translucency.any(axis=1)[scene.lattice]
+        through = scene.points.materials.translucency.any(axis=1)
+        through |= scene.points.mean_materials.translucency.any(axis=1)
+        through = through[scene.lattice]
         through = np.logical_or.reduceat(through, scene.lattice_start)
         return with_backs(scene, through | stacked["two_sided"][scene.triangle_object])
 
@@ -341,27 +343,46 @@ class Scene:
         points[behind] = self.lattice_back.take(cell[behind])
         return points.astype(np.int32, copy=False), weights
 
-    def materials_at(self, triangle, barycentric, back):
-        """`Materials` of m places (see `hit_points`), in float64."""
-        if self.surfaces is not None:
-            return self.surfaces.at(triangle, barycentric)
-        return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
+    def materials_at(self, triangle, barycentric, back, shown=False):
+        """`Materials` of m places (see `hit_points`), in float64.
 
-    def emission_at(self, triangle, barycentric):
-        """(m, 3) float64: radiance that places of emitters send out, by both their faces.
+        `shown` : bool
+            Whether fronts are as they are shown, not as diffuse rays meet them.
+        """
+        if self.surfaces is None:
+            return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
+        materials = (self.surfaces if shown else self.surfaces.bounced).at(triangle, barycentric)
+        behind = np.flatnonzero(back)
+        if len(behind) and self.surfaces.back is not self.surfaces:
+            others = self.surfaces.back.at(triangle[behind], barycentric[behind]).arrays()
+            for name, values in materials.arrays().items():
+                values[behind] = others[name]
+        return materials
+
+    def emission_at(self, triangle, barycentric, back):
+        """(m, 3) float64: radiance that places of emitters send out.
 
         Parameters
         ----------
         triangle : (m,) int
         barycentric : (m, 2) float
             Weights of the second and third corner.
+        back : (m,) bool
+            Whether by their back.
         """
-        if self.surfaces is not None:
-            return self.surfaces.quantity_at("emission", triangle, barycentric)
-        front = np.zeros(len(triangle), bool)
-        around, weights = self.hit_points(triangle, barycentric, front)
-        emission = self.points.materials.emission[around].astype(np.float64)
-        return np.einsum("mk,mkc->mc", weights, emission)
+        if self.surfaces is None:
+            # A back without points of its own is as the front.
+            around, weights = self.hit_points(triangle, barycentric, back)
+            bare = around[:, 0] < 0
+            around[bare] = self.hit_points(triangle[bare], barycentric[bare], ~back[bare])[0]
+            emission = self.points.mean_materials.emission[around].astype(np.float64)
+            return np.einsum("mk,mkc->mc", weights, emission)
+        emission = self.surfaces.bounced.quantity_at("emission", triangle, barycentric)
+        behind = np.flatnonzero(back)
+        if len(behind) and self.surfaces.back is not self.surfaces.bounced:
+            part = triangle[behind], barycentric[behind]
+            emission[behind] = self.surfaces.back.quantity_at("emission", *part)
+        return emission
 
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""

@@ -211,7 +211,7 @@ class _Block:
             rows = np.flatnonzero((met == i) & active[i, point])
             self.met[i] += len(rows)
             triangle, barycentric = hits.triangle[rows], hits.barycentric[rows]
-            sent = self._sent(triangle, barycentric)
+            sent = self._sent(triangle, barycentric, directions[rows])
             _add(ways[1, i], point[rows], sent / looks)
             if aiming[i]:
                 places = point[rows], triangle, barycentric, directions[rows]
@@ -255,8 +255,9 @@ class _Block:
             by_rays, by_aim = self._densities(i, point, triangle, barycentric, *way)
             # Radiance L brings L cosine / pi for each unit of solid angle: L times the density of
             # the cosine-distributed rays, over that of the sample.
+            sent = self._sent(triangle, barycentric, way[0])
             weight = _share(by_aim, by_rays) * by_rays / (by_aim * self._looks)
-            _add(sums[i], point, self._sent(triangle, barycentric) * weight[:, None])
+            _add(sums[i], point, sent * weight[:, None])
 
     def _densities(self, i, point, triangle, barycentric, direction, distance):
         """How many samples of either kind go a way in a turn, for unit of solid angle, (m,)."""
@@ -267,9 +268,11 @@ class _Block:
         by_rays = self._looks * np.maximum(cosine, 0) / np.pi
         return by_rays, TURN * by_area * distance**2 / np.maximum(faced, 1e-12)
 
-    def _sent(self, triangle, barycentric):
-        """(m, CHANNELS) float64 radiance of places on emitters."""
-        emission = self._scene.emission_at(triangle, barycentric)
+    def _sent(self, triangle, barycentric, directions):
+        """(m, CHANNELS) float64 radiance of places on emitters, against rays along directions."""
+        normal = self._scene.triangle_normals[triangle]
+        back = np.einsum("nx,nx->n", directions, normal) > 0
+        emission = self._scene.emission_at(triangle, barycentric, back)
         return np.column_stack([emission, emission.max(axis=1)])
 
     def _place(self, triangle, barycentric):

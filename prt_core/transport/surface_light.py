@@ -7,10 +7,10 @@ Sampling of Many Lights with Adaptive Tree Splitting", 2018), in it a piece in p
 power, and on the piece any place. So thousands of small triangles cost as little as two large
 ones, and a texture is sampled where it is bright.
 
-Both faces emit, but of a closed surface, a tube or a bulb, one is seen by nobody. A side from which
-a few rays meet nothing but the emitter itself is not sampled: half of all shadow rays would end at
-the near wall of the tube. Where that is wrong the emitter fills what a point sees, and the other
-kind of rays finds it (see `transport.emission`).
+Both faces emit, each what it does, but of a closed surface, a tube or a bulb, one is seen by
+nobody. A side from which a few rays meet nothing but the emitter itself is not sampled: half of all
+shadow rays would end at the near wall of the tube. Where that is wrong the emitter fills what a
+point sees, and the other kind of rays finds it (see `transport.emission`).
 """
 
 import heapq
@@ -44,7 +44,7 @@ class SurfaceLight:
     ----------
     name : str
     radiance : (3,) float64
-        Mean over its triangles.
+        Mean over its triangles and their two sides.
     area : float
         Of its triangles, in squared frame units.
     n_rays : int
@@ -57,15 +57,21 @@ class SurfaceLight:
         triangles = np.flatnonzero(scene.triangle_emitter == index)
         self._pieces = pieces = _Pieces(scene, triangles, _PIECES * n_clusters)
         places = np.einsum("pk,nkc->npc", _PLACES, pieces.corners)
-        emission = scene.emission_at(
-            np.repeat(pieces.triangle, len(_PLACES)), places.reshape(-1, 3)[:, 1:]
+        triangle = np.repeat(pieces.triangle, len(_PLACES))
+        emission = np.stack(
+            [
+                scene.emission_at(triangle, places.reshape(-1, 3)[:, 1:], np.full(len(triangle), b))
+                for b in (False, True)
+            ]
         )
-        emission = emission.reshape(len(places), len(_PLACES), 3).mean(axis=1)
+        emission = emission.reshape(2, len(places), len(_PLACES), 3).mean(axis=2)
         self.area = float(pieces.area.sum())
-        self.radiance = pieces.area @ emission / max(self.area, 1e-300)
-        value = emission.max(axis=1)
+        self.radiance = pieces.area @ emission.mean(axis=0) / max(self.area, 1e-300)
+        of_side = emission.max(axis=2)
+        value = of_side.max(axis=0)
         # What most pieces are as bright as costs the fewest numbers.
         self._piece_power = pieces.area * (value / value.max(initial=1e-300))
+        self._share_of_side = of_side / np.maximum(value, 1e-300)
 
     def look_around(self, caster, seed=0):
         """Find which sides others may see, and cluster the pieces by it; before any sample.
@@ -77,7 +83,7 @@ class SurfaceLight:
         """
         power = self._piece_power
         sides = self._open_sides(self._scene, self._index, caster, seed, power > 0)
-        self._make_clusters(power, sides)
+        self._make_clusters(power, sides * self._share_of_side)
 
     def _open_sides(self, scene, index, caster, seed, lit):
         """(2, n_pieces) float64: whether the front, the back may be seen by others."""

@@ -43,14 +43,20 @@ class Surface:
 
 
 class Evaluation:
-    """Asks for the surfaces of meshes that are not known yet."""
+    """Asks for the surfaces of meshes that are not known yet.
 
-    def __init__(self, uid, meshes, records, all_records, materials, levels):
+    `look`: "shown", as rays of the camera see fronts; "bounced", as those of light meet them;
+    "back", as those of light meet backs.
+    """
+
+    def __init__(self, uid, meshes, records, all_records, materials, levels, look):
         self._meshes, self._records, self._materials = meshes, records, materials
-        self._triangles = Triangles(meshes, records, materials.graph)
+        self._triangles = Triangles(meshes, records, materials.graph, look == "back")
         self._family = self._triangles.families()
         self._levels = levels
-        self._reader = PlaceReader(uid, self._triangles, records, all_records, materials.graph)
+        self._reader = PlaceReader(
+            uid, self._triangles, records, all_records, materials.graph, look != "shown"
+        )
         self._signs = [set() for _ in meshes]
         self._unseen = np.zeros(len(meshes), np.int64)
 
@@ -75,6 +81,8 @@ class Evaluation:
         triangle = np.concatenate([t for t, _ in places])
         weights = np.concatenate([w for _, w in places])
         values, signs = yield from self._reader.values(triangle, weights)
+        # Normals are those of the front, whichever side was looked at.
+        values[:, COLUMNS["normal"]] *= self._triangles.side
         self._note(triangle, values, signs)
         return self._whole(triangle, values)
 
@@ -195,7 +203,7 @@ class Evaluation:
         record, notes = self._records[index], sorted(self._signs[index])
         for slot in np.unique(record.slot_of_corner):
             graph = self._materials.graph(record.slot(slot))
-            kinds = ("rough", "scatters", "tinted", "bumpy", "toon", "paths", "backs")
+            kinds = ("rough", "scatters", "tinted", "bumpy", "toon", "parts", "views")
             notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
             notes += [("line", line) for line in _missing_images(graph)]
         if self._unseen[index]:

@@ -25,6 +25,18 @@ _EVEN = {
 _LAID_ON = {"TEX_IMAGE", "UVMAP", "TEX_COORD"}
 # Nodes that ask Cycles for rays of their own, whose answer is noisy.
 _NOISY = {"AMBIENT_OCCLUSION", "BEVEL"}
+# What nodes say that differs from one side of a face to the other, and from one view to another.
+_OF_A_SIDE = {
+    "NEW_GEOMETRY": {"Backfacing", "Normal", "True Normal", "Incoming"},
+    "TEX_COORD": {"Normal", "Reflection"},
+}
+_OF_A_VIEW = {
+    "LAYER_WEIGHT": {"Fresnel", "Facing"},
+    "FRESNEL": {"Factor", "Fac"},
+    "NEW_GEOMETRY": {"Incoming"},
+    "TEX_COORD": {"Camera", "Window", "Reflection"},
+    "CAMERA": {"View Vector", "View Z Depth", "View Distance"},
+}
 
 
 @dataclass
@@ -44,9 +56,13 @@ class Graph:
         Whether light near the horizon is dimmed where they do.
     noisy : bool
     backs : bool
-        Whether it asks which side is seen.
+        Whether it may tell which side is seen.
+    views : bool
+        Whether it asks from where it is seen.
     paths : list of bpy.types.Node
         Light Path nodes, which ask by which kind of ray.
+    parts : bool
+        Whether they tell rays of light from each other.
     rough, scatters, tinted, toon : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
         may have a colour; light leaves in steps.
@@ -71,6 +87,8 @@ class Graph:
     softens: bool = True
     noisy: bool = False
     backs: bool = False
+    views: bool = False
+    parts: bool = False
     rough: bool = False
     scatters: bool = False
     tinted: bool = False
@@ -131,7 +149,9 @@ def _note(graph, node):
         graph.flat &= kind in _LAID_ON and _by_uv(node)
     graph.flat &= kind != "OBJECT_INFO"
     graph.noisy |= kind in _NOISY
-    graph.backs |= kind == "NEW_GEOMETRY" and node.outputs["Backfacing"].is_linked
+    asked = {socket.name for socket in node.outputs if socket.is_linked}
+    graph.backs |= bool(asked & _OF_A_SIDE.get(kind, set()))
+    graph.views |= bool(asked & _OF_A_VIEW.get(kind, set()))
     graph.toon |= kind == "BSDF_TOON"
     before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
     if any(other.type != "BUMP" for other in before):
@@ -141,6 +161,7 @@ def _note(graph, node):
         graph.bumpy = True
     elif kind == "LIGHT_PATH":
         graph.paths.append(node)
+        graph.parts |= bool(asked - {"Is Camera Ray"})
     elif kind == "HOLDOUT":
         graph.holdouts.append(node)
     elif kind == "BSDF_TRANSLUCENT":

@@ -31,6 +31,8 @@ class Triangles:
     records : list of SurfaceRecord
     graph : function
         `Graph` of a material by its `session_uid`.
+    back : bool
+        Whether their backs are looked at.
 
     Attributes
     ----------
@@ -39,6 +41,9 @@ class Triangles:
     corner : (n, 3) int
         Corners of its mesh.
     normal : (n, 3) float64
+        Of the front.
+    side : int
+        1 where fronts are looked at, -1 for backs.
     radius : (n,) float64
         Of the inscribed circle.
     mesh, slot : (n,) int
@@ -46,7 +51,8 @@ class Triangles:
         Whether its material is the same everywhere; whether it depends on UV maps alone.
     """
 
-    def __init__(self, meshes, records, graph):
+    def __init__(self, meshes, records, graph, back=False):
+        self.side = -1 if back else 1
         corner = [mesh.solid_triangles() for mesh in meshes]
         self.mesh = np.repeat(np.arange(len(meshes)), [len(c) for c in corner])
         self.corner = np.concatenate(corner) if corner else np.zeros((0, 3), np.int64)
@@ -95,6 +101,11 @@ class Triangles:
                 key = (self._family[of_slot] ^ key) * np.uint64(0xBF58476D1CE4E5B9)
                 self._family[of_slot] = key ^ (key >> np.uint64(29))
 
+    @property
+    def facing(self):
+        """(n, 3) float64: normals of the side that is looked at."""
+        return self.side * self.normal
+
     def families(self):
         """(n,) int of those that vary: which have the same samples; -1 for the others."""
         family = np.full(len(self.mesh), -1, np.int64)
@@ -122,7 +133,7 @@ class Triangles:
         """
         weights = (1 - pull) * np.asarray(weights) + pull / 3
         target = np.einsum("mk,mkx->mx", weights, self.corners[triangle])
-        return target + lift[:, None] * self.normal[triangle], target
+        return target + lift[:, None] * self.facing[triangle], target
 
 
 def first_levels(triangles, family, size):

@@ -40,10 +40,12 @@ class PlaceReader:
         Of everything that may stand in the way.
     graph_of_uid : function
         `Graph` of a material by its `session_uid`.
+    as_light : bool
+        Whether Light Path nodes answer as to rays of light, not to those of the camera.
     """
 
-    def __init__(self, uid, triangles, records, all_records, graph_of_uid):
-        self._uid, self._records = uid, records
+    def __init__(self, uid, triangles, records, all_records, graph_of_uid, as_light=False):
+        self._uid, self._records, self._as_light = uid, records, as_light
         self._triangles, self._turns = _before_simulation(uid, triangles, records)
         triangles = self._triangles
         self._all, self._graph = all_records, graph_of_uid
@@ -115,7 +117,7 @@ class PlaceReader:
         triangles = self._triangles
         lift = np.maximum(0.3 * pull * triangles.radius[mine], self._grain)
         start, target = triangles.places(mine, weights[which], pull, lift)
-        passes = look(start, -triangles.normal[mine])
+        passes = look(start, -triangles.facing[mine])
         near = np.linalg.norm(passes["position"] - target, axis=1)
         near = near <= np.maximum(4 * lift, 0.02 * triangles.radius[mine])
         own = passes["name"] == self._names[triangles.mesh[mine]]
@@ -130,13 +132,12 @@ class PlaceReader:
         clear = np.flatnonzero(passes["share"] < 1 - _CLEAR)
         empty = np.zeros(len(which), bool)
         if len(clear):
-            first = look(start[clear], -triangles.normal[mine[clear]], True)
+            first = look(start[clear], -triangles.facing[mine[clear]], True)
             passes["emission"][clear] = first["emission"]
             empty[clear] = first["met"] & (passes["share"][clear] <= _CLEAR)
         # Faces of one mesh may lie in one place as well.
         expected = self._materials[mine]
         strange = np.isin(passes["material"], self._materials) & (passes["share"] > _CLEAR)
-        self._as_light(look, mine, start, passes)
         good = (near & ~other & ~(strange & (passes["material"] != expected))) | empty
         for name in ("diffuse", "glossy", "transmission"):
             passes[name][empty & ~near] = 0
@@ -146,28 +147,6 @@ class PlaceReader:
         for name, where in more.items():
             signs.setdefault(name, np.zeros(len(triangle), bool))[which[good]] = where[good]
         return which[~good]
-
-    def _as_light(self, look, triangle, start, passes):
-        """Opacity and emission as rays of light meet them, where Light Path nodes are asked."""
-        triangles, nodes = self._triangles, {}
-        pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
-        asking = np.zeros(len(triangle), bool)
-        for mesh, slot in np.unique(pairs, axis=0):
-            nodes_here = self._graph(self._records[mesh].slot(slot)).paths
-            if nodes_here:
-                asking |= (pairs == [mesh, slot]).all(axis=1)
-                nodes |= {node.as_pointer(): node for node in nodes_here}
-        asking = np.flatnonzero(asking)
-        if not len(asking):
-            return
-        with ExitStack() as stack:
-            for node in nodes.values():
-                stack.enter_context(answering(node))
-            towards = -triangles.normal[triangle[asking]]
-            seen, first = (look(start[asking], towards, only) for only in (False, True))
-        for name in ("share", "transmission"):
-            passes[name][asking] = seen[name]
-        passes["emission"][asking] = first["emission"]
 
     def _without_translucent(self, look, triangle, start, good, diffuse):
         """The diffuse pass without translucent shaders, where there are some; else None."""
@@ -186,7 +165,7 @@ class PlaceReader:
         with ExitStack() as stack:
             for node in nodes.values():
                 stack.enter_context(switched(node, "mute", True))
-            plain[letting] = look(start[letting], -triangles.normal[triangle[letting]])["diffuse"]
+            plain[letting] = look(start[letting], -triangles.facing[triangle[letting]])["diffuse"]
         return plain
 
     def _apart(self, triangle, left):
@@ -229,6 +208,8 @@ class PlaceReader:
             graph = self._graph(uid)
             for link in graph.displaced:
                 stack.enter_context(switched(link, "is_muted", True))
+            for node in graph.paths if self._as_light else ():
+                stack.enter_context(answering(node))
             for node in graph.holdouts:
                 stack.enter_context(switched(node, "mute", True))
             for node in graph.bumps:

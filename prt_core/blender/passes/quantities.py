@@ -33,9 +33,9 @@ LINES = {
     "scatters": "subsurface scattering counts as diffuse",
     "toon": "toon shading is ignored, light leaves evenly to all sides",
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
-    "paths": "Light Path: its colour is that of rays of the camera, its opacity and emission are "
-    "those of diffuse and shadow rays",
-    "backs": "what asks for Backfacing is answered for the front",
+    "parts": "Light Path: all light meets what diffuse and shadow rays do, as if a ray were both",
+    "views": "Layer Weight, Fresnel, Incoming and the like: it is as seen from straight on",
+    "sides": "its two sides let light pass differently; both have the opacity of the front",
     "fine normals": "the normal map is finer than the mesh and counts at its points only; "
     "subdivide the mesh to see it",
     "coarse": "has more detail than was sampled between the corners",

@@ -7,6 +7,7 @@ scene that has not changed is not rendered again.
 import hashlib
 import time
 from collections import OrderedDict
+from functools import partial
 
 import bpy
 import numpy as np
@@ -20,8 +21,11 @@ from prt_core.blender.passes.quantities import COLUMNS, lines_of
 from prt_core.errors import PRTError
 from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.runtime.progress import Progress
+from prt_core.scene.paint import LOOKS, Look, look_of
 
 _KEPT, _MOST_BYTES = OrderedDict(), 256 << 20
+# By how much the opacity of two sides differs before it is said.
+_OTHER = 0.02
 
 
 def evaluate_surfaces(uid, meshes, records, messages, pace=None):
@@ -32,7 +36,8 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
     uid : int
         `session_uid` of the scene.
     meshes : list of Mesh
-        `materials`, `paint` and, where a material bends them, `corner_normal` are set.
+        `materials`, `paint`, `bounced`, `back` and, where a material bends them, `corner_normal`
+        are set.
     records : list of SurfaceRecord
         Of the meshes; those with None keep the materials that they have.
     messages : list of str
@@ -56,30 +61,41 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
         return
     materials = _Materials(scene)
     triangles = Triangles(meshes, records, materials.graph)
-    family = triangles.families()
-    levels = first_levels(triangles, family, _size_of(meshes))
-    keys = []
-    for index, (mesh, record) in enumerate(zip(meshes, records, strict=True)):
-        mine = levels[triangles.mesh == index]
-        keys.append(_key(mesh, record, mine, materials))
-    missing = [i for i, key in enumerate(keys) if key not in _KEPT]
-    surfaces = {i: _KEPT[key] for i, key in enumerate(keys) if key in _KEPT}
+    levels = first_levels(triangles, triangles.families(), _size_of(meshes))
+    levels = [levels[triangles.mesh == index] for index in range(len(meshes))]
+    surfaces = {"shown": {}}
+    ask = partial(_evaluated, uid, meshes, records, materials, levels, pace)
+    surfaces["shown"] = yield from ask("shown", range(len(meshes)))
+    asking = [materials.asked(record) for record in records]
+    for look in LOOKS:
+        surfaces[look] = yield from ask(look, [i for i, a in enumerate(asking) if look in a])
+    notes = []
+    for index, mesh in enumerate(meshes):
+        looks = {look: known[index] for look, known in surfaces.items() if index in known}
+        notes += [note for surface in looks.values() for note in surface.notes]
+        _apply(mesh, looks)
+        if _opacity_of_sides(mesh):
+            notes += materials.notes(records[index], "sides", "back")
+    messages += [line for line in lines_of(notes) if line not in messages]
+
+
+def _evaluated(uid, meshes, records, materials, levels, pace, look, wanted):
+    """Index -> `Surface` of some meshes, as a generator of `Progress`."""
+    keys = {i: _key(meshes[i], records[i], levels[i], materials, look) for i in wanted}
+    surfaces = {i: _KEPT[key] for i, key in keys.items() if key in _KEPT}
+    missing = [i for i in wanted if i not in surfaces]
     if missing:
         start = time.perf_counter()
         while pace is not None and time.perf_counter() - start < 2 * pace:
             yield Progress("materials", 0, 0)
-        chosen = np.isin(triangles.mesh, missing)
         evaluation = Evaluation(
             uid, [meshes[n] for n in missing], [records[n] for n in missing],
-            records, materials, levels[chosen],
+            records, materials, np.concatenate([levels[n] for n in missing]), look,
         )  # fmt: skip
         surfaces |= dict(zip(missing, (yield from evaluation.surfaces()), strict=True))
-    notes = []
-    for index, (mesh, key) in enumerate(zip(meshes, keys, strict=True)):
+    for index, key in keys.items():
         _keep(key, surfaces[index])
-        _apply(mesh, surfaces[index])
-        notes += surfaces[index].notes
-    messages += [line for line in lines_of(notes) if line not in messages]
+    return surfaces
 
 
 class _Materials:
@@ -96,6 +112,21 @@ class _Materials:
             self._graphs[uid] = graph_of(self._by_uid.get(uid))
         return self._graphs[uid]
 
+    def asked(self, record):
+        """Which looks besides what is shown are to be evaluated of a mesh: names of `LOOKS`."""
+        graphs = self._graphs_of(record)
+        asked = {"bounced"} if any(graph.paths for graph in graphs) else set()
+        return asked | ({"back"} if any(graph.backs for graph in graphs) else set())
+
+    def notes(self, record, kind, look):
+        """Notes of a kind on those materials of a mesh for which a look is evaluated."""
+        graphs = self._graphs_of(record)
+        return [(kind, g.name) for g in graphs if (g.backs if look == "back" else g.paths)]
+
+    def _graphs_of(self, record):
+        slots = np.unique(record.slot_of_corner)
+        return [self.graph(record.slot(slot)) for slot in slots]
+
     def digest(self, record):
         """bytes: of all materials of a mesh."""
         return b"".join(self._digests.of(self._by_uid.get(uid)) for uid in record.slots)
@@ -110,13 +141,13 @@ def _size_of(meshes):
     return float(np.max(np.max([v.max(axis=0) for v in seen], axis=0) - low))
 
 
-def _key(mesh, record, levels, materials):
+def _key(mesh, record, levels, materials, look):
     digest = hashlib.blake2b(digest_size=16)
     for array in (mesh.vertices, mesh.corner_vertex, mesh.corner_normal, mesh.triangle_corners,
                   record.slot_of_corner, record.key_of_corner, levels):  # fmt: skip
         digest.update(np.ascontiguousarray(array))
     digest.update(record.digest + materials.digest(record) + materials.look.encode())
-    digest.update(record.name.encode())
+    digest.update(f"{record.name}\0{look}".encode())
     return digest.digest()
 
 
@@ -128,14 +159,42 @@ def _keep(key, surface):
         size -= _KEPT.popitem(last=False)[1].nbytes
 
 
-def _apply(mesh, surface):
-    mesh.materials = Materials(
+def _apply(mesh, looks):
+    """Give a mesh what each look is, where that is another than what stands for it else."""
+    mesh.materials, mesh.paint = _materials(looks["shown"]), looks["shown"].paint
+    mesh.bounced = mesh.back = None
+    for name in LOOKS:
+        if name in looks:
+            look = Look(_materials(looks[name]), looks[name].paint)
+            setattr(mesh, name, None if _same(look, look_of(mesh, LOOKS[name])) else look)
+    if looks["shown"].normals is not None:
+        mesh.corner_normal = looks["shown"].normals
+
+
+def _materials(surface):
+    return Materials(
         **{
             name: surface.corners[:, COLUMNS[name]].astype(np.float64)
             for name in COLUMNS
             if name in QUANTITIES
         }
     )
-    mesh.paint = surface.paint
-    if surface.normals is not None:
-        mesh.corner_normal = surface.normals
+
+
+def _same(one, two):
+    paints = [look.paint.digest() if look.paint is not None else b"" for look in (one, two)]
+    return one.materials.equals(two.materials) and paints[0] == paints[1]
+
+
+def _opacity_of_sides(mesh):
+    """Whether the back of a mesh lets light pass otherwise than the front."""
+    if mesh.back is None:
+        return False
+    parts = []
+    for look in (look_of(mesh, "bounced"), mesh.back):
+        inside = look.paint.samples.get("opacity") if look.paint is not None else None
+        parts.append([look.materials.opacity, look.materials.opacity if inside is None else inside])
+    return any(
+        a.shape != b.shape or np.abs(a - b).max(initial=0) > _OTHER
+        for a, b in zip(*parts, strict=True)
+    )

@@ -153,7 +153,8 @@ def surface_points(scene, triangle, barycentric, back, any_side=False):
     normals = between(scene.points.normals) * np.where(mirrored[lit], -1, 1)[:, None]
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-30), geometric)
-    materials = scene.materials_at(triangle, barycentric[lit], back[lit]).stored()
+    place = triangle, barycentric[lit], back[lit]
+    materials, met = (scene.materials_at(*place, shown=shown).stored() for shown in (True, False))
     points = BakePoints(
         positions=np.einsum("mk,mkx->mx", places, corners),
         normals=normals.astype(np.float32),
@@ -161,7 +162,7 @@ def surface_points(scene, triangle, barycentric, back, any_side=False):
         ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
         areas=np.zeros(len(around), np.float32),
         materials=materials,
-        mean_materials=materials.of_what_is_met(),
+        mean_materials=met.of_what_is_met(),
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
         emitter=scene.triangle_emitter[triangle],

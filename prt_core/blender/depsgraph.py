@@ -16,7 +16,7 @@ from prt_core.blender.left_out import (
     plain_colour,
     surface_kind,
 )
-from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of
+from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of, weights_of
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.raw_mesh import RawMesh
 from prt_core.blender.ray_visibility import ray_visibility
@@ -282,7 +282,8 @@ class _Reading:
                 ]
             raw.material_names = tuple(s.material.name if s.material else "" for s in slots)
             of_slot = [s.material.original.session_uid if s.material else 0 for s in slots]
-            raw.surface = surface_of(data, source.original.data, of_slot, raw)
+            weights = weights_of(data, slotted.vertex_groups, (s.material for s in slots))
+            raw.surface = surface_of(data, source.original.data, of_slot, raw, weights)
             return raw, None
         finally:
             if source.type != "MESH":

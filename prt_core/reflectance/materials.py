@@ -36,6 +36,8 @@ class Quantity:
         Of bake points, in memory and in the store.
     is_direction : bool
         Whether its means are unit vectors again.
+    most_bounced : float, optional
+        Largest value with which light bounces, where more than that may be shown; default: `most`.
     """
 
     n_channels: int
@@ -45,16 +47,17 @@ class Quantity:
     default: float | tuple | None = None
     dtype: str = "float32"
     is_direction: bool = False
+    most_bounced: float | None = None
 
     @property
     def lowest(self):
         """The least value that rounding makes of means."""
         return self.least - _ROUNDING * abs(self.least)
 
-    @property
-    def highest(self):
-        """The largest value that rounding makes of means."""
-        return self.most + _ROUNDING * abs(self.most)
+    def highest(self, bounced=False):
+        """The largest value that rounding makes of means: of what is shown, or of what bounces."""
+        most = self.most_bounced if bounced and self.most_bounced is not None else self.most
+        return most + _ROUNDING * abs(most)
 
     def settled(self, means):
         """(n, n_channels) float64 of means (n, n_channels): as values are, without rounding."""
@@ -65,8 +68,9 @@ class Quantity:
 
 
 QUANTITIES = {
-    # Diffuse albedo: the share of the received light that leaves evenly to all sides.
-    "albedo": Quantity(3, 0, 1, step=1 / 32),
+    # Diffuse albedo: the share of the received light that leaves evenly to all sides. More than all
+    # of it may be shown, as renderers do; bounces would not end then.
+    "albedo": Quantity(3, 0, 64, step=1 / 32, most_bounced=1),
     # Radiance that the surface sends out of its own, evenly to all sides of both its faces.
     "emission": Quantity(3, 0, 1e15, step=1 / 32, default=0.0),
     # Share of the light that does not go straight through. What goes through is no part of albedo.
@@ -218,12 +222,13 @@ class Materials:
         return arrays
 
     def of_what_is_met(self):
-        """`Materials` of the light that does not go straight through: the same where all does not.
+        """`Materials` with which light bounces, of that which does not go straight through.
 
         A ray that goes through has met nothing; of those that end here, more leave evenly than of
-        all that arrive.
+        all that arrive. No surface bounces more than arrives. The same object where nothing of
+        that concerns it.
         """
-        if (self.opacity == 1).all():
+        if (self.opacity == 1).all() and (self.albedo <= 1).all():
             return self
         share = np.asarray(self.opacity, np.float64)
 
@@ -240,7 +245,7 @@ class Materials:
         )
 
 
-def expect_materials(name, value, count, dtype=None, rounded=False):
+def expect_materials(name, value, count, dtype=None, rounded=False, bounced=False):
     """`value` as `Materials` whose values are finite and within their ranges.
 
     Parameters
@@ -254,6 +259,8 @@ def expect_materials(name, value, count, dtype=None, rounded=False):
         Default: those of the values.
     rounded : bool
         Whether they are means, which may leave their range by rounding.
+    bounced : bool
+        Whether light bounces by them.
 
     Returns
     -------
@@ -276,7 +283,9 @@ def expect_materials(name, value, count, dtype=None, rounded=False):
 
     def checked(name, values):
         quantity = QUANTITIES[name]
-        bounds = (quantity.lowest, quantity.highest) if rounded else (quantity.least, quantity.most)
+        bounds = (quantity.least, quantity.most)
+        if rounded:
+            bounds = (quantity.lowest, quantity.highest(bounced))
         shape = count, quantity.n_channels
         return expect_array(f"{prefix}{name}", values, shape, dtype, *bounds)
 

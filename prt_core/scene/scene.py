@@ -34,6 +34,9 @@ from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
 
+# Albedo up to this is taken as 1 that was rounded.
+_WHITE = 1.001
+
 
 @dataclass(frozen=True)
 class SceneObject:
@@ -190,6 +193,11 @@ class Scene:
                 "by the shadow one"
             )
         surfaces = surfaces_of(meshes, stacked, counts["first_corner"])
+        messages += [
+            f"{mesh.name}: albedo above 1 is shown as it is, but bounces as 1"
+            for mesh in meshes
+            if mesh.materials.albedo.max(initial=0) > _WHITE
+        ]
         built = make_points(stacked, levels, frames, surfaces)
         emitters, triangle_emitter, built.points.emitter = find_emitters(
             meshes, stacked, levels, built, surfaces

@@ -212,7 +212,7 @@ def _read_emitters(store, n_points):
         texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
         good = texts and len(set(names)) == len(names)
         # Where something emits light there is somebody whose light it is.
-        good = good and bool(names) == ("emission" in store.attributes.get("materials", _FIRST))
+        good = good and (names or "emission" not in store.attributes.get("materials", _FIRST))
         expect(good, "the names of its emitters are")
     if not names:
         return (), np.full(n_points, -1, np.int32), None
@@ -375,7 +375,8 @@ def _in_range(points):
     for field, prefix in MATERIALS.items():
         for name, values in getattr(points, field).arrays().items():
             quantity = QUANTITIES[name]
-            yield prefix + name, _finite(values, quantity.lowest, quantity.highest)
+            highest = quantity.highest(bounced=field == "mean_materials")
+            yield prefix + name, _finite(values, quantity.lowest, highest)
 
 
 def _finite(array, low=-np.inf, high=np.inf):

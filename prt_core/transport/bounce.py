@@ -16,7 +16,7 @@ from prt_core.transport.sent import Sent
 
 # Bounces after which the light must have settled: as many as are needed, or a number asked for.
 _MOST, _MOST_ASKED = 2000, 20_000
-MOST_ALBEDO = QUANTITIES["albedo"].highest
+MOST_ALBEDO = QUANTITIES["albedo"].highest(bounced=True)
 # Of float32, so that sums of many bounces stay numbers.
 MOST_RECEIVED = 1e30
 
@@ -49,7 +49,8 @@ def all_bounces(gather, albedo, received, tolerance=1e-3, bounces=None, mean_alb
     PRTError
         The series does not converge: surfaces reflect all they receive and nothing escapes.
     """
-    albedo = sends = _expect_albedo("albedo", albedo)
+    shown = MOST_ALBEDO if mean_albedo is None else QUANTITIES["albedo"].highest()
+    albedo = sends = _expect_albedo("albedo", albedo, most=shown)
     if mean_albedo is not None:
         sends = _expect_albedo("mean_albedo", mean_albedo, _albedo_of(albedo).shape)
     arrived, n_bounces = received_with_bounces(gather, sends, received, tolerance, bounces)
@@ -97,12 +98,12 @@ def _albedo_of(sends):
     return sends.albedo if isinstance(sends, Sent) else sends
 
 
-def _expect_albedo(name, albedo, shape=(None, None)):
+def _expect_albedo(name, albedo, shape=(None, None), most=MOST_ALBEDO):
     """Albedo, or the `Sent` that it is part of, checked."""
     if isinstance(albedo, Sent):
-        expect_array(name, albedo.albedo, shape, least=0, most=MOST_ALBEDO)
+        expect_array(name, albedo.albedo, shape, least=0, most=most)
         return albedo
-    return expect_array(name, albedo, shape, least=0, most=MOST_ALBEDO)
+    return expect_array(name, albedo, shape, least=0, most=most)
 
 
 def expect_gather(gather, n_points):

@@ -74,10 +74,12 @@ class Transport:
         expect_bits("bits", self.bits, self.n_directions)
         n_points = len(self.bits)
         self.normals = expect_array("normals", self.normals, (n_points, 3), None, -UNIT, UNIT)
-        self.materials = expect_materials("materials", self.materials, n_points, rounded=True)
+        self.materials = expect_materials(
+            "materials", self.materials, n_points, rounded=True, bounced=self.mean_materials is None
+        )
         if self.mean_materials is not None:
             self.mean_materials = expect_materials(
-                "mean_materials", self.mean_materials, n_points, rounded=True
+                "mean_materials", self.mean_materials, n_points, rounded=True, bounced=True
             )
         if self.opposite is not None:
             self.opposite = expect_array(

@@ -247,7 +247,7 @@ def test_base_colours_are_those_of_the_bake(name):
     material(item, GRAPHS[name])
     meshes, messages = read()
     albedo = meshes["grid"].materials.albedo
-    wanted = np.clip(bake(item, "DIFFUSE"), 0, 1)
+    wanted = bake(item, "DIFFUSE")
     if name in {"image", "image of the first UV map", "mapping", "brick", "layer weight"}:
         # A corner on an edge of colours belongs to either side.
         off = np.abs(albedo - wanted).max(axis=1) > 4e-3
@@ -368,7 +368,7 @@ def test_what_lets_light_through():
     assert not bpy.data.materials["leaf"].node_tree.nodes["Translucent BSDF"].mute
 
 
-def test_light_path_nodes_answer_for_light():
+def test_light_path_nodes_tell_what_is_shown_from_what_is_met():
     """Glass that shadow rays pass, and a lamp that only the camera sees: as architects do."""
 
     def glass(tree):
@@ -385,15 +385,68 @@ def test_light_path_nodes_answer_for_light():
     links = {m.name: len(m.node_tree.links) for m in bpy.data.materials}
     nodes = {m.name: len(m.node_tree.nodes) for m in bpy.data.materials}
     meshes, messages = read()
-    window = meshes["window"].materials
-    np.testing.assert_allclose(window.albedo, [[0.1, 0.5, 0.2]] * 4, atol=1e-3)
-    np.testing.assert_allclose(window.opacity, 0, atol=1e-3)
-    np.testing.assert_allclose(meshes["sign"].materials.emission, 0, atol=1e-6)
-    assert any("'window'" in line and "Light Path" in line for line in messages)
+    window, sign = meshes["window"], meshes["sign"]
+    np.testing.assert_allclose(window.materials.albedo, [[0.1, 0.5, 0.2]] * 4, atol=1e-3)
+    np.testing.assert_allclose(window.materials.opacity, 1, atol=1e-3)
+    np.testing.assert_allclose(window.bounced.materials.opacity, 0, atol=1e-3)
+    np.testing.assert_allclose(sign.materials.emission, 1, atol=1e-3)
+    np.testing.assert_allclose(sign.bounced.materials.emission, 0, atol=1e-6)
+    assert window.back is None and sign.back is None
+    said = [line for line in messages if "Light Path" in line]
+    # What only the camera sees is told apart exactly.
+    assert len(said) == 1 and "'window'" in said[0] and "'sign'" not in said[0]
     for m in bpy.data.materials:
         assert (len(m.node_tree.links), len(m.node_tree.nodes)) == (links[m.name], nodes[m.name])
     sockets = {link.from_socket.name for link in bpy.data.materials["window"].node_tree.links}
     assert "Is Shadow Ray" in sockets
+
+
+def sided(tree, front, back):
+    mix = add(tree, "MixShader", Fac=add(tree, "NewGeometry").outputs["Backfacing"])
+    for index, node in ((1, front), (2, back)):
+        tree.links.new(node.outputs[0], mix.inputs[index])
+    return mix
+
+
+def test_backs_are_evaluated_where_nodes_tell_them_apart(monkeypatch):
+    def two_colours(tree):
+        red, blue = (
+            add(tree, "BsdfDiffuse", Color=c) for c in ((0.7, 0.1, 0.2, 1), (0, 0.3, 1, 1))
+        )
+        return sided(tree, red, blue)
+
+    def upwards(tree):
+        return add(tree, "BsdfDiffuse", Color=add(tree, "NewGeometry").outputs["Normal"])
+
+    def one_way(tree):
+        return sided(tree, add(tree, "BsdfTransparent"), add(tree, "BsdfDiffuse"))
+
+    plate("page", surface(two_colours))
+    plate("roof", surface(upwards), 1.0)
+    plate("mirror", surface(one_way), 2.0)
+    plate("plain", surface(lambda tree: add(tree, "BsdfDiffuse")), 3.0)
+    meshes, messages = read()
+    page, roof = meshes["page"], meshes["roof"]
+    np.testing.assert_allclose(page.materials.albedo, [[0.7, 0.1, 0.2]] * 4, atol=1e-3)
+    np.testing.assert_allclose(page.back.materials.albedo, [[0, 0.3, 1]] * 4, atol=1e-3)
+    np.testing.assert_allclose(roof.materials.albedo, [[0, 0, 1]] * 4, atol=1e-3)
+    np.testing.assert_allclose(roof.back.materials.albedo, 0, atol=1e-3)
+    assert all(mesh.bounced is None for mesh in meshes.values())
+    assert meshes["plain"].back is None
+    looked = "prt_core.blender.passes.probe.Probe.look"
+    monkeypatch.setattr(looked, lambda *a, **k: 1 / 0)
+    again, _ = read()
+    assert again["page"].back.materials.equals(page.back.materials)
+
+
+def test_what_depends_on_the_direction_of_view_is_said():
+    def facing(tree):
+        return add(tree, "BsdfDiffuse", Color=add(tree, "LayerWeight").outputs["Facing"])
+
+    plate("silk", surface(facing))
+    plate("felt", surface(lambda tree: add(tree, "BsdfDiffuse")), 1.0)
+    said = [line for line in read()[1] if "Layer Weight" in line]
+    assert len(said) == 1 and "'silk'" in said[0] and "'felt'" not in said[0]
 
 
 def test_what_lies_in_one_plane_is_not_mixed_up():
@@ -592,6 +645,18 @@ def test_nothing_of_the_file_is_changed_even_after_an_error(monkeypatch):
     assert scene.render.engine == "BLENDER_WORKBENCH"
     assert not item.visible_camera and item.is_holdout
     assert not bpy.data.materials[0].node_tree.nodes["Translucent BSDF"].mute
+
+
+def test_weights_that_a_material_reads_are_part_of_what_is_kept():
+    item = grid()
+    other, worn = (item.vertex_groups.new(name=name) for name in ("bone", "wear"))
+    every = list(range(len(item.data.vertices)))
+    other.add(every, 0.7, "REPLACE")
+    material(item, named("Attribute", "wear", "Fac"))
+    for weight in (0.2, 0.9):
+        worn.add(every, weight, "REPLACE")
+        meshes, _ = read()
+        np.testing.assert_allclose(meshes["grid"].materials.albedo, weight, atol=4e-3)
 
 
 def test_an_unchanged_scene_is_not_evaluated_again(monkeypatch):

@@ -18,7 +18,7 @@
 | `digests.py` | whether a material is what it was |
 """
 
-from prt_core.blender.passes.records import SurfaceRecord, surface_of
+from prt_core.blender.passes.records import SurfaceRecord, surface_of, weights_of
 from prt_core.blender.passes.surfaces import evaluate_surfaces
 
-__all__ = ["SurfaceRecord", "evaluate_surfaces", "surface_of"]
+__all__ = ["SurfaceRecord", "evaluate_surfaces", "surface_of", "weights_of"]

@@ -165,7 +165,8 @@ class Evaluation:
                     notes.append(("fine normals", self._name_of(mine[own], index)))
                 paint = _paint(corners, corner, levels[own], starts[own], samples)
         if cut:
-            notes.append(("line", f"{mesh.name}: albedo outside 0..1 was cut to it"))
+            most = QUANTITIES["albedo"].most
+            notes.append(("line", f"{mesh.name}: albedo outside 0..{most} was cut to it"))
         return Surface(corners, paint, normals, notes)
 
     def _normals(self, record, mesh, used, corners):

@@ -6,6 +6,8 @@ be worse. The few per cent that dielectrics reflect do not.
 
 import numpy as np
 
+from prt_core.reflectance import QUANTITIES
+
 # Columns of one sample.
 COLUMNS = {
     "albedo": slice(0, 3),
@@ -103,10 +105,10 @@ def _metal(diffuse, glossy, through):
 def settled(values):
     """`values` within their ranges, and whether an albedo was not."""
     albedo = values[:, COLUMNS["albedo"]]
-    outside = bool((albedo > 1 + 1e-3).any() or (albedo < -1e-3).any())
+    outside = bool((albedo > QUANTITIES["albedo"].most).any() or (albedo < -1e-3).any())
     for name in ("albedo", "opacity", "translucency"):
         part = values[:, COLUMNS[name]]
-        np.clip(part, 0, 1, out=part)
+        np.clip(part, 0, QUANTITIES[name].most, out=part)
     return values, outside
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.blender.colours import ACTIVE_BEFORE
+from prt_core.blender.node_trees import all_nodes
 
 # How attributes of these types are read, and how many numbers one value is.
 _READ = {
@@ -104,7 +105,7 @@ class RawSurface:
         return {key: value for key, value in vars(self).items() if key != "digest"}
 
 
-def surface_of(data, original, slots, raw):
+def surface_of(data, original, slots, raw, weights=None):
     """The `RawSurface` of an evaluated mesh.
 
     Parameters
@@ -116,6 +117,8 @@ def surface_of(data, original, slots, raw):
         `session_uid` of the material of each number, 0 for none; empty where there are no slots.
     raw : RawMesh
         Its arrays.
+    weights : dict of str -> (n_vertices,) float32, optional
+        Of vertex groups that materials may read.
     """
     key = np.zeros(len(raw.corner_vertex), np.uint64)
     key = _mixed(key, raw.corner_vertex, raw.corner_slot)
@@ -142,11 +145,40 @@ def surface_of(data, original, slots, raw):
             key = _mixed(key, *(np.asarray(c, np.float32).view(np.uint32) for c in values.T))
             if attribute.data_type == "FLOAT2" and attribute.domain == "CORNER":
                 uv.append(values)
+    for name, of_group in (weights or {}).items():
+        digest.update(name.encode() + of_group.tobytes())
     rendered = [layer.name for layer in data.uv_layers if layer.active_render]
     colour = data.attributes.default_color_name if before is None else before
     digest.update(repr((rendered, colour)).encode())
     slots = tuple(slots) or (0,)
     return RawSurface(slots, raw.corner_slot, key, uv, digest.digest())
+
+
+def weights_of(data, groups, materials):
+    """The weights of those vertex groups that Attribute nodes read, by name.
+
+    Parameters
+    ----------
+    data : bpy.types.Mesh
+        Evaluated.
+    groups : collection of bpy.types.VertexGroup
+        Of its object.
+    materials : iterable of bpy.types.Material or None
+
+    Returns
+    -------
+    dict of str -> (n_vertices,) float32
+    """
+    trees = [m.node_tree for m in materials if m is not None and m.node_tree is not None]
+    nodes = [node for tree in trees for node in all_nodes(tree) if node.type == "ATTRIBUTE"]
+    names = {node.attribute_name for node in nodes if node.attribute_type == "GEOMETRY"}
+    weights = {g.index: np.zeros(len(data.vertices), np.float32) for g in groups if g.name in names}
+    if weights:
+        for vertex in data.vertices:
+            for element in vertex.groups:
+                if element.group in weights:
+                    weights[element.group][vertex.index] = element.weight
+    return {group.name: weights[group.index] for group in groups if group.index in weights}
 
 
 def _mixed(key, *columns):

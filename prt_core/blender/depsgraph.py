@@ -216,7 +216,8 @@ class _Reading:
                 mesh.materials = self._strand_materials(part)
             if np.linalg.det(part.matrix[:3, :3]) == 0:
                 black = Materials(albedo=np.zeros((len(mesh.materials), 3)))
-                mesh.materials, mesh.paint, mesh.bounced, mesh.back = black, None, None, None
+                mesh.materials, mesh.paint = black, None
+                mesh.bounced = mesh.back = mesh.shadow = None
             # It hides behind the realised copies of what it instances, and its own part with it.
             if (mesh.owner, mesh.library) in self.instancers:
                 mesh.own_mesh = False

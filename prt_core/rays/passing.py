@@ -31,8 +31,9 @@ class PassingCaster:
     ----------
     opaque, others : RayCaster
         Over the triangles that let nothing pass, and over all others; hits are numbered alike.
-    opacity : callable((m,) int, (m, 2) float) -> (m,) float
-        Share of the light that does not go straight through, at hits on the others.
+    opacity : callable((m,) int, (m, 2) float, (m, 3) float) -> (m,) float
+        Share of the light that does not go straight through, at hits on the others of rays along
+        directions.
     behind : callable((m,) int, (m, 2) float, (m, 3) float) -> (m, 3), (m, 3) float64
         Where hits of rays along directions lie, and where a ray starts that goes on.
     resolution : int
@@ -110,7 +111,7 @@ class PassingCaster:
             met = np.flatnonzero(met)
             triangle, barycentric = hits.triangle[met], hits.barycentric[met]
             left = left[met]
-            share = walk.share[left] * (1 - self._opacity(triangle, barycentric))
+            share = walk.share[left] * (1 - self._opacity(triangle, barycentric, directions[left]))
             if decide:
                 partial = np.flatnonzero((share > 0) & (share < 1))
                 rays_of = origins[left[partial]], directions[left[partial]]

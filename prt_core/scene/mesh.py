@@ -57,9 +57,10 @@ class Mesh:
         For geometry images.
     paint : Paint, optional
         The materials between the corners; default: as they say, in between.
-    bounced, back : Look, optional
-        What diffuse rays meet of the front, and of the back, where that is something else than the
-        materials above, which are shown; default: the same, and that of the front.
+    bounced, back, shadow : Look, optional
+        What diffuse rays meet of the front, and of the back, and what is in the way of shadow rays,
+        where that is something else than the materials above, which are shown; default: the same,
+        and that of the front.
     material_names : tuple of str
         Names of the materials by their number in `corner_material`; what has none is called as the
         mesh. Surfaces that emit light are told apart by them: those of one name are one light.
@@ -86,6 +87,7 @@ class Mesh:
     paint: Paint | None = None
     bounced: Look | None = None
     back: Look | None = None
+    shadow: Look | None = None
     material_names: tuple = ()
     shadow_rays: bool = True
     diffuse_rays: bool = True

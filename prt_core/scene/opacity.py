@@ -33,11 +33,14 @@ class Opacity:
         Cells along an edge, n; a triangle has n^2 of them.
     cells : (m,) uint16
         65535 is opaque.
+    back : (n_triangles,) int32, or None
+        Where the cells of each triangle begin for rays that meet its back; None: at `first`.
     """
 
     first: np.ndarray
     along: np.ndarray
     cells: np.ndarray
+    back: np.ndarray | None = None
 
     # Of cells that nothing passes.
     opaque = _OPAQUE
@@ -55,7 +58,7 @@ class Opacity:
         count, first = self.along.astype(np.int64) ** 2, np.maximum(self.first, 0)
         return np.where(self.passing, (before[first + count] - before[first]) / count, 0)
 
-    def at(self, triangle, barycentric):
+    def at(self, triangle, barycentric, back=False):
         """Opacity at places of triangles that let light pass.
 
         Parameters
@@ -63,13 +66,23 @@ class Opacity:
         triangle : (m,) int
         barycentric : (m, 2) float
             Weights of the second and third corner.
+        back : bool, or (m,) bool
+            Whether the back is met.
 
         Returns
         -------
         (m,) float64
         """
         cell = _cell(self.along[triangle].astype(np.int64), barycentric)
-        return self.cells.take(self.first[triangle] + cell) / float(_OPAQUE)
+        first = self.first[triangle]
+        if self.back is not None:
+            first = np.where(back, self.back[triangle], first)
+        return self.cells.take(first + cell) / float(_OPAQUE)
+
+    def cells_of(self, triangles, order):
+        """(n_sides, n, k) uint16: cells of triangles, by their numbers in `order` (k,)."""
+        sides = [self.first] if self.back is None else [self.first, self.back]
+        return np.stack([self.cells[first[triangles, None] + order] for first in sides])
 
     @staticmethod
     def cell_of(n, barycentric):
@@ -96,14 +109,17 @@ class Opacity:
     def digest(self):
         """bytes that tell it from others."""
         state = hashlib.blake2b(digest_size=16)
-        for array in (self.first, self.along, self.cells):
+        arrays = [self.first, self.along, self.cells]
+        for array in arrays if self.back is None else [*arrays, self.back]:
             state.update(np.ascontiguousarray(array))
         return state.digest()
 
 
-def opacity_of(surfaces):
-    """`Opacity` of the triangles of a scene's `Surfaces`; None where all are opaque."""
-    along = surfaces.opacity_cells(_SLOPING)
+def opacity_of(surfaces, backs):
+    """`Opacity` of the triangles of a scene's `Surfaces`, and of their backs'; None where all are
+    opaque."""
+    sides = [surfaces] if backs is surfaces else [surfaces, backs]
+    along = np.max([side.opacity_cells(_SLOPING) for side in sides], axis=0)
     candidates = np.flatnonzero(along)
     if not len(candidates):
         return None
@@ -112,7 +128,7 @@ def opacity_of(surfaces):
     # So that pieces are made of whole cells.
     fine = along >= _PIECES
     along[fine] = -(-along[fine] // _PIECES) * _PIECES
-    first = np.full(len(along), -1, np.int64)
+    begin = np.full((len(sides), len(along)), -1, np.int64)
     known, parts, end = {}, [], 0
     for n in np.unique(along[candidates]):
         members = candidates[along[candidates] == n]
@@ -120,19 +136,23 @@ def opacity_of(surfaces):
         each = max(1, _BLOCK // len(places))
         for start in range(0, len(members), each):
             part = members[start : start + each]
-            materials = surfaces.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
-            rows = np.rint(materials.opacity.reshape(len(part), -1) * _OPAQUE).astype(np.uint16)
-            for triangle in np.flatnonzero((rows < _OPAQUE).any(axis=1)):
-                key = rows[triangle].tobytes()
-                if key not in known:
-                    known[key] = end
-                    parts.append(rows[triangle])
-                    end += len(places)
-                first[part[triangle]] = known[key]
+            where = np.repeat(part, len(places)), np.tile(places, (len(part), 1))
+            rows = np.stack([side.at(*where).opacity.reshape(len(part), -1) for side in sides])
+            rows = np.rint(rows * _OPAQUE).astype(np.uint16)
+            for triangle in np.flatnonzero((rows < _OPAQUE).any(axis=(0, 2))):
+                for side, row in enumerate(rows[:, triangle]):
+                    key = row.tobytes()
+                    if key not in known:
+                        known[key] = end
+                        parts.append(row)
+                        end += len(places)
+                    begin[side, part[triangle]] = known[key]
     if not parts:
         return None
-    along[first < 0] = 1
-    return Opacity(first.astype(np.int32), along.astype(np.int32), np.concatenate(parts))
+    along[begin[0] < 0] = 1
+    first, back = begin[0].astype(np.int32), begin[-1].astype(np.int32)
+    back = back if (back != first).any() else None
+    return Opacity(first, along.astype(np.int32), np.concatenate(parts), back)
 
 
 def dimming(scene):

@@ -56,12 +56,13 @@ class Look:
 
 
 # The looks that a mesh may have besides what is shown of its front, and which each is where a mesh
-# does not say: what diffuse rays meet of its front, and of its back.
-LOOKS = {"bounced": "shown", "back": "bounced"}
+# does not say: what diffuse rays meet of its front, and of its back, and what is in the way of
+# shadow rays, whose opacity alone counts.
+LOOKS = {"bounced": "shown", "back": "bounced", "shadow": "bounced"}
 
 
 def look_of(mesh, name):
-    """The `Look` of a mesh: "shown", "bounced" or "back"."""
+    """The `Look` of a mesh: "shown", or one of `LOOKS`."""
     if name == "shown":
         return Look(mesh.materials, mesh.paint)
     return getattr(mesh, name) or look_of(mesh, LOOKS[name])
@@ -87,7 +88,8 @@ def surfaces_of(meshes, stacked, first_corner):
         materials = Materials.joined([look.materials for look in looks])
         kinds[name] = Surfaces(stacked, materials, [look.paint for look in looks], first_corner)
     for surfaces in kinds.values():
-        surfaces.bounced, surfaces.back = kinds["bounced"], kinds["back"]
+        for name in LOOKS:
+            setattr(surfaces, name, kinds[name])
     return kinds["shown"]
 
 
@@ -108,13 +110,15 @@ class Surfaces:
     Attributes
     ----------
     corner_materials : Materials
-    bounced, back : Surfaces
-        What diffuse rays meet of fronts and of backs; the same where that is no other.
+    bounced, back, shadow : Surfaces
+        What diffuse rays meet of fronts and of backs, and what shadow rays meet; the same where
+        that is no other.
     """
 
     def __init__(self, stacked, materials, paints, first_corner):
         self._corners = stacked["triangle_corners"].astype(np.int64)
-        self.corner_materials, self.bounced, self.back = materials, self, self
+        self.corner_materials = materials
+        self.bounced = self.back = self.shadow = self
         self._object = stacked["triangle_object"].astype(np.int64)
         self._paints, self._first = paints, first_corner
         self.painted = np.array([paint is not None for paint in paints], bool)[self._object]

@@ -52,9 +52,9 @@ def pieces_of(opacity, triangles):
         order = np.argsort(piece, kind="stable")
         starts = np.searchsorted(piece[order], np.arange(k * k))
         shape = _corners(int(k))
-        cells = opacity.cells[opacity.first[members, None] + order]
-        least = np.minimum.reduceat(cells, starts, axis=1)
-        largest = np.maximum.reduceat(cells, starts, axis=1)
+        cells = opacity.cells_of(members, order)
+        least = np.minimum.reduceat(cells, starts, axis=2).min(axis=0)
+        largest = np.maximum.reduceat(cells, starts, axis=2).max(axis=0)
         row, kept = np.nonzero(largest > 0)
         parts.append(members[row])
         opaque.append(least[row, kept] == opacity.opaque)

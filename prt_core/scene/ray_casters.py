@@ -17,19 +17,27 @@ def caster_of(scene, name, rays, resolution, objects=None):
     flag = next(flag for flag, kind in RAYS.items() if kind == rays)
     met = np.array([getattr(item, flag) for item in scene.objects], bool)
     met = (met if objects is None else met & objects)[scene.triangle_object]
-    if scene.opacity is None:
+    opacity = scene.shadow_opacity if rays == "shadow" else scene.opacity
+    if opacity is None:
         return _caster_over(scene, name, met)
-    passing = met & scene.opacity.passing
+    passing = met & opacity.passing
     if not passing.any():
         return _caster_over(scene, name, met)
-    pieces = pieces_of(scene.opacity, np.flatnonzero(passing))
+    pieces = pieces_of(opacity, np.flatnonzero(passing))
     opaque = _caster_over(scene, name, met & ~passing, pieces, pieces.is_opaque)
     try:
         others = _caster_over(scene, name, np.zeros_like(met), pieces, ~pieces.is_opaque)
     except BaseException:
         opaque.close()
         raise
-    return PassingCaster(opaque, others, scene.opacity.at, _Behind(scene), resolution)
+
+    def opacity_at(triangle, barycentric, directions):
+        if opacity.back is None:
+            return opacity.at(triangle, barycentric)
+        behind = np.einsum("mx,mx->m", directions, scene.triangle_normals[triangle]) > 0
+        return opacity.at(triangle, barycentric, behind)
+
+    return PassingCaster(opaque, others, opacity_at, _Behind(scene), resolution)
 
 
 def _caster_over(scene, name, met, pieces=None, chosen=None):

@@ -113,6 +113,8 @@ class Scene:
         What was between the corners of the meshes it was made from; not kept on disk.
     opacity : Opacity or None
         Where triangles let light pass; None where all are opaque.
+    shadow_opacity : Opacity or None
+        The same for shadow rays; `opacity` itself where they meet what others do.
     emitters : tuple of str
         Names of the materials that emit light, of one each.
     triangle_emitter : (n_triangles,) int32
@@ -135,6 +137,7 @@ class Scene:
     details: Details = field(default_factory=no_details)
     surfaces: Surfaces | None = field(default=None, repr=False, compare=False)
     opacity: Opacity | None = field(default=None, repr=False)
+    shadow_opacity: Opacity | None = field(default=None, repr=False)
     emitters: tuple = ()
     triangle_emitter: np.ndarray | None = None
 
@@ -235,7 +238,7 @@ class Scene:
             lattice_back=np.full_like(built.lattice, -1),
             messages=messages,
             surfaces=surfaces,
-            opacity=opacity_of(surfaces.bounced),
+            **_opacities(surfaces),
             emitters=emitters,
             triangle_emitter=triangle_emitter,
         )
@@ -431,11 +434,25 @@ class Scene:
                 digest.update(bytes(met_by))
         if self.opacity is not None:
             digest.update(self.opacity.digest())
+        if self.shadow_opacity is not self.opacity:
+            own = self.shadow_opacity
+            digest.update(b"shadow" + (own.digest() if own is not None else b""))
         if self.emitters:
             digest.update("\0".join(self.emitters).encode())
             digest.update(self.triangle_emitter)
             digest.update(self.points.emitter)
         return digest.hexdigest()
+
+
+def _opacities(surfaces):
+    """Name -> `Opacity` by which diffuse and shadow rays are met."""
+    opacity = opacity_of(surfaces.bounced, surfaces.back)
+    if surfaces.shadow is surfaces.bounced:
+        return {"opacity": opacity, "shadow_opacity": opacity}
+    return {
+        "opacity": opacity,
+        "shadow_opacity": opacity_of(surfaces.shadow, surfaces.shadow),
+    }
 
 
 def _stack(meshes, messages):

@@ -51,8 +51,9 @@ _OBJECT = {
 }
 # What objects of bakes are that do not say it: they were made when rays met everything.
 _MET = dict.fromkeys(("shadow_rays", "diffuse_rays", "camera_rays"), True)
-# Of triangles that let light pass, where there are some.
-_OPACITY = {"first": "int32", "along": "int32", "cells": "uint16"}
+# Of triangles that let light pass, where there are some; and its names for either kind of rays.
+_OPACITY = {"first": "int32", "along": "int32", "cells": "uint16", "back": "int32"}
+_OPACITIES = ("opacity", "shadow_opacity")
 # What the materials of bakes have that do not say it: they were made when there was no more.
 _FIRST = ["albedo"]
 # How far weighted means of float32 may leave their range, and unit vectors a length of 1.
@@ -86,11 +87,16 @@ def write_scene(store, scene):
         store.keep("scene_triangle_emitter", scene.triangle_emitter)
     for name in _DETAILS:
         store.keep(f"detail_{name}", getattr(scene.details, name))
-    for name in _OPACITY:
-        if scene.opacity is not None:
-            store.keep(f"opacity_{name}", getattr(scene.opacity, name))
-        else:
-            store.remove(f"opacity_{name}")
+    opacities = {"opacity": scene.opacity}
+    if scene.shadow_opacity is not scene.opacity:
+        opacities["shadow_opacity"] = scene.shadow_opacity
+    for kind in _OPACITIES:
+        for name in _OPACITY:
+            array = getattr(opacities.get(kind), name, None)
+            if array is not None:
+                store.keep(f"{kind}_{name}", array)
+            else:
+                store.remove(f"{kind}_{name}")
     if scene.image is not None:
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
@@ -99,6 +105,7 @@ def write_scene(store, scene):
         **emitters,
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
+        **_more_of(opacities),
         "image": None if scene.image is None else [getattr(scene.image, name) for name in _IMAGE],
         "centre": scene.centre,
         "size": scene.size,
@@ -192,7 +199,7 @@ def read_scene(store):
             lattice_back=lattice_back,
             image=_read_image(store, attributes["image"]),
             details=details,
-            opacity=_read_opacity(store, len(triangles)),
+            **_read_opacities(store, len(triangles)),
             emitters=emitters,
             triangle_emitter=triangle_emitter,
             **by_triangle,
@@ -312,16 +319,33 @@ def _lie_on(details, scene):
     )
 
 
-def _read_opacity(store, n_triangles):
-    if not store.attributes.get("opacity", False):
-        return None
-    shapes = {"first": (n_triangles,), "along": (n_triangles,), "cells": (None,)}
-    return Opacity(
-        **{
-            name: store.read(f"opacity_{name}", shapes[name], dtype)
-            for name, dtype in _OPACITY.items()
-        }
-    )
+def _more_of(opacities):
+    """Attributes of what bakes with one opacity, for all rays and both sides, do not say."""
+    sided = [
+        kind for kind, opacity in opacities.items() if getattr(opacity, "back", None) is not None
+    ]
+    more = {"sided_opacity": sided} if sided else {}
+    if "shadow_opacity" in opacities:
+        more["shadow_opacity"] = opacities["shadow_opacity"] is not None
+    return more
+
+
+def _read_opacities(store, n_triangles):
+    """Name -> `Opacity` or None, of either kind of rays."""
+    sided = store.attributes.get("sided_opacity", [])
+
+    def read(kind):
+        if not store.attributes.get(kind, False):
+            return None
+        shapes = dict.fromkeys(_OPACITY, (n_triangles,)) | {"cells": (None,)}
+        names = [name for name in _OPACITY if name != "back" or kind in sided]
+        return Opacity(
+            **{name: store.read(f"{kind}_{name}", shapes[name], _OPACITY[name]) for name in names}
+        )
+
+    opacity = read("opacity")
+    own = "shadow_opacity" in store.attributes
+    return {"opacity": opacity, "shadow_opacity": read("shadow_opacity") if own else opacity}
 
 
 def _read_image(store, sizes):
@@ -333,11 +357,15 @@ def _read_image(store, sizes):
 
 
 def _cells_lie_inside(opacity):
-    first, along = opacity.first.astype(np.int64), opacity.along.astype(np.int64)
-    return (
+    if opacity is None:
+        return True
+    along = opacity.along.astype(np.int64)
+    sides = [opacity.first] if opacity.back is None else [opacity.first, opacity.back]
+    return _inside(along, 1, 1 << 12) and all(
         _inside(first, -1, max(1, len(opacity.cells)))
-        and _inside(along, 1, 1 << 12)
+        and np.array_equal(first >= 0, opacity.passing)
         and _inside((first + along**2)[first >= 0], 0, len(opacity.cells) + 1)
+        for first in (side.astype(np.int64) for side in sides)
     )
 
 
@@ -431,7 +459,8 @@ def _leads_inside(scene):
         and _inside(scene.triangle_emitter, -1, len(scene.emitters))
         and _inside(scene.points.emitter, -1, len(scene.emitters))
         and _inside(scene.details.point, 0, n_points)
-        and (scene.opacity is None or _cells_lie_inside(scene.opacity))
+        and _cells_lie_inside(scene.opacity)
+        and _cells_lie_inside(scene.shadow_opacity)
         and _lie_on(scene.details, scene)
         and sum(item.n_vertices for item in scene.objects) == len(scene.vertices)
         and all(

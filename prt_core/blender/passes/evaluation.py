@@ -21,6 +21,8 @@ from prt_core.reflectance.bump import bump_mean, bump_strength
 from prt_core.scene.lattice_paint import LatticePaint
 
 _GREY = 0.8
+# Which rays see each look.
+_RAYS = {"shown": "camera", "bounced": "diffuse", "back": "diffuse", "shadow": "shadow"}
 # Normals between points may differ by this cosine from what the points show.
 _FINE_NORMALS = np.cos(np.radians(8))
 
@@ -45,8 +47,8 @@ class Surface:
 class Evaluation:
     """Asks for the surfaces of meshes that are not known yet.
 
-    `look`: "shown", as rays of the camera see fronts; "bounced", as those of light meet them;
-    "back", as those of light meet backs.
+    `look`: "shown", as rays of the camera see fronts; "bounced", as diffuse rays meet them; "back",
+    as these meet backs; "shadow", as shadow rays meet fronts.
     """
 
     def __init__(self, uid, meshes, records, all_records, materials, levels, look):
@@ -55,7 +57,7 @@ class Evaluation:
         self._family = self._triangles.families()
         self._levels = levels
         self._reader = PlaceReader(
-            uid, self._triangles, records, all_records, materials.graph, look != "shown"
+            uid, self._triangles, records, all_records, materials.graph, _RAYS[look]
         )
         self._signs = [set() for _ in meshes]
         self._unseen = np.zeros(len(meshes), np.int64)
@@ -204,7 +206,7 @@ class Evaluation:
         record, notes = self._records[index], sorted(self._signs[index])
         for slot in np.unique(record.slot_of_corner):
             graph = self._materials.graph(record.slot(slot))
-            kinds = ("rough", "scatters", "tinted", "bumpy", "toon", "parts", "views")
+            kinds = ("rough", "scatters", "tinted", "bumpy", "toon", "lengths", "views")
             notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
             notes += [("line", line) for line in _missing_images(graph)]
         if self._unseen[index]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from prt_core.blender.compat import has_nodes
+from prt_core.blender.passes.light_paths import CERTAIN
 
 # Nodes that give the same everywhere on one object, when what goes into them does.
 _EVEN = {
@@ -61,8 +62,10 @@ class Graph:
         Whether it asks from where it is seen.
     paths : list of bpy.types.Node
         Light Path nodes, which ask by which kind of ray.
-    parts : bool
-        Whether they tell rays of light from each other.
+    shadows : bool
+        Whether they tell shadow rays from diffuse ones.
+    lengths : bool
+        Whether they ask how long rays are, or how often they were reflected.
     rough, scatters, tinted, toon : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
         may have a colour; light leaves in steps.
@@ -88,7 +91,8 @@ class Graph:
     noisy: bool = False
     backs: bool = False
     views: bool = False
-    parts: bool = False
+    shadows: bool = False
+    lengths: bool = False
     rough: bool = False
     scatters: bool = False
     tinted: bool = False
@@ -161,7 +165,8 @@ def _note(graph, node):
         graph.bumpy = True
     elif kind == "LIGHT_PATH":
         graph.paths.append(node)
-        graph.parts |= bool(asked - {"Is Camera Ray"})
+        graph.shadows |= bool(asked & {"Is Shadow Ray", "Is Diffuse Ray", "Is Reflection Ray"})
+        graph.lengths |= bool(asked - CERTAIN)
     elif kind == "HOLDOUT":
         graph.holdouts.append(node)
     elif kind == "BSDF_TRANSLUCENT":

@@ -1,21 +1,24 @@
-"""Lets a Light Path node answer for a while as if rays of light asked, not those of the camera."""
+"""Lets a Light Path node answer for a while as if a ray of light asked, not one of the camera."""
 
 from contextlib import contextmanager
 
-# Both kinds of rays that light takes: from the sky and lamps, and from surfaces.
-_ANSWERS = {
-    "Is Shadow Ray": 1.0,
-    "Is Diffuse Ray": 1.0,
-    "Is Reflection Ray": 1.0,
-    "Ray Length": 1.0,
-    "Ray Depth": 1.0,
-    "Diffuse Depth": 1.0,
+# What is told to both kinds of rays that light takes, and to each.
+_LIGHT = {"Ray Length": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0}
+ANSWERS = {
+    "diffuse": {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, **_LIGHT},
+    "shadow": {"Is Shadow Ray": 1.0, **_LIGHT},
 }
+# Outputs whose answer is certain: a ray of light has been cast by a diffuse surface.
+_KINDS = ("Camera", "Shadow", "Diffuse", "Glossy", "Singular", "Reflection", "Transmission")
+CERTAIN = {f"Is {kind} Ray" for kind in (*_KINDS, "Volume Scatter")}
 
 
 @contextmanager
-def answering(node):
-    """Values stand in for the outputs of a Light Path node for as long as it lasts."""
+def answering(node, ray):
+    """Values stand in for the outputs of a Light Path node for as long as it lasts.
+
+    `ray` : "diffuse" or "shadow".
+    """
     tree, values, links = node.id_data, [], []
     try:
         if tree.library is None:
@@ -24,7 +27,7 @@ def answering(node):
                     links.append((output, link.to_socket, link.is_muted))
             for output, socket, muted in links:
                 value = tree.nodes.new("ShaderNodeValue")
-                value.outputs[0].default_value = _ANSWERS.get(output.name, 0.0)
+                value.outputs[0].default_value = ANSWERS[ray].get(output.name, 0.0)
                 values.append(value)
                 tree.links.new(value.outputs[0], socket).is_muted = muted
         yield

@@ -40,12 +40,12 @@ class PlaceReader:
         Of everything that may stand in the way.
     graph_of_uid : function
         `Graph` of a material by its `session_uid`.
-    as_light : bool
-        Whether Light Path nodes answer as to rays of light, not to those of the camera.
+    ray : {"camera", "diffuse", "shadow"}
+        To which kind of ray Light Path nodes answer.
     """
 
-    def __init__(self, uid, triangles, records, all_records, graph_of_uid, as_light=False):
-        self._uid, self._records, self._as_light = uid, records, as_light
+    def __init__(self, uid, triangles, records, all_records, graph_of_uid, ray="camera"):
+        self._uid, self._records, self._ray = uid, records, ray
         self._triangles, self._turns = _before_simulation(uid, triangles, records)
         triangles = self._triangles
         self._all, self._graph = all_records, graph_of_uid
@@ -208,8 +208,8 @@ class PlaceReader:
             graph = self._graph(uid)
             for link in graph.displaced:
                 stack.enter_context(switched(link, "is_muted", True))
-            for node in graph.paths if self._as_light else ():
-                stack.enter_context(answering(node))
+            for node in graph.paths if self._ray != "camera" else ():
+                stack.enter_context(answering(node, self._ray))
             for node in graph.holdouts:
                 stack.enter_context(switched(node, "mute", True))
             for node in graph.bumps:

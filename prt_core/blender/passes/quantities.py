@@ -35,9 +35,8 @@ LINES = {
     "scatters": "subsurface scattering counts as diffuse",
     "toon": "toon shading is ignored, light leaves evenly to all sides",
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
-    "parts": "Light Path: all light meets what diffuse and shadow rays do, as if a ray were both",
+    "lengths": "Light Path: lengths and depths are those of a ray of length 1 after one bounce",
     "views": "Layer Weight, Fresnel, Incoming and the like: it is as seen from straight on",
-    "sides": "its two sides let light pass differently; both have the opacity of the front",
     "fine normals": "the normal map is finer than the mesh and counts at its points only; "
     "subdivide the mesh to see it",
     "coarse": "has more detail than was sampled between the corners",

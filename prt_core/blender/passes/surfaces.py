@@ -24,8 +24,6 @@ from prt_core.runtime.progress import Progress
 from prt_core.scene.paint import LOOKS, Look, look_of
 
 _KEPT, _MOST_BYTES = OrderedDict(), 256 << 20
-# By how much the opacity of two sides differs before it is said.
-_OTHER = 0.02
 
 
 def evaluate_surfaces(uid, meshes, records, messages, pace=None):
@@ -36,7 +34,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
     uid : int
         `session_uid` of the scene.
     meshes : list of Mesh
-        `materials`, `paint`, `bounced`, `back` and, where a material bends them, `corner_normal`
+        `materials`, `paint`, the other `LOOKS` and, where a material bends them, `corner_normal`
         are set.
     records : list of SurfaceRecord
         Of the meshes; those with None keep the materials that they have.
@@ -74,8 +72,6 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
         looks = {look: known[index] for look, known in surfaces.items() if index in known}
         notes += [note for surface in looks.values() for note in surface.notes]
         _apply(mesh, looks)
-        if _opacity_of_sides(mesh):
-            notes += materials.notes(records[index], "sides", "back")
     messages += [line for line in lines_of(notes) if line not in messages]
 
 
@@ -114,18 +110,9 @@ class _Materials:
 
     def asked(self, record):
         """Which looks besides what is shown are to be evaluated of a mesh: names of `LOOKS`."""
-        graphs = self._graphs_of(record)
-        asked = {"bounced"} if any(graph.paths for graph in graphs) else set()
-        return asked | ({"back"} if any(graph.backs for graph in graphs) else set())
-
-    def notes(self, record, kind, look):
-        """Notes of a kind on those materials of a mesh for which a look is evaluated."""
-        graphs = self._graphs_of(record)
-        return [(kind, g.name) for g in graphs if (g.backs if look == "back" else g.paths)]
-
-    def _graphs_of(self, record):
-        slots = np.unique(record.slot_of_corner)
-        return [self.graph(record.slot(slot)) for slot in slots]
+        graphs = [self.graph(record.slot(slot)) for slot in np.unique(record.slot_of_corner)]
+        asked = {"bounced": "paths", "back": "backs", "shadow": "shadows"}
+        return {look for look, kind in asked.items() if any(getattr(g, kind) for g in graphs)}
 
     def digest(self, record):
         """bytes: of all materials of a mesh."""
@@ -162,8 +149,8 @@ def _keep(key, surface):
 def _apply(mesh, looks):
     """Give a mesh what each look is, where that is another than what stands for it else."""
     mesh.materials, mesh.paint = _materials(looks["shown"]), looks["shown"].paint
-    mesh.bounced = mesh.back = None
     for name in LOOKS:
+        setattr(mesh, name, None)
         if name in looks:
             look = Look(_materials(looks[name]), looks[name].paint)
             setattr(mesh, name, None if _same(look, look_of(mesh, LOOKS[name])) else look)
@@ -184,17 +171,3 @@ def _materials(surface):
 def _same(one, two):
     paints = [look.paint.digest() if look.paint is not None else b"" for look in (one, two)]
     return one.materials.equals(two.materials) and paints[0] == paints[1]
-
-
-def _opacity_of_sides(mesh):
-    """Whether the back of a mesh lets light pass otherwise than the front."""
-    if mesh.back is None:
-        return False
-    parts = []
-    for look in (look_of(mesh, "bounced"), mesh.back):
-        inside = look.paint.samples.get("opacity") if look.paint is not None else None
-        parts.append([look.materials.opacity, look.materials.opacity if inside is None else inside])
-    return any(
-        a.shape != b.shape or np.abs(a - b).max(initial=0) > _OTHER
-        for a, b in zip(*parts, strict=True)
-    )

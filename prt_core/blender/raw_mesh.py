@@ -23,6 +23,7 @@ class RawMesh:
         Number of the material.
     corner_uv : (n_corners, 2) float64 or None
         Of the UV map that renders take.
+    flat : bool
     materials, paint
         See `Mesh`.
     material_names : tuple of str
@@ -38,6 +39,7 @@ class RawMesh:
     face_sizes: np.ndarray
     corner_slot: np.ndarray
     corner_uv: np.ndarray | None = None
+    flat: bool = False
     materials: object = None
     paint: object = None
     material_names: tuple = ()
@@ -77,6 +79,8 @@ class RawMesh:
             sizes,
             np.repeat(slots, sizes).astype(np.int64),
             uv,
+            # Where faces differ in that, or have normals of their own, Cycles takes the corners'.
+            data.normals_domain == "FACE",
         )
 
     def without_slots(self, slots):
@@ -128,6 +132,7 @@ class RawMesh:
             materials=self.materials,
             corner_material=self.corner_slot,
             face_sizes=self.face_sizes,
+            flat=self.flat,
             corner_uv=self.corner_uv,
             paint=self.paint,
             material_names=self.material_names,

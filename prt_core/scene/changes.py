@@ -40,6 +40,8 @@ def mesh_digests(meshes):
         met_by = [getattr(mesh, name) for name in RAYS]
         if not all(met_by):
             digest.update(np.array(met_by))
+        if mesh.flat:
+            digest.update(b"flat")
         if "emission" in mesh.materials.nondefault():
             # What emits light is known by the name of its material.
             digest.update("\0".join(mesh.material_names).encode())

@@ -36,7 +36,8 @@ class Mesh:
     triangle_corners : (n_triangles, 3) int
         Corner indices of each triangle, counter-clockwise seen from its front.
     materials : Materials or (n_corners, 3) float
-        Of the corners; an array is the diffuse albedo, in [0, 1], and all else has its default.
+        Of the corners; an array is the diffuse albedo, and all else has its default. Albedo above 1
+        is shown, but bounces as 1.
     corner_material : (n_corners,) int, optional
         Corners of different materials never share a point.
     receives : bool
@@ -57,16 +58,19 @@ class Mesh:
         For geometry images.
     paint : Paint, optional
         The materials between the corners; default: as they say, in between.
-    bounced, back, shadow : Look, optional
-        What diffuse rays meet of the front, and of the back, and what is in the way of shadow rays,
-        where that is something else than the materials above, which are shown; default: the same,
-        and that of the front.
     material_names : tuple of str
         Names of the materials by their number in `corner_material`; what has none is called as the
         mesh. Surfaces that emit light are told apart by them: those of one name are one light.
     shadow_rays, diffuse_rays, camera_rays : bool
         Whether rays towards lamps, rays that gather light (from the sky, and from surfaces), and
         those of pictures meet it.
+    flat : bool
+        Whether its triangles are shaded by their own normals, not by those of their corners: those
+        of a bent quad are those of the quad.
+    bounced, back, shadow : Look, optional
+        What diffuse rays meet of the front, and of the back, and what is in the way of shadow rays,
+        where that is something else than the materials above, which are shown; default: the same,
+        and that of the front.
     """
 
     name: str
@@ -85,20 +89,21 @@ class Mesh:
     source: str = ""
     corner_uv: np.ndarray | None = None
     paint: Paint | None = None
-    bounced: Look | None = None
-    back: Look | None = None
-    shadow: Look | None = None
     material_names: tuple = ()
     shadow_rays: bool = True
     diffuse_rays: bool = True
     camera_rays: bool = True
+    flat: bool = False
+    bounced: Look | None = None
+    back: Look | None = None
+    shadow: Look | None = None
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
         self.owner = expect_kind(f"{self.name}: owner", self.owner or self.name, str, "text")
         expect_kind(f"{self.name}: library", self.library, str, "text")
         expect_kind(f"{self.name}: source", self.source, str, "text")
-        for flag in ("receives", "two_sided", "own_mesh", *RAYS):
+        for flag in ("receives", "two_sided", "own_mesh", "flat", *RAYS):
             setattr(self, flag, expect_flag(f"{self.name}: {flag}", getattr(self, flag)))
         self.vertices = expect_array(f"{self.name}: vertices", self.vertices, (None, 3), np.float64)
         self.corner_vertex = expect_array(

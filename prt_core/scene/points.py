@@ -134,8 +134,11 @@ def make_points(stacked, levels, frames, surfaces):
     summed = _Sums(n_points, columns.ravel())
     weight = np.maximum(angle, 1e-9).ravel()
     of_corner = corners.ravel()
+    shading = normal[corners]
+    flat = stacked["flat"][stacked["triangle_object"].astype(np.int64)]
+    shading[flat] = face_normal[flat][:, None]
     positions = summed.mean(corner_position[of_corner], weight)
-    normals = _unit(summed.mean(normal[of_corner], weight))
+    normals = _unit(summed.mean(shading.reshape(-1, 3), weight))
     geometric = summed.mean(np.repeat(face_normal, 3, axis=0), weight)
     geometric = _unit(
         np.where(np.linalg.norm(geometric, axis=1, keepdims=True) > 1e-6, geometric, normals)
@@ -166,7 +169,7 @@ def make_points(stacked, levels, frames, surfaces):
     points["visible"] = stacked["receives"][points["object_index"]]
 
     start, lattice, hidden = _lattices(
-        columns, levels, face_normal, doubled[:, 0], points, surfaces, normal, corners, lifts
+        columns, levels, face_normal, doubled[:, 0], points, surfaces, shading, lifts
     )
     points = {key: _joined([points[key], hidden[key]]) for key in points}
     met = points["materials"]
@@ -258,7 +261,7 @@ def _corner_angles(a, b, c):
     return np.stack([angle(a, b, c), angle(b, c, a), angle(c, a, b)], axis=1)
 
 
-def _lattices(columns, levels, face_normal, doubled, points, surfaces, normal, corners, lifts):
+def _lattices(columns, levels, face_normal, doubled, points, surfaces, shading, lifts):
     """Lattice point indices of every triangle, and the hidden points they need."""
     sizes = lattice_size(levels)
     start = np.concatenate([[0], np.cumsum(sizes)[:-1]])
@@ -290,9 +293,8 @@ def _lattices(columns, levels, face_normal, doubled, points, surfaces, normal, c
             hidden["positions"].append(
                 np.einsum("lk,tkx->tlx", weights, points["positions"][triangle]).reshape(-1, 3)
             )
-            corner_normals = normal[corners[which]]
             hidden["normals"].append(
-                _unit(np.einsum("lk,tkx->tlx", weights, corner_normals).reshape(-1, 3))
+                _unit(np.einsum("lk,tkx->tlx", weights, shading[which]).reshape(-1, 3))
             )
             hidden["geometric_normals"].append(np.repeat(face_normal[which], len(inner), axis=0))
             hidden["materials"].append(

@@ -489,6 +489,7 @@ def _stack(meshes, messages):
     }
     stacked["materials"] = materials
     stacked["receives"] = np.array([mesh.receives for mesh in meshes], bool)
+    stacked["flat"] = np.array([mesh.flat for mesh in meshes], bool)
     stacked["two_sided"] = np.array([mesh.two_sided for mesh in meshes], bool)
     stacked["triangles"] = stacked["corner_vertex"][stacked["triangle_corners"].astype(np.int64)]
     return stacked, counts

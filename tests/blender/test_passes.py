@@ -401,6 +401,22 @@ def test_light_path_nodes_tell_what_is_shown_from_what_is_met():
     assert "Is Shadow Ray" in sockets
 
 
+def test_a_chequer_that_follows_the_mesh_is_not_blurred():
+    """Where four checks meet the faces across are alike, those beside are not."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=2)
+    item = bpy.context.object
+    item.name = "board"
+
+    def checks(tree):
+        return add(tree, "TexChecker", Vector=coordinates(tree, "UV"), Scale=4.0)
+
+    material(item, base(checks))
+    meshes, _ = read()
+    albedo = meshes["board"].materials.albedo[:, 0].reshape(16, 4)
+    np.testing.assert_allclose(np.ptp(albedo, axis=1), 0, atol=1e-3)
+    np.testing.assert_allclose(np.ptp(albedo[:, 0]), 0.6, atol=1e-3)
+
+
 def sided(tree, front, back):
     mix = add(tree, "MixShader", Fac=add(tree, "NewGeometry").outputs["Backfacing"])
     for index, node in ((1, front), (2, back)):

@@ -1,7 +1,8 @@
 """Which corners are sampled: one of those that must look alike, and all where they do not.
 
 A vertex on the edge of a check is black in one face and white in the next. So corners that have all
-in common are looked at from two of their triangles, and each on its own where the two differ.
+in common are looked at from two of their triangles, and each on its own where the two differ. Of a
+chequer those two may be alike; from a third, at right angles to them, it is seen.
 """
 
 import numpy as np
@@ -49,6 +50,12 @@ class CornerGroups:
         self._other = np.zeros(first, np.int64)
         self._other[self._group[order]] = order
         self._second = np.flatnonzero((self._other != self._best) & ~self._even[self._best])
+        order = np.argsort(-np.abs(against), kind="stable")
+        self._aside = np.zeros(first, np.int64)
+        self._aside[self._group[order]] = order
+        other = (self._aside != self._best) & (self._aside != self._other)
+        smooth = np.repeat(triangles.smooth, 3)[self._best]
+        self._third = np.flatnonzero(other & ~self._even[self._best] & ~smooth)
 
     def _places(self, rows):
         weights = np.eye(3)[rows % 3]
@@ -56,8 +63,9 @@ class CornerGroups:
         return rows // 3, weights
 
     def places(self):
-        """Triangles and weights: one place of each group, then another of those that may vary."""
-        return self._places(np.concatenate([self._best, self._other[self._second]]))
+        """Triangles and weights: one place of each group, then others of those that may vary."""
+        others = self._other[self._second], self._aside[self._third]
+        return self._places(np.concatenate([self._best, *others]))
 
     def split(self, values):
         """Triangles and weights of all corners of groups that do not look alike.
@@ -68,12 +76,13 @@ class CornerGroups:
             Of `places`.
         """
         n = len(self._best)
-        one, two = values[self._second], values[n:]
+        group = np.concatenate([self._second, self._third])
+        one, two = values[group], values[n:]
         looks = slice(0, COLUMNS["normal"].start)
         largest = np.maximum(1, np.abs(one[:, looks]).max(axis=1, initial=0))
         apart = np.abs(one - two)[:, looks].max(axis=1, initial=0) > _TOLERANCE * largest
         split = np.zeros(n, bool)
-        split[self._second[apart]] = True
+        split[group[apart]] = True
         self._split = np.flatnonzero(split[self._group])
         return self._places(self._split)
 

@@ -24,6 +24,11 @@ _EVEN = {
 }  # fmt: skip
 # Nodes that depend on UV maps alone, if they do (see `_by_uv`).
 _LAID_ON = {"TEX_IMAGE", "UVMAP", "TEX_COORD"}
+# Nodes whose pattern has no corners.
+_SMOOTH = {
+    "TEX_COORD", "UVMAP", "MAPPING", "NEW_GEOMETRY", "ATTRIBUTE", "VERTEX_COLOR", "TEX_NOISE",
+    "TEX_MUSGRAVE", "TEX_GRADIENT", "TEX_WAVE", "TEX_MAGIC", "GROUP",
+}  # fmt: skip
 # Nodes that ask Cycles for rays of their own, whose answer is noisy.
 _NOISY = {"AMBIENT_OCCLUSION", "BEVEL"}
 # What nodes say that differs from one side of a face to the other, and from one view to another.
@@ -51,6 +56,8 @@ class Graph:
         Whether it is the same everywhere on one object.
     flat : bool
         Whether all that differs comes from images laid on by UV maps.
+    smooth : bool
+        Whether what differs has no corners, as a chequer and the pixels of an image have.
     bends : bool
         Whether shading normals may differ from those of the mesh.
     softens : bool
@@ -86,6 +93,7 @@ class Graph:
     name: str
     even: bool = True
     flat: bool = True
+    smooth: bool = True
     bends: bool = False
     softens: bool = True
     noisy: bool = False
@@ -152,6 +160,7 @@ def _note(graph, node):
         graph.even = False
         graph.flat &= kind in _LAID_ON and _by_uv(node)
     graph.flat &= kind != "OBJECT_INFO"
+    graph.smooth &= kind in _EVEN or kind in _SMOOTH
     graph.noisy |= kind in _NOISY
     asked = {socket.name for socket in node.outputs if socket.is_linked}
     graph.backs |= bool(asked & _OF_A_SIDE.get(kind, set()))

@@ -16,6 +16,8 @@ FIRST, MOST = 20_000, 250_000
 _FINEST, ROUNDS = 256, 3
 # The longest edge without a lattice, in units of the receivers' size: from, to.
 _TARGET, _LEAST_TARGET = 1 / 24, 1 / 400
+# The finest lattice where there are fewer texels than triangles.
+_BETWEEN = 4
 # Values that differ by less are taken to be the same.
 TOLERANCE = 1 / 96
 # And normals that differ by less.
@@ -47,8 +49,9 @@ class Triangles:
     radius : (n,) float64
         Of the inscribed circle.
     mesh, slot : (n,) int
-    even, flat : (n,) bool
-        Whether its material is the same everywhere; whether it depends on UV maps alone.
+    even, flat, smooth : (n,) bool
+        Whether its material is the same everywhere; whether it depends on UV maps alone; whether it
+        has no corners of its own, as a chequer has.
     """
 
     def __init__(self, meshes, records, graph, back=False):
@@ -69,7 +72,7 @@ class Triangles:
         self.slot = np.concatenate(
             [r.slot_of_corner[c[:, 0]] for r, c in zip(records, corner, strict=True)]
         )
-        self.even = np.ones(len(self.mesh), bool)
+        self.even, self.smooth = np.ones((2, len(self.mesh)), bool)
         self.flat = np.zeros(len(self.mesh), bool)
         self.texels = np.full(len(self.mesh), np.inf)
         self._family = np.zeros(len(self.mesh), np.uint64)
@@ -78,7 +81,7 @@ class Triangles:
             for slot in np.unique(self.slot[mine]):
                 of_slot = mine[self.slot[mine] == slot]
                 behind = graph(record.slot(slot))
-                self.even[of_slot] = behind.even
+                self.even[of_slot], self.smooth[of_slot] = behind.even, behind.smooth
                 if not behind.even and behind.flat and record.uv:
                     self._lay_out(of_slot, record, behind, record.slot(slot))
 
@@ -159,7 +162,8 @@ def first_levels(triangles, family, size):
     np.minimum.at(texels, member, triangles.texels[varying])
     # Many that show the same count as one of all their area.
     edge = np.maximum(longest, np.sqrt(2 * together))
-    finest = np.clip(np.ceil(2 * np.sqrt(2 * texels)), 1, _FINEST)
+    # Between the texels of an image colours change as its file encodes them, not evenly.
+    finest = np.clip(np.ceil(2 * np.sqrt(2 * texels)), 2, _FINEST)
     target = _TARGET * max(size, 1e-9)
     chosen = np.ones(n)
     coarsest = None
@@ -244,7 +248,7 @@ class Lattices:
             looks = _scaled(values)
             differ = unlike(level, looks) > TOLERANCE
             # A texel is seen by four samples along its side, and no more are needed.
-            enough = level >= 4 * np.sqrt(2 * triangles.texels[first])
+            enough = level >= np.maximum(4 * np.sqrt(2 * triangles.texels[first]), _BETWEEN)
             differ &= ~enough & (2 * level <= 256)
             fine = np.flatnonzero(differ)
             room = (MOST - total) // max(1, n_samples(2 * level, 1) - n_samples(level, 1))

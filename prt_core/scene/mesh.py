@@ -130,7 +130,7 @@ class Mesh:
         for kind in LOOKS:
             if getattr(self, kind) is not None:
                 name = f"{self.name}: {kind}"
-                look = expect_kind(name, getattr(self, kind), Look, "Look")
+                look = expect_kind(name, getattr(self, kind), Look)
                 materials = expect_materials(name, look.materials, n_corners, np.float64)
                 setattr(self, kind, Look(materials, look.paint))
         if self.corner_uv is not None:

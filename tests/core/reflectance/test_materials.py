@@ -212,12 +212,14 @@ def test_means_of_directions_are_directions(monkeypatch):
 
 
 def test_means_stay_in_their_range():
-    third = Materials(albedo=np.ones((3, 3)))
+    third = Materials(albedo=np.ones((3, 3)), translucency=np.ones((3, 3)))
     weights = np.array([[0.7, 0.2, 0.1 + 1e-15]])
     assert weights.sum() > 1
-    found = third.between(np.array([[0, 1, 2]]), weights).albedo
+    found = third.between(np.array([[0, 1, 2]]), weights).translucency
     np.testing.assert_array_equal(found, 1)
-    assert QUANTITIES["albedo"].highest == 1 + 1e-5 and QUANTITIES["albedo"].lowest == 0
+    albedo = QUANTITIES["albedo"]
+    assert albedo.highest(bounced=True) == 1 + 1e-5 and albedo.lowest == 0
+    assert albedo.highest() == 64 * (1 + 1e-5)
 
 
 def test_materials_are_taken_joined_and_compared():
@@ -243,8 +245,14 @@ def test_materials_are_taken_joined_and_compared():
             lambda: expect_materials("a", Materials(albedo=np.ones((5, 3))), 7),
             "a: materials: expec",
         ),
-        (lambda: expect_materials("a", np.full((5, 3), 1.1), 5), "a: albedo: expected values from"),
-        (lambda: expect_materials("a", np.full((5, 3), 1 + 1e-6), 5), "a: albedo: expected values"),
+        (
+            lambda: expect_materials("a", np.full((5, 3), 64.1), 5),
+            "a: albedo: expected values from",
+        ),
+        (
+            lambda: expect_materials("a", np.full((5, 3), 64 + 1e-6), 5),
+            "a: albedo: expected values",
+        ),
         (lambda: expect_materials("a", np.full((5, 3), np.nan), 5), "a: albedo: 15 values are NaN"),
         (lambda: expect_materials("a", None, 5), "a: albedo: expected Materials or an array"),
         (lambda: Materials(albedo="red"), "albedo: expected an array of numbers"),

@@ -100,7 +100,7 @@ def test_bad_scenes_say_what_is_wrong(meshes, message):
 
 
 def test_bad_meshes_say_what_is_wrong():
-    with pytest.raises(PRTError, match="floor: albedo: expected values from 0 to 1, got 1.5"):
-        quad(albedo=1.5)
+    with pytest.raises(PRTError, match="floor: albedo: expected values from 0 to 64, got 65"):
+        quad(albedo=65)
     with pytest.raises(PRTError, match="NaN or infinite"):
         quad(origin=(np.nan, 0, 0))

@@ -220,7 +220,7 @@ def _changed(index, value):
 @pytest.mark.parametrize(
     "name, change, message",
     [
-        ("point_albedo", _changed((3, 1), 2), "'albedo' are not finite, not distinct or out of"),
+        ("point_albedo", _changed((3, 1), 65), "'albedo' are not finite, not distinct or out of"),
         ("point_normals", _changed(5, 1e30), "'normals' are not finite"),
         ("point_normals", _changed(5, 0.5), "'normals' are not finite"),
         ("point_positions", _changed((2, 0), np.nan), "'positions' are not finite"),

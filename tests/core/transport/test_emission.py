@@ -1,11 +1,14 @@
 """Light of emissive surfaces against closed forms: skies, discs, balls, edges, textures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from prt_core import PRTError
 from prt_core.reflectance import Materials
 from prt_core.scene import Scene
+from prt_core.scene.paint import Look
 from prt_core.transport import emitted_light, surface_lights
 from tests.meshes import caster_of, glowing, plane, sphere, wall
 
@@ -99,6 +102,19 @@ def test_a_ball_gives_its_share_of_the_sky():
     places = one.sample(chances, np.random.default_rng(0).random((9, 500, 2)))[0]
     lower = scene.triangle_normals[places][..., 2] < 0.2
     assert lower.mean() > 0.95
+
+
+def test_a_panel_that_shines_by_one_side_is_dark_behind():
+    both = glowing(wall(0.0, 1.0, 1.0, n=2, name="panel"), (2.0, 2.0, 2.0))
+    one = replace(both, back=Look(Materials(albedo=np.zeros((4, 3)))))
+    floor = plane(12, name="floor")
+    scenes = [Scene.from_meshes([floor, panel], max_hidden=0) for panel in (both, one)]
+    which, places = floor_points(scenes[0])
+    two_sided, light = (received(scene)[0, which, 0] for scene in scenes)
+    front = places[:, 0] < 0
+    assert front.sum() == (~front).sum() == 72
+    np.testing.assert_allclose(light[front], two_sided[front], rtol=0.05)
+    assert two_sided[~front].min() > 0 and (light[~front] == 0).all()
 
 
 def test_an_emitter_that_stands_on_the_floor_is_neither_too_bright_nor_too_dark():

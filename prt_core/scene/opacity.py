@@ -115,7 +115,21 @@ class Opacity:
         return state.digest()
 
 
-def opacity_of(surfaces, backs):
+def opacities_of(surfaces):
+    """`Opacity` by which diffuse and shadow rays are met, by the names that a `Scene` has for it.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+        What is shown.
+    """
+    opacity = shadow = _opacity_of(surfaces.bounced, surfaces.back)
+    if surfaces.shadow is not surfaces.bounced:
+        shadow = _opacity_of(surfaces.shadow, surfaces.shadow)
+    return {"opacity": opacity, "shadow_opacity": shadow}
+
+
+def _opacity_of(surfaces, backs):
     """`Opacity` of the triangles of a scene's `Surfaces`, and of their backs'; None where all are
     opaque."""
     sides = [surfaces] if backs is surfaces else [surfaces, backs]

@@ -146,6 +146,25 @@ class Surfaces:
         values = getattr(self.corner_materials, name)[self._corners[triangle]]
         return QUANTITIES[name].settled(np.einsum("mk,mkc->mc", weights, values))
 
+    def seen(self, triangle, barycentric, back, shown):
+        """`Materials` at places of fronts, which may be as they are shown, and of backs."""
+        materials = (self if shown else self.bounced).at(triangle, barycentric)
+        behind = np.flatnonzero(back)
+        if len(behind) and self.back is not self:
+            others = self.back.at(triangle[behind], barycentric[behind]).arrays()
+            for name, values in materials.arrays().items():
+                values[behind] = others[name]
+        return materials
+
+    def emission_at(self, triangle, barycentric, back):
+        """(m, 3) float64: radiance of places, by their backs where `back` (m,) says so."""
+        emission = self.bounced.quantity_at("emission", triangle, barycentric)
+        behind = np.flatnonzero(back)
+        if len(behind) and self.back is not self.bounced:
+            part = triangle[behind], barycentric[behind]
+            emission[behind] = self.back.quantity_at("emission", *part)
+        return emission
+
     def of_points(self, levels, lattice_start, lattice, points):
         """`Materials` of bake points, at one place of each, in float64.
 

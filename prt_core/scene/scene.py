@@ -27,7 +27,7 @@ from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
-from prt_core.scene.opacity import Opacity, dimming, opacity_of
+from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.paint import Surfaces, surfaces_of
 from prt_core.scene.points import BakePoints, make_points
@@ -238,7 +238,7 @@ class Scene:
             lattice_back=np.full_like(built.lattice, -1),
             messages=messages,
             surfaces=surfaces,
-            **_opacities(surfaces),
+            **opacities_of(surfaces),
             emitters=emitters,
             triangle_emitter=triangle_emitter,
         )
@@ -362,13 +362,7 @@ class Scene:
         """
         if self.surfaces is None:
             return self.points.materials.between(*self.hit_points(triangle, barycentric, back))
-        materials = (self.surfaces if shown else self.surfaces.bounced).at(triangle, barycentric)
-        behind = np.flatnonzero(back)
-        if len(behind) and self.surfaces.back is not self.surfaces:
-            others = self.surfaces.back.at(triangle[behind], barycentric[behind]).arrays()
-            for name, values in materials.arrays().items():
-                values[behind] = others[name]
-        return materials
+        return self.surfaces.seen(triangle, barycentric, back, shown)
 
     def emission_at(self, triangle, barycentric, back):
         """(m, 3) float64: radiance that places of emitters send out.
@@ -388,12 +382,7 @@ class Scene:
             around[bare] = self.hit_points(triangle[bare], barycentric[bare], ~back[bare])[0]
             emission = self.points.mean_materials.emission[around].astype(np.float64)
             return np.einsum("mk,mkc->mc", weights, emission)
-        emission = self.surfaces.bounced.quantity_at("emission", triangle, barycentric)
-        behind = np.flatnonzero(back)
-        if len(behind) and self.surfaces.back is not self.surfaces.bounced:
-            part = triangle[behind], barycentric[behind]
-            emission[behind] = self.surfaces.back.quantity_at("emission", *part)
-        return emission
+        return self.surfaces.emission_at(triangle, barycentric, back)
 
     def to_world(self, positions):
         """Frame positions (n, 3) to world positions, float64."""
@@ -442,17 +431,6 @@ class Scene:
             digest.update(self.triangle_emitter)
             digest.update(self.points.emitter)
         return digest.hexdigest()
-
-
-def _opacities(surfaces):
-    """Name -> `Opacity` by which diffuse and shadow rays are met."""
-    opacity = opacity_of(surfaces.bounced, surfaces.back)
-    if surfaces.shadow is surfaces.bounced:
-        return {"opacity": opacity, "shadow_opacity": opacity}
-    return {
-        "opacity": opacity,
-        "shadow_opacity": opacity_of(surfaces.shadow, surfaces.shadow),
-    }
 
 
 def _stack(meshes, messages):

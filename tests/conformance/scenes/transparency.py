@@ -133,7 +133,7 @@ def transparent_pane_under_a_lamp(on):
     lamp("lamp", "POINT", (0, 0, 2), 100)
 
 
-@scene()
+@scene(says=("pane", "coloured transparency"))
 def coloured_transparent_pane(on):
     ground()
     world()
@@ -141,7 +141,7 @@ def coloured_transparent_pane(on):
     sheet("pane", shader("pane", CLEAR, {"Color": colour}), 3)
 
 
-@scene(light="lamps")
+@scene(light="lamps", says=("pane", "coloured transparency"))
 def coloured_pane_under_a_sun(on):
     ground()
     colour = (0.9, 0.4, 0.1, 1) if on else (1, 1, 1, 1)
@@ -149,7 +149,7 @@ def coloured_pane_under_a_sun(on):
     lamp("sun", "SUN", (0, 0, 3), 3, rotation=(0.2, 0.3, 0))
 
 
-@scene()
+@scene(says=("pane", "coloured transparency"))
 def stacked_panes(on):
     ground()
     world()

@@ -155,7 +155,7 @@ def _apply(mesh, looks):
             look = Look(_materials(looks[name]), looks[name].paint)
             setattr(mesh, name, None if _same(look, look_of(mesh, LOOKS[name])) else look)
     if looks["shown"].normals is not None:
-        mesh.corner_normal = looks["shown"].normals
+        mesh.corner_normal, mesh.flat = looks["shown"].normals, False
 
 
 def _materials(surface):

@@ -388,13 +388,12 @@ def test_light_path_nodes_tell_what_is_shown_from_what_is_met():
     window, sign = meshes["window"], meshes["sign"]
     np.testing.assert_allclose(window.materials.albedo, [[0.1, 0.5, 0.2]] * 4, atol=1e-3)
     np.testing.assert_allclose(window.materials.opacity, 1, atol=1e-3)
-    np.testing.assert_allclose(window.bounced.materials.opacity, 0, atol=1e-3)
+    np.testing.assert_allclose(window.shadow.materials.opacity, 0, atol=1e-3)
     np.testing.assert_allclose(sign.materials.emission, 1, atol=1e-3)
     np.testing.assert_allclose(sign.bounced.materials.emission, 0, atol=1e-6)
-    assert window.back is None and sign.back is None
-    said = [line for line in messages if "Light Path" in line]
-    # What only the camera sees is told apart exactly.
-    assert len(said) == 1 and "'window'" in said[0] and "'sign'" not in said[0]
+    assert window.bounced is window.back is sign.back is sign.shadow is None
+    # All of it is told apart exactly.
+    assert not any("Light Path" in line for line in messages)
     for m in bpy.data.materials:
         assert (len(m.node_tree.links), len(m.node_tree.nodes)) == (links[m.name], nodes[m.name])
     sockets = {link.from_socket.name for link in bpy.data.materials["window"].node_tree.links}
@@ -415,6 +414,22 @@ def test_a_chequer_that_follows_the_mesh_is_not_blurred():
     albedo = meshes["board"].materials.albedo[:, 0].reshape(16, 4)
     np.testing.assert_allclose(np.ptp(albedo, axis=1), 0, atol=1e-3)
     np.testing.assert_allclose(np.ptp(albedo[:, 0]), 0.6, atol=1e-3)
+
+
+def test_emission_that_cycles_mixes_of_two_kinds_of_rays_is_said():
+    def glow(output):
+        def build(tree):
+            return add(tree, "Emission", Strength=add(tree, "LightPath").outputs[output])
+
+        return surface(build)
+
+    plate("fog lamp", glow("Is Diffuse Ray"))
+    plate("sign", glow("Is Camera Ray"), 1.0)
+    meshes, messages = read()
+    np.testing.assert_allclose(meshes["fog lamp"].bounced.materials.emission, 1, atol=1e-3)
+    np.testing.assert_allclose(meshes["fog lamp"].materials.emission, 0, atol=1e-6)
+    said = [line for line in messages if "diffuse rays" in line]
+    assert len(said) == 1 and "'fog lamp'" in said[0]
 
 
 def sided(tree, front, back):

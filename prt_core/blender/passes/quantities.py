@@ -36,6 +36,7 @@ LINES = {
     "toon": "toon shading is ignored, light leaves evenly to all sides",
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
     "lengths": "Light Path: lengths and depths are those of a ray of length 1 after one bounce",
+    "sampled": "Light Path: its emission is that of diffuse rays; Cycles also takes other rays'",
     "views": "Layer Weight, Fresnel, Incoming and the like: it is as seen from straight on",
     "fine normals": "the normal map is finer than the mesh and counts at its points only; "
     "subdivide the mesh to see it",

@@ -71,6 +71,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
     for index, mesh in enumerate(meshes):
         looks = {look: known[index] for look, known in surfaces.items() if index in known}
         notes += [note for surface in looks.values() for note in surface.notes]
+        notes += _mixed_emission(records[index], looks, materials)
         _apply(mesh, looks)
     messages += [line for line in lines_of(notes) if line not in messages]
 
@@ -144,6 +145,15 @@ def _keep(key, surface):
     size = sum(kept.nbytes for kept in _KEPT.values())
     while size > _MOST_BYTES and len(_KEPT) > 1:
         size -= _KEPT.popitem(last=False)[1].nbytes
+
+
+def _mixed_emission(record, looks, materials):
+    """Notes on materials that emit otherwise for diffuse rays than for those cast to an emitter."""
+    if not {"bounced", "shadow"} <= set(looks):
+        return []
+    met, aimed = (looks[name].corners[:, COLUMNS["emission"]] for name in ("bounced", "shadow"))
+    slots = record.slot_of_corner[(abs(met - aimed) > 1e-3 * np.maximum(met, aimed)).any(axis=1)]
+    return [("sampled", materials.graph(record.slot(slot)).name) for slot in np.unique(slots)]
 
 
 def _apply(mesh, looks):

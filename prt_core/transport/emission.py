@@ -211,7 +211,7 @@ class _Block:
             rows = np.flatnonzero((met == i) & active[i, point])
             self.met[i] += len(rows)
             triangle, barycentric = hits.triangle[rows], hits.barycentric[rows]
-            sent = self._sent(triangle, barycentric)
+            sent = self._sent(triangle, barycentric) / self._chance(triangle, barycentric)
             _add(ways[1, i], point[rows], sent / looks)
             if aiming[i]:
                 places = point[rows], triangle, barycentric, directions[rows]
@@ -271,6 +271,14 @@ class _Block:
         """(m, CHANNELS) float64 radiance of places on emitters."""
         emission = self._scene.emission_at(triangle, barycentric)
         return np.column_stack([emission, emission.max(axis=1)])
+
+    def _chance(self, triangle, barycentric):
+        """(m, 1) float64 how likely a ray that gets to places of triangles ends there."""
+        opacity, share = self._scene.opacity, np.ones((len(triangle), 1))
+        if opacity is not None:
+            passing = np.flatnonzero(opacity.passing[triangle])
+            share[passing, 0] = opacity.at(triangle[passing], barycentric[passing])
+        return share
 
     def _place(self, triangle, barycentric):
         """(m, 3) float64 positions on triangles."""

@@ -81,7 +81,7 @@ class Sharing:
         Parameters
         ----------
         caster : RayCaster
-        found : Hits
+        hits : Hits
         directions : (m, 3) float32
         pick : (m,) float32
             Uniform random numbers: which of the points around a hit.

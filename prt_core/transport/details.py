@@ -140,7 +140,7 @@ class _Probe:
             Bake points that share what was met, negative where none does.
         ambient : (n,) float64
             How open the points are, 0 to 1.
-        found : _Found
+        hits : _Found
         """
 
         def cast(caster, block):
@@ -156,7 +156,7 @@ class _Probe:
 
         Parameters
         ----------
-        found : _Found
+        hits : _Found
         light : (n_points,) float64
             See `_light`.
         turn : int

@@ -55,11 +55,11 @@ def mesh_object(name, vertices, faces, material=None, smooth=False):
     mesh.from_pydata([tuple(map(float, v)) for v in vertices], [], [tuple(f) for f in faces])
     mesh.update()
     mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), smooth))
-    made = bpy.data.objects.new(name, mesh)
-    bpy.context.collection.objects.link(made)
+    item = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(item)
     if material:
         mesh.materials.append(material)
-    return made
+    return item
 
 
 def grid(name, n, low, high, material=None):
@@ -74,13 +74,13 @@ def grid(name, n, low, high, material=None):
 
 def added(name, material=None, smooth=False):
     """The object a primitive operator has just made, named and shaded."""
-    made = bpy.context.object
-    made.name = made.data.name = name
+    item = bpy.context.object
+    item.name = item.data.name = name
     if material:
-        made.data.materials.clear()
-        made.data.materials.append(material)
-    made.data.polygons.foreach_set("use_smooth", np.full(len(made.data.polygons), smooth))
-    return made
+        item.data.materials.clear()
+        item.data.materials.append(material)
+    item.data.polygons.foreach_set("use_smooth", np.full(len(item.data.polygons), smooth))
+    return item
 
 
 def apply_all(target):
@@ -112,15 +112,15 @@ def suzanne(name, material, levels, height):
 def camera(location, target, lens=50):
     data = bpy.data.cameras.new("Camera")
     data.lens = lens
-    made = bpy.data.objects.new("Camera", data)
-    made.location = location
+    item = bpy.data.objects.new("Camera", data)
+    item.location = location
     look = np.array(target, float) - location
     yaw = math.atan2(look[1], look[0]) - math.pi / 2
     pitch = math.atan2(look[2], math.hypot(look[0], look[1])) + math.pi / 2
-    made.rotation_euler = (pitch, 0, yaw)
-    bpy.context.collection.objects.link(made)
-    bpy.context.scene.camera = made
-    return made
+    item.rotation_euler = (pitch, 0, yaw)
+    bpy.context.collection.objects.link(item)
+    bpy.context.scene.camera = item
+    return item
 
 
 def lamp(name, kind, location, energy, rotation=(0, 0, 0), **settings):
@@ -128,10 +128,10 @@ def lamp(name, kind, location, energy, rotation=(0, 0, 0), **settings):
     data.energy = energy
     for key, value in settings.items():
         setattr(data, key, value)
-    made = bpy.data.objects.new(name, data)
-    made.location, made.rotation_euler = location, rotation
-    bpy.context.collection.objects.link(made)
-    return made
+    item = bpy.data.objects.new(name, data)
+    item.location, item.rotation_euler = location, rotation
+    bpy.context.collection.objects.link(item)
+    return item
 
 
 def model_on_ground():
@@ -216,12 +216,12 @@ def street_bench():
 
     def bar(name, centre, size, material, cuts=7):
         bpy.ops.mesh.primitive_cube_add(size=1, location=centre, scale=size)
-        made = added(name, material)
+        item = added(name, material)
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.select_all(action="SELECT")
         bpy.ops.mesh.subdivide(number_cuts=cuts)
         bpy.ops.object.mode_set(mode="OBJECT")
-        apply_all(made)
+        apply_all(item)
 
     for i in range(4):
         bar(f"seat {i}", (0, 0.16 * i - 0.24, 0.45), (1.8, 0.12, 0.03), wood)
@@ -307,8 +307,8 @@ def hard_cases():
         "needle": (np.array([[0, 0, 0], [2, 0, 0], [1, 1e-5, 0.0]]), [(0, 1, 2)]),
     }
     for i, (name, (vertices, faces)) in enumerate(items.items()):
-        made = mesh_object(name, vertices, faces, grey)
-        made.location = far + [(i % 3 - 1) * 1.2, (i // 3 - 0.5) * 1.6, 0.4]
+        item = mesh_object(name, vertices, faces, grey)
+        item.location = far + [(i % 3 - 1) * 1.2, (i // 3 - 0.5) * 1.6, 0.4]
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=1e-3, location=far + [0, 0, 1])
     added("tiny", grey, smooth=True)
     loose = mesh_object("loose points", [far, far + [1, 0, 0]], [])

@@ -81,7 +81,7 @@ def line(held, differs):
 
     Parameters
     ----------
-    there : preview.Preview
+    held : preview.Preview
     differs : Changes or str
     """
     if not differs or getattr(differs, "fresh", False):

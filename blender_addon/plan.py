@@ -231,19 +231,19 @@ def shape_of(scene, depsgraph=None):
 
 def groups_of(scene):
     """A scene's collections, what renders of them, and what is in them: quick to compare."""
-    found = []
+    groups = []
 
     def visit(layer):
         group = layer.collection
         switches = layer.exclude, layer.holdout, layer.indirect_only, group.hide_render
-        found.append((group.name, switches, tuple(o.session_uid for o in group.objects)))
+        groups.append((group.name, switches, tuple(o.session_uid for o in group.objects)))
         for child in layer.children:
             visit(child)
 
     for layer in scene.view_layers if scene is not None else ():
-        found.append((layer.name, layer.use))
+        groups.append((layer.name, layer.use))
         visit(layer.layer_collection)
-    return tuple(found)
+    return tuple(groups)
 
 
 def regrouped(scene):

@@ -74,12 +74,12 @@ def build(addon, platform, pythons, output, wheels):
         shutil.copytree(addon, stage, ignore=ignored)
         shutil.copy(ROOT / "LICENSE", stage)
         (stage / "wheels").mkdir()
-        found = [core_wheel(Path(folder))]
+        chosen_wheels = [core_wheel(Path(folder))]
         for python in pythons:
-            found += dependencies(platform, python, wheels)
-        for wheel in found:
+            chosen_wheels += dependencies(platform, python, wheels)
+        for wheel in chosen_wheels:
             shutil.copy(wheel, stage / "wheels")
-        names = sorted({f"./wheels/{wheel.name}" for wheel in found})
+        names = sorted({f"./wheels/{wheel.name}" for wheel in chosen_wheels})
         lists = f"platforms = {_toml([platform])}\nwheels = {_toml(names)}\n\n"
         # Before the first table: what comes after a table's name belongs to it.
         (stage / "blender_manifest.toml").write_text(
@@ -113,11 +113,11 @@ def dependencies(platform, python, folder):
         sys.exit(f"extension: no wheels are chosen for Python {python}; write {pins}")
     folder = folder / f"{platform}-{python}"
     wanted = {name: hashes for name, _, hashes in read_pins(pins)}
-    found = _with_hashes(folder, wanted)
-    if len(found) < len(wanted):
+    wheels = _with_hashes(folder, wanted)
+    if len(wheels) < len(wanted):
         download(platform, python, folder, "--require-hashes", "--requirement", pins)
-        found = _with_hashes(folder, wanted)
-    return found
+        wheels = _with_hashes(folder, wanted)
+    return wheels
 
 
 def _with_hashes(folder, wanted):

@@ -40,14 +40,14 @@ def modules(package, packages_only=False):
 
 def exported(package):
     """{dotted name: function or class} of all that a package and its folders list in `__all__`."""
-    found = {}
+    result = {}
     for module in modules(package, packages_only=True):
         for name in getattr(module, "__all__", ()):
             thing = getattr(module, name)
             if _documented(thing) and thing.__module__.startswith(package.__name__):
                 # Under its own module: what two folders export is looked at once.
-                found[f"{thing.__module__}.{thing.__qualname__}"] = thing
-    return found
+                result[f"{thing.__module__}.{thing.__qualname__}"] = thing
+    return result
 
 
 def public(module):

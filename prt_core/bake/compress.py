@@ -195,7 +195,7 @@ def _fit_best(task, methods, ranked, trials, limits, lights):
     Returns
     -------
     form : CompressedForm
-    found : dict
+    measured : dict
         See `measure_steps`.
     why : str
     """
@@ -224,7 +224,7 @@ def _fit(task, method, chosen, limits, lights, failed):
     Returns
     -------
     form : CompressedForm
-    found : dict
+    measured : dict
         See `measure_steps`.
     trial : Trial
         Measured on all points.

@@ -97,8 +97,8 @@ class BlenderCaster:
         with bpy.context.temp_override(scene=self._scene, view_layer=self._scene.view_layers[0]):
             depsgraph = bpy.context.evaluated_depsgraph_get()
             for rays, part in zip(objects, parts, strict=False):
-                found = rays.evaluated_get(depsgraph).data.attributes[_HIT]
-                found.data.foreach_get("value", triangle[part])
+                attribute = rays.evaluated_get(depsgraph).data.attributes[_HIT]
+                attribute.data.foreach_get("value", triangle[part])
         triangle -= 1
         return triangle
 
@@ -159,21 +159,21 @@ class BVHTreeCaster:
         cast = self._tree.ray_cast
         if distances is None:
             rays = zip(origins.tolist(), directions.tolist(), strict=True)
-            found = (cast(o, d)[2] is not None for o, d in rays)
+            blocked = (cast(o, d)[2] is not None for o, d in rays)
         else:
             rays = zip(
                 origins.tolist(), directions.tolist(), np.asarray(distances).tolist(), strict=True
             )
-            found = (cast(o, d, t)[2] is not None for o, d, t in rays)
-        return np.fromiter(found, bool, len(origins))
+            blocked = (cast(o, d, t)[2] is not None for o, d, t in rays)
+        return np.fromiter(blocked, bool, len(origins))
 
     def intersect(self, origins, directions):
         """See `RayCaster`."""
         origins, directions = as_rays(origins, directions)
         cast = self._tree.ray_cast
         rays = zip(origins.tolist(), directions.tolist(), strict=True)
-        found = (cast(o, d)[2] for o, d in rays)
-        triangle = np.fromiter((MISS if i is None else i for i in found), np.int32, len(origins))
+        numbers = (cast(o, d)[2] for o, d in rays)
+        triangle = np.fromiter((MISS if i is None else i for i in numbers), np.int32, len(origins))
         barycentric, distance = barycentric_of(
             self._vertices, self._triangles, origins, directions, triangle
         )

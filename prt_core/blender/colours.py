@@ -98,9 +98,9 @@ def _colour_attribute(target, name, domain, kind):
         colours.remove(colours[name])
         existing = None
     if existing is None:
-        made = colours.new(name, kind, domain)
+        attribute = colours.new(name, kind, domain)
         expect(
-            made.name == name,
+            attribute.name == name,
             f"{target.name}: cannot make an attribute called '{name}'; use another name",
         )
     return colours[name]
@@ -154,14 +154,14 @@ def write_all(
     objects = objects_by_place()
     own = {} if all_copies else _own(scene, colours, places, objects)
     copies = [name for name in colours if name not in own]
-    made = copies_there(scene, copies, target)
-    if copies and made is None:
-        made = build_objects(scene, copies, attribute=attribute, target=target)
-    for name, there in own.items():
-        write_colours(there, colours[name], attribute, domain, **options)
+    built = copies_there(scene, copies, target)
+    if copies and built is None:
+        built = build_objects(scene, copies, attribute=attribute, target=target)
+    for name, present in own.items():
+        write_colours(present, colours[name], attribute, domain, **options)
     for name in copies:
-        write_colours(made[name], colours[name], attribute, domain, **options)
-        stand_in_for(made[name], objects.get(places[name]))
+        write_colours(built[name], colours[name], attribute, domain, **options)
+        stand_in_for(built[name], objects.get(places[name]))
     if copies:
         arrange(target)
     return copies
@@ -189,15 +189,15 @@ def keep_all(
     objects = objects_by_place()
     own = _own(scene, colours, places, objects)
     realised = [name for name in colours if name not in own]
-    for name, there in own.items():
-        write_colours(there, colours[name], attribute, domain, **options)
+    for name, present in own.items():
+        write_colours(present, colours[name], attribute, domain, **options)
     if not realised:
         return [], []
     originals = {name: objects.get(places[name]) for name in realised}
-    made, left = kept_objects(scene, originals, attribute, target)
-    for name, there in made.items():
-        write_colours(there, colours[name], attribute, domain, **options)
-        activate(there.data, attribute)
+    built, left = kept_objects(scene, originals, attribute, target)
+    for name, present in built.items():
+        write_colours(present, colours[name], attribute, domain, **options)
+        activate(present.data, attribute)
     arrange(target)
     return realised, left
 
@@ -209,22 +209,22 @@ def places_of(scene, places=None):
 
 def _own(scene, colours, places, objects):
     """The objects whose own meshes get the colours, all looked at before any is written."""
-    found = {}
+    own = {}
     for item in scene.objects:
         if item.own_mesh and item.name in colours:
-            found[item.name] = there = objects.get(places[item.name])
+            own[item.name] = present = objects.get(places[item.name])
             name = places[item.name][0]
             expect(
-                there is not None and there.type == "MESH",
+                present is not None and present.type == "MESH",
                 f"{name}: the open scene has no such mesh object; was it renamed or deleted?",
             )
-            expect(there.mode != "EDIT", f"{name}: leave Edit Mode before colours are written")
+            expect(present.mode != "EDIT", f"{name}: leave Edit Mode before colours are written")
             expect(
-                len(there.data.loops) == len(item.corner_vertex),
-                f"{name}: has {len(there.data.loops)} corners, the bake "
+                len(present.data.loops) == len(item.corner_vertex),
+                f"{name}: has {len(present.data.loops)} corners, the bake "
                 f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
             )
-    return found
+    return own
 
 
 def save_scene(path):

@@ -34,7 +34,7 @@ def fcurve_of(block, path):
     for layer in action.layers:
         for strip in layer.strips:
             bag = strip.channelbag(data.action_slot)
-            found = bag.fcurves.find(path) if bag else None
-            if found is not None:
-                return found
+            curve = bag.fcurves.find(path) if bag else None
+            if curve is not None:
+                return curve
     return None

@@ -128,9 +128,9 @@ def _say_left_out(scene, messages):
         and not is_copy(item) and stands_in(item, rendered)
     ]  # fmt: skip
     if kept:
-        some = ", ".join(kept[:4]) + (" …" if len(kept) > 4 else "")
+        few = ", ".join(kept[:4]) + (" …" if len(kept) > 4 else "")
         messages.append(
-            f"{len(kept)} objects hold kept colours ({some}); not they, but the objects that "
+            f"{len(kept)} objects hold kept colours ({few}); not they, but the objects that "
             "they were made of are baked"
         )
     messages += layer_remarks(*rendered_layer(scene))
@@ -164,9 +164,9 @@ class _Reading:
         self.receivers = None if receivers is None else set(receivers)
         self.two_sided, self.messages = set(two_sided), messages
         self.rendered = rendered_objects(scene)
-        there = [item for item in scene.objects if not stands_in(item, self.rendered)]
-        self.display, self.names = display_names(there)
-        self.local = {item.name for item in there if item.library is None}
+        originals = [item for item in scene.objects if not stands_in(item, self.rendered)]
+        self.display, self.names = display_names(originals)
+        self.local = {item.name for item in originals if item.library is None}
         self.parts, self.meshes, self.asked = [], [], set()
         self.named, self.instancers, self.raw = set(), set(), {}
 
@@ -415,8 +415,8 @@ def say_copies(meshes, messages):
     """Say which objects' colours cannot go to their own meshes."""
     copies = [mesh.name for mesh in meshes if mesh.receives and not mesh.own_mesh]
     if copies:
-        some = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
+        few = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
         messages.append(
-            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({some});"
+            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({few});"
             " their colours go to realised copies in the collection 'PRT'"
         )

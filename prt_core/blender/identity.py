@@ -48,12 +48,12 @@ class UniqueNames:
 
     def give(self, name):
         """The name, with a number where it was given before."""
-        found = name
-        while found in self._taken:
+        unique = name
+        while unique in self._taken:
             self._count[name] += 1
-            found = f"{name}.{self._count[name]:03d}"
-        self._taken.add(found)
-        return found
+            unique = f"{name}.{self._count[name]:03d}"
+        self._taken.add(unique)
+        return unique
 
 
 def display_names(objects):

@@ -28,9 +28,9 @@ def show_colours(scene, attribute="PRT", material=True, places=None):
     group = _shading_group(attribute) if material else None
     places, objects = places_of(scene, places), objects_by_place()
     for item in scene.objects:
-        there = objects.get(places[item.name]) if item.own_mesh and item.receives else None
-        if there is not None:
-            _shade(there, group)
+        present = objects.get(places[item.name]) if item.own_mesh and item.receives else None
+        if present is not None:
+            _shade(present, group)
 
 
 def restore(target=None, attributes=()):

@@ -39,21 +39,21 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", tar
     # Copies of an earlier run are replaced, not stacked upon.
     remove_copies(target)
     home, material = _home(target, collection), preview_material(attribute)
-    made = {}
+    built = {}
     for item, mesh, mirrored in _meshes(scene, names):
-        made[item.name] = _object(item.name, mesh, mirrored, material, home)
-        made[item.name][COPY] = item.name
-    return made
+        built[item.name] = _object(item.name, mesh, mirrored, material, home)
+        built[item.name][COPY] = item.name
+    return built
 
 
 def copies_there(scene, names, target):
     """The realised copies of an earlier write where they are these and fit, else None."""
-    found = {o[COPY]: o for o in target.objects if is_copy(o)}
+    copies = {o[COPY]: o for o in target.objects if is_copy(o)}
     sizes = {item.name: len(item.corner_vertex) for item in scene.objects}
-    fits = set(found) == set(names) and all(
-        len(found[name].data.loops) == sizes[name] for name in names
+    fits = set(copies) == set(names) and all(
+        len(copies[name].data.loops) == sizes[name] for name in names
     )
-    return found if fits else None
+    return copies if fits else None
 
 
 def kept_objects(scene, originals, attribute, target):
@@ -81,7 +81,7 @@ def kept_objects(scene, originals, attribute, target):
             by_name[item[KEPT]] = item
             by_original.setdefault(item.get(ORIGINAL), []).append(item)
     material, home = _kept_material(attribute), _home(target, KEPT_COLLECTION)
-    found, used, left = {}, set(), []
+    by_object, used, left = {}, set(), []
     for item, mesh, mirrored in _meshes(scene, originals):
         original = originals[item.name]
         namesake = by_name.get(item.name)
@@ -102,9 +102,9 @@ def kept_objects(scene, originals, attribute, target):
                 slots[0] = material
         same[KEPT] = item.name
         stand_in_for(same, original)
-        found[item.name] = same
+        by_object[item.name] = same
         used.add(same)
-    return found, left
+    return by_object, left
 
 
 def stand_in_for(item, original):
@@ -135,10 +135,10 @@ def _home(target, name):
     for collection in target.collection.children_recursive:
         if _is_home(collection, name):
             return collection
-    made = bpy.data.collections.new(name)
-    made[_HOME] = name
-    target.collection.children.link(made)
-    return made
+    home = bpy.data.collections.new(name)
+    home[_HOME] = name
+    target.collection.children.link(home)
+    return home
 
 
 def _meshes(scene, names):
@@ -189,11 +189,11 @@ def _set_normals(mesh, normals, mirrored):
 
 def _object(name, mesh, mirrored, material, home):
     mesh.materials.append(material)
-    made = bpy.data.objects.new(name, mesh)
+    item = bpy.data.objects.new(name, mesh)
     # A mirrored object's corners run the other way round; so its copy is mirrored as well.
-    made.scale.x = -1 if mirrored else 1
-    home.objects.link(made)
-    return made
+    item.scale.x = -1 if mirrored else 1
+    home.objects.link(item)
+    return item
 
 
 def _same_shape(one, two, size):

@@ -37,16 +37,16 @@ def renders(item):
 
 def rendered_objects(scene):
     """`session_uid` of the objects whose collections and own switch let them render."""
-    found = set()
+    uids = set()
 
     def visit(collection):
         if not collection.hide_render:
-            found.update(o.session_uid for o in collection.objects if renders(o))
+            uids.update(o.session_uid for o in collection.objects if renders(o))
             for child in collection.children:
                 visit(child)
 
     visit(scene.collection)
-    return found
+    return uids
 
 
 def stands_in(item, rendered):
@@ -123,15 +123,15 @@ def let_go(item):
 
 def _stand_ins():
     """The preview's copies and the kept objects of all scenes, by what they stand in for."""
-    copies, kept, there = {}, {}, set()
+    copies, kept, by_name = {}, {}, set()
     for scene in bpy.data.scenes:
         for item in scene.objects:
-            there.add(item.session_uid)
+            by_name.add(item.session_uid)
             original = item.get(ORIGINAL)
             if original is not None:
                 group = copies if is_copy(item) else kept
                 group.setdefault(original.session_uid, []).append(item)
-    for uid in [uid for uid in kept if uid not in there]:
+    for uid in [uid for uid in kept if uid not in by_name]:
         # The user has deleted the original: a mark shall not keep it in the file.
         for item in kept.pop(uid):
             item.pop(ORIGINAL, None)

@@ -35,10 +35,10 @@ def open_points(scene):
     lift = np.einsum("nx,nx->n", normals, points.ray_offset)
     # Most points have something of the hull well above their plane, however far it is.
     far = 2 * np.sqrt(3) * np.abs(corners).max()
-    found = np.flatnonzero(_highest(normals, _hull(corners)) <= height + lift + _RISE * far)
+    candidates = np.flatnonzero(_highest(normals, _hull(corners)) <= height + lift + _RISE * far)
     result = np.zeros(len(points), bool)
     edges = _longest_edges(scene)[used]
-    for members in _planes(normals, height, lift, found)[: max(1, _MOST // len(corners))]:
+    for members in _planes(normals, height, lift, candidates)[: max(1, _MOST // len(corners))]:
         normal = normals[members[0]]
         rise = corners @ normal - height[members].min()
         # The lowest of these points is a quarter of their lift below the highest, at most.
@@ -49,13 +49,13 @@ def open_points(scene):
     return result
 
 
-def _planes(normals, height, lift, some):
+def _planes(normals, height, lift, chosen):
     """Those of some points that lie in one plane, together; those of most points first."""
-    step = np.maximum(lift[some], 1e-30) / 4
-    key = np.column_stack([normals[some], step, np.floor(height[some] / step)])
+    step = np.maximum(lift[chosen], 1e-30) / 4
+    key = np.column_stack([normals[chosen], step, np.floor(height[chosen] / step)])
     _, plane, counts = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(plane.reshape(-1), kind="stable")
-    groups = np.split(some[order], np.cumsum(counts)[:-1]) if len(some) else []
+    groups = np.split(chosen[order], np.cumsum(counts)[:-1]) if len(chosen) else []
     return sorted(groups, key=len, reverse=True)
 
 
@@ -94,8 +94,8 @@ def _none_rises(places, rise, corners, edges):
     for first in range(0, len(places), _BLOCK):
         part = slice(first, first + _BLOCK)
         for start in range(0, len(corners), _BLOCK):
-            some = slice(start, start + _BLOCK)
-            apart = places[part, None] - corners[None, some]
-            away = np.sqrt(np.einsum("nvx,nvx->nv", apart, apart)) - edges[some]
-            result[part] &= ~(rise[some] > _RISE * away).any(axis=1)
+            block = slice(start, start + _BLOCK)
+            apart = places[part, None] - corners[None, block]
+            away = np.sqrt(np.einsum("nvx,nvx->nv", apart, apart)) - edges[block]
+            result[part] &= ~(rise[block] > _RISE * away).any(axis=1)
     return result

@@ -128,14 +128,14 @@ class Surfaces:
         second, third = np.asarray(barycentric, np.float64).T
         weights = np.stack([1 - second - third, second, third], axis=1)
         corners = self._corners[triangle]
-        found = self.corner_materials.between(corners, weights)
+        materials = self.corner_materials.between(corners, weights)
         owners = self._object[triangle]
         for owner in np.unique(owners[self.painted[triangle]]):
             mine = owners == owner
             painted = self._paints[owner].at(corners[mine] - self._first[owner], weights[mine])
             for name, values in painted.items():
-                getattr(found, name)[mine] = QUANTITIES[name].settled(values)
-        return found
+                getattr(materials, name)[mine] = QUANTITIES[name].settled(values)
+        return materials
 
     def quantity_at(self, name, triangle, barycentric):
         """(m, n_channels) float64: one quantity of the materials at places (see `at`)."""
@@ -206,17 +206,17 @@ class Surfaces:
         total = np.zeros(len(materials))
         sums = materials.map(lambda _, values: np.zeros(values.shape))
         for level, count in np.unique(np.stack([levels[painted], along], axis=1), axis=0):
-            some = painted[(levels[painted] == level) & (along == count)]
+            alike = painted[(levels[painted] == level) & (along == count)]
             places = _centroids(int(level * count))
             cell, weights = lattice_of_hits(np.full(len(places), level), places)
             each = max(1, _BLOCK // len(places))
-            for first in range(0, len(some), each):
-                part = some[first : first + each]
-                found = self.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
+            for first in range(0, len(alike), each):
+                part = alike[first : first + each]
+                sampled = self.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
                 points = lattice[lattice_start[part][:, None, None] + cell]
                 share = np.broadcast_to(weights, points.shape).ravel().astype(np.float64)
                 total += np.bincount(points.ravel(), share, len(total))
-                for name, values in found.arrays().items():
+                for name, values in sampled.arrays().items():
                     for channel, column in enumerate(values.T):
                         value = np.repeat(column, 3) * share
                         summed = np.bincount(points.ravel(), value, len(total))

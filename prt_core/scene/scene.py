@@ -20,7 +20,6 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.rays import precision_frames
-from prt_core.reflectance import Materials
 from prt_core.scene.backs import opposites, with_backs
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.emitters import find_emitters
@@ -33,6 +32,7 @@ from prt_core.scene.paint import Surfaces, surfaces_of
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
+from prt_core.scene.stack import frame_of, stack_meshes
 
 # Albedo up to this is taken as 1 that was rounded.
 _WHITE = 1.001
@@ -170,13 +170,13 @@ class Scene:
         for name, count in Counter(mesh.name for mesh in meshes).items():
             expect(count == 1, f"meshes: the name '{name}' is used twice; rename one")
         messages = []
-        stacked, counts = _stack(meshes, messages)
+        stacked, counts = stack_meshes(meshes, messages)
         if not len(stacked["triangles"]):
             raise PRTError(
                 "scene: no triangle with an area to bake; add a mesh object that is visible in "
                 "renders, or name other objects"
             )
-        centre, size = _frame(stacked["vertices"][stacked["triangles"]].reshape(-1, 3))
+        centre, size = frame_of(stacked["vertices"][stacked["triangles"]].reshape(-1, 3))
         stacked["vertices"] = (stacked["vertices"] - centre) / size
         levels = refinement_levels(stacked, max_hidden)
         frames = precision_frames(
@@ -431,49 +431,3 @@ class Scene:
             digest.update(self.triangle_emitter)
             digest.update(self.points.emitter)
         return digest.hexdigest()
-
-
-def _stack(meshes, messages):
-    """All meshes as one set of arrays; triangles without area are dropped and counted."""
-    first_vertex = first_corner = 0
-    parts = {
-        key: []
-        for key in "vertices corner_vertex corner_normal corner_material materials "
-        "corner_object triangle_corners triangle_object".split()
-    }
-    counts = {"first_corner": [], "n_corners": []}
-    for index, mesh in enumerate(meshes):
-        corners = mesh.solid_triangles()
-        ignored = len(mesh.triangle_corners) - len(corners)
-        if ignored:
-            messages.append(f"{mesh.name}: {ignored} triangles without area ignored")
-        parts["vertices"].append(mesh.vertices)
-        parts["corner_vertex"].append(mesh.corner_vertex + first_vertex)
-        parts["corner_normal"].append(mesh.corner_normal)
-        parts["materials"].append(mesh.materials)
-        parts["corner_material"].append(mesh.corner_material)
-        parts["corner_object"].append(np.full(len(mesh.corner_vertex), index))
-        parts["triangle_corners"].append(corners + first_corner)
-        parts["triangle_object"].append(np.full(len(corners), index))
-        counts["first_corner"].append(first_corner)
-        counts["n_corners"].append(len(mesh.corner_vertex))
-        first_vertex += len(mesh.vertices)
-        first_corner += len(mesh.corner_vertex)
-    shapes = {name: (0, 3) for name in ("vertices", "corner_normal", "triangle_corners")}
-    materials = Materials.joined(parts.pop("materials"))
-    stacked = {
-        key: np.concatenate(values) if values else np.zeros(shapes.get(key, 0))
-        for key, values in parts.items()
-    }
-    stacked["materials"] = materials
-    stacked["receives"] = np.array([mesh.receives for mesh in meshes], bool)
-    stacked["flat"] = np.array([mesh.flat for mesh in meshes], bool)
-    stacked["two_sided"] = np.array([mesh.two_sided for mesh in meshes], bool)
-    stacked["triangles"] = stacked["corner_vertex"][stacked["triangle_corners"].astype(np.int64)]
-    return stacked, counts
-
-
-def _frame(positions):
-    """Centre and size (longest side of the bounding box) of what is seen, float64."""
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    return (low + high) / 2, float((high - low).max())

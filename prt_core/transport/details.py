@@ -66,14 +66,14 @@ def detail_steps(scene, caster, seed):
     # Those that cast no more let their few rays count as often.
     ends = np.tile(ends, (1, _FEW // _FIRST))
     near = _points_around(scene, first)
-    ends[near, _FIRST:], rest, found = yield from probe.cast_all(near, _FEW - _FIRST, 1)
+    ends[near, _FIRST:], rest, hits = yield from probe.cast_all(near, _FEW - _FIRST, 1)
     ambient[near] = (_FIRST * ambient[near] + (_FEW - _FIRST) * rest) / _FEW
     light = _light(scene, ends, ambient)
-    found = yield from probe.told_apart(_Found.joined([first, found]), light, 0)
-    _, _, more = yield from probe.cast_all(np.unique(found.asked_by), _MORE, 2)
+    hits = yield from probe.told_apart(_Found.joined([first, hits]), light, 0)
+    _, _, more = yield from probe.cast_all(np.unique(hits.asked_by), _MORE, 2)
     more = yield from probe.told_apart(more, light, 1)
-    found = _spread(scene, _without_translucent(scene, _Found.joined([found, more])))
-    detailed = with_details(scene, found.triangle, found.barycentric, found.back)
+    hits = _spread(scene, _without_translucent(scene, _Found.joined([hits, more])))
+    detailed = with_details(scene, hits.triangle, hits.barycentric, hits.back)
     return detailed, probe.n_rays
 
 
@@ -104,8 +104,8 @@ class _Found:
     def __len__(self):
         return len(self.asked_by)
 
-    def __getitem__(self, some):
-        return _Found(*(getattr(self, name)[some] for name in self._NAMES))
+    def __getitem__(self, chosen):
+        return _Found(*(getattr(self, name)[chosen] for name in self._NAMES))
 
     @classmethod
     def joined(cls, parts):
@@ -140,23 +140,23 @@ class _Probe:
             Bake points that share what was met, negative where none does.
         ambient : (n,) float64
             How open the points are, 0 to 1.
-        found : _Found
+        hits : _Found
         """
 
         def cast(caster, block):
             return self._cast(caster, block, count, turn)
 
         parts = yield from self._all(cast, points, count)
-        ends, ambient, found, n_rays = zip(*parts, strict=True)
+        ends, ambient, hits, n_rays = zip(*parts, strict=True)
         self.n_rays += sum(n_rays)
-        return np.concatenate(ends), np.concatenate(ambient), _Found.joined(found)
+        return np.concatenate(ends), np.concatenate(ambient), _Found.joined(hits)
 
-    def told_apart(self, found, light, turn):
+    def told_apart(self, hits, light, turn):
         """Those that are hidden, or look otherwise than their corners; yields `Progress`.
 
         Parameters
         ----------
-        found : _Found
+        hits : _Found
         light : (n_points,) float64
             See `_light`.
         turn : int
@@ -165,21 +165,21 @@ class _Probe:
         -------
         _Found
         """
-        if not len(found):
-            return found
+        if not len(hits):
+            return hits
         # One of each cube of space speaks for all.
         _, first, which = np.unique(
-            _cubes(self._scene, found), axis=0, return_index=True, return_inverse=True
+            _cubes(self._scene, hits), axis=0, return_index=True, return_inverse=True
         )
 
         def judge(caster, block):
-            return self._judge(caster, found[block], light, turn)
+            return self._judge(caster, hits[block], light, turn)
 
         parts = yield from self._all(judge, first, _JUDGES)
         self.n_rays += sum(n_rays for _, n_rays in parts)
         differs = np.concatenate([part for part, _ in parts])[which.reshape(-1)]
-        found.differs = np.where(found.hidden, 1.0, differs)
-        return found[found.differs > _DIFFER]
+        hits.differs = np.where(hits.hidden, 1.0, differs)
+        return hits[hits.differs > _DIFFER]
 
     def _all(self, function, items, count):
         """What `function(caster, block)` gives for blocks of items that cast `count` rays each."""
@@ -187,21 +187,21 @@ class _Probe:
         blocks = [items[first : first + size] for first in range(0, max(len(items), 1), size)]
         together, parts = max(2, self._caster.threads), []
         for first in range(0, len(blocks), together):
-            some = blocks[first : first + together]
-            parts += cast_on_all_cores(self._caster, function, some)
+            batch = blocks[first : first + together]
+            parts += cast_on_all_cores(self._caster, function, batch)
             done = min((first + together) * size, len(items))
             yield Progress("details", done, len(items))
         return parts
 
-    def _judge(self, caster, found, light, turn):
+    def _judge(self, caster, hits, light, turn):
         """How much places differ from what is between their corners, and the rays it took."""
         scene = self._scene
-        front = scene.triangle_normals[found.triangle]
-        facing = np.where(found.back[:, None], -front, front)
-        places = Places(scene, found.triangle, found.barycentric, -facing)
-        rng = generator(self._seed, Stage.DETAILS, 3 + turn, found.asked_by[0])
+        front = scene.triangle_normals[hits.triangle]
+        facing = np.where(hits.back[:, None], -front, front)
+        places = Places(scene, hits.triangle, hits.barycentric, -facing)
+        rng = generator(self._seed, Stage.DETAILS, 3 + turn, hits.asked_by[0])
         start = places.start.astype(scene.ray_origins.dtype)
-        rays = start, facing, facing, self._open[found.asked_by]
+        rays = start, facing, facing, self._open[hits.asked_by]
         ends, ambient, _, n_rays = self._shoot(caster, *rays, _JUDGES, rng)
         own = ambient + _sent(scene, light)[np.maximum(ends, -1)].mean(axis=1)
         between = np.einsum("mk,mk->m", places.weights.astype(np.float64), light[places.around])
@@ -223,17 +223,17 @@ class _Probe:
         lit = places.around[:, 0] >= 0
         away = np.where(lit[:, None], self._sharing.corner_distances(places), 0)
         hidden = lit & (chosen < 0)
-        some = np.flatnonzero(hidden | (lit & (distance < away.min(axis=1))))
-        found = _Found(
-            points[origin[some]],
-            places.triangle[some],
-            places.barycentric[some],
-            places.back[some],
-            distance[some],
-            hidden[some],
-            np.zeros(len(some)),
+        near = np.flatnonzero(hidden | (lit & (distance < away.min(axis=1))))
+        places_hit = _Found(
+            points[origin[near]],
+            places.triangle[near],
+            places.barycentric[near],
+            places.back[near],
+            distance[near],
+            hidden[near],
+            np.zeros(len(near)),
         )
-        return ends, ambient, found, n_rays
+        return ends, ambient, places_hit, n_rays
 
     def _shoot(self, caster, starts, normals, geometric, is_open, count, rng):
         """`count` rays from each of n places.
@@ -277,22 +277,22 @@ class _Probe:
         return ends.reshape(n, count), ambient, met, len(ways) + int(short.sum(dtype=np.int64))
 
 
-def _without_translucent(scene, found):
+def _without_translucent(scene, hits):
     """Those on surfaces that no light shines through: others are told by both sides at once."""
     if not scene.points.materials.translucency.any():
-        return found
-    around, _ = scene.hit_points(found.triangle, found.barycentric, found.back)
-    return found[~scene.points.materials.translucency[around].any(axis=(1, 2))]
+        return hits
+    around, _ = scene.hit_points(hits.triangle, hits.barycentric, hits.back)
+    return hits[~scene.points.materials.translucency[around].any(axis=(1, 2))]
 
 
-def _points_around(scene, found):
+def _points_around(scene, hits):
     """Bake points near those whose rays found something, and the corners of what they met."""
-    if not len(found):
+    if not len(hits):
         return np.zeros(0, np.int64)
     positions = scene.points.positions
-    asked = positions[np.unique(found.asked_by)]
+    asked = positions[np.unique(hits.asked_by)]
     _, around = cKDTree(positions).query(asked, min(_AROUND, len(positions)), workers=-1)
-    corners, _ = scene.hit_points(found.triangle, found.barycentric, found.back)
+    corners, _ = scene.hit_points(hits.triangle, hits.barycentric, hits.back)
     return np.union1d(around.ravel(), corners.ravel())
 
 
@@ -312,34 +312,34 @@ def _sent(scene, received):
     return np.append(sends[:, 0].astype(np.float64) * received, 0.0)
 
 
-def _cubes(scene, found):
+def _cubes(scene, hits):
     """(n, 6) which cube of space each lies in, as large as they have to be apart."""
-    level = np.ceil(np.log2(np.maximum(_apart(found), 1e-12)))
-    second, third = found.barycentric.astype(np.float64).T[:, :, None]
-    a, b, c = np.moveaxis(scene.vertices[scene.triangles[found.triangle]], 1, 0)
+    level = np.ceil(np.log2(np.maximum(_apart(hits), 1e-12)))
+    second, third = hits.barycentric.astype(np.float64).T[:, :, None]
+    a, b, c = np.moveaxis(scene.vertices[scene.triangles[hits.triangle]], 1, 0)
     place = a + second * (b - a) + third * (c - a)
-    facing = scene.triangle_normals[found.triangle] * np.where(found.back, -1, 1)[:, None]
+    facing = scene.triangle_normals[hits.triangle] * np.where(hits.back, -1, 1)[:, None]
     return np.column_stack(
         [level, np.floor(place / np.exp2(level)[:, None]), np.rint(4 * facing),
-         scene.triangle_object[found.triangle]]
+         scene.triangle_object[hits.triangle]]
     )  # fmt: skip
 
 
-def _apart(found):
-    return np.where(found.hidden, _HIDDEN_APART, _APART) * found.distance
+def _apart(hits):
+    return np.where(hits.hidden, _HIDDEN_APART, _APART) * hits.distance
 
 
-def _spread(scene, found):
+def _spread(scene, hits):
     """As many of them as have to be, apart from each other as their rays were long."""
-    if not len(found):
-        return found
+    if not len(hits):
+        return hits
     # Of each cube of space the one that matters most, then the first.
-    key = _cubes(scene, found)
-    order = np.lexsort((np.arange(len(found)), -found.differs))
+    key = _cubes(scene, hits)
+    order = np.lexsort((np.arange(len(hits)), -hits.differs))
     _, first = np.unique(key[order], axis=0, return_index=True)
     kept = np.sort(order[first])
     most = max(_LEAST_MOST, int(_MOST * len(scene.points)))
     if len(kept) > most:
-        weight = (found.differs * _apart(found) ** 2)[kept]
+        weight = (hits.differs * _apart(hits) ** 2)[kept]
         kept = np.sort(kept[np.argsort(-weight, kind="stable")[:most]])
-    return found[kept]
+    return hits[kept]

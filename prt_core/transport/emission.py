@@ -212,6 +212,7 @@ class _Block:
             self.met[i] += len(rows)
             triangle, barycentric = hits.triangle[rows], hits.barycentric[rows]
             sent = self._sent(triangle, barycentric, directions[rows])
+            sent /= self._chance(triangle, barycentric, directions[rows])
             _add(ways[1, i], point[rows], sent / looks)
             if aiming[i]:
                 places = point[rows], triangle, barycentric, directions[rows]
@@ -270,10 +271,21 @@ class _Block:
 
     def _sent(self, triangle, barycentric, directions):
         """(m, CHANNELS) float64 radiance of places on emitters, against rays along directions."""
-        normal = self._scene.triangle_normals[triangle]
-        back = np.einsum("nx,nx->n", directions, normal) > 0
-        emission = self._scene.emission_at(triangle, barycentric, back)
+        emission = self._scene.emission_at(triangle, barycentric, self._back(triangle, directions))
         return np.column_stack([emission, emission.max(axis=1)])
+
+    def _back(self, triangle, directions):
+        """(m,) bool: whether rays along directions meet the backs of triangles."""
+        return np.einsum("nx,nx->n", directions, self._scene.triangle_normals[triangle]) > 0
+
+    def _chance(self, triangle, barycentric, directions):
+        """(m, 1) float64 how likely a ray that gets to places of triangles ends there."""
+        opacity, share = self._scene.opacity, np.ones((len(triangle), 1))
+        if opacity is not None:
+            passing = np.flatnonzero(opacity.passing[triangle])
+            back = self._back(triangle[passing], directions[passing])
+            share[passing, 0] = opacity.at(triangle[passing], barycentric[passing], back)
+        return share
 
     def _place(self, triangle, barycentric):
         """(m, 3) float64 positions on triangles."""

@@ -147,12 +147,12 @@ def _together(caster, sharing, rays):
     batches = [
         slice(first, first + caster.batch) for first in range(0, max(len(pick), 1), caster.batch)
     ]
-    found = Hits.joined([caster.intersect(origins[part], directions[part]) for part in batches])
-    ended = sharing.ends(caster, found, directions, pick)
+    hits = Hits.joined([caster.intersect(origins[part], directions[part]) for part in batches])
+    ended = sharing.ends(caster, hits, directions, pick)
     ends = np.cumsum([len(r.pick) for r in rays])
     parts = [slice(end - len(r.pick), end) for r, end in zip(rays, ends, strict=True)]
     return [
-        r.gathered(found[part], *(values[part] for values in ended))
+        r.gathered(hits[part], *(values[part] for values in ended))
         for r, part in zip(rays, parts, strict=True)
     ]
 
@@ -182,7 +182,7 @@ class _Rays:
         self.directions = directions[wanted]
         self.origins = np.repeat(starts, np.count_nonzero(wanted, axis=1), axis=0)
 
-    def gathered(self, found, ends, unlit, hidden, short):
+    def gathered(self, met, ends, unlit, hidden, short):
         """`Gathered` from their `Hits` and where these were handed."""
         hits = self._hits
         hits[self._wanted] = ends
@@ -191,7 +191,7 @@ class _Rays:
             REPRESENTED - self._representative[represented] % ROUND
         )
         n_back = np.bincount(
-            self._scene.triangle_object[found.triangle[unlit]], minlength=len(self._scene.objects)
+            self._scene.triangle_object[met.triangle[unlit]], minlength=len(self._scene.objects)
         )
         return Gathered(
             hits,

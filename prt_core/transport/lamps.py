@@ -35,6 +35,7 @@ def lamp_light(scene, caster, lamps, n_samples=256, seed=0):
     (n_points, 3) float32
     """
     expect_kind("scene", scene, Scene)
+    expect_caster(caster)
     lamps = expect_all("lamps", lamps, Lamp | BrightPixels, "lamps")
     received = np.zeros((len(scene.points), 3), np.float32)
     for index, lamp in enumerate(lamps):

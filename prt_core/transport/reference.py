@@ -83,10 +83,10 @@ def _bounce(scene, caster, alive, state, rng):
     origins, normals, geometric, weight = state
     local = square_to_cosine(rng.random((2, len(alive))).T)
     directions = np.einsum("ij,ijk->ik", local, tangent_frames(normals)).astype(np.float32)
-    found = caster.intersect(origins, directions)
-    usable = (found.triangle >= 0) & ((directions * geometric).sum(axis=1) > 0)
+    hits = caster.intersect(origins, directions)
+    usable = (hits.triangle >= 0) & ((directions * geometric).sum(axis=1) > 0)
     alive, directions, weight = alive[usable], directions[usable], weight[usable]
-    triangle, barycentric = found.triangle[usable], found.barycentric[usable].astype(np.float64)
+    triangle, barycentric = hits.triangle[usable], hits.barycentric[usable].astype(np.float64)
     flat = scene.triangle_normals[triangle]
     back = (directions * flat).sum(axis=1) > 0
     around, share = scene.hit_points(triangle, barycentric, back)

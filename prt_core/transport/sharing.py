@@ -75,13 +75,13 @@ class Sharing:
         # Sides that face otherwise are far away.
         self._tree = cKDTree(np.hstack([self._details, points.geometric_normals[details]]))
 
-    def ends(self, caster, found, directions, pick):
+    def ends(self, caster, hits, directions, pick):
         """Where rays end.
 
         Parameters
         ----------
         caster : RayCaster
-        found : Hits
+        hits : Hits
         directions : (m, 3) float32
         pick : (m,) float32
             Uniform random numbers: which of the points around a hit.
@@ -98,8 +98,8 @@ class Sharing:
         short : (m,) uint8
             Rays that were cast from each place to see who may share it.
         """
-        hit = np.flatnonzero(found.triangle >= 0)
-        places = Places(self._scene, found.triangle[hit], found.barycentric[hit], directions[hit])
+        hit = np.flatnonzero(hits.triangle >= 0)
+        places = Places(self._scene, hits.triangle[hit], hits.barycentric[hit], directions[hit])
         chosen, asked = self.choose(caster, places, pick[hit])
         ends = np.full(len(directions), MISS, np.int32)
         ends[hit] = np.where(chosen >= 0, chosen, DARK)
@@ -139,38 +139,39 @@ class Sharing:
         corners = self._scene.points.positions[places.around]
         return np.linalg.norm(corners - places.position[:, None], axis=2)
 
-    def _hand(self, caster, places, some, points, handed):
+    def _hand(self, caster, places, subset, points, handed):
         """Hand places to bake points where they see them: whether they do."""
         scene = self._scene
-        starts = places.start[some]
+        starts = places.start[subset]
         ways = scene.ray_origins[points] - starts
         lengths = np.linalg.norm(ways, axis=1)
         # A ray that is not longer than what it starts above the surface is of the same place.
-        seen = lengths <= 8 * scene.triangle_lifts[places.triangle[some]]
+        seen = lengths <= 8 * scene.triangle_lifts[places.triangle[subset]]
         asked = np.flatnonzero(~seen)
         if len(asked):
-            handed.short[some[asked]] += 1
+            handed.short[subset[asked]] += 1
             directions = (ways[asked] / lengths[asked, None]).astype(np.float32)
             starts, limit = starts[asked], (lengths[asked] * _SHORT).astype(np.float32)
             if scene.ray_origins.dtype == np.float32:
                 starts = starts.astype(np.float32)
             seen[asked] = ~caster.occluded(starts, directions, limit)
-        handed.chosen[some[seen]] = points[seen]
+        handed.chosen[subset[seen]] = points[seen]
         return seen
 
     def _try_nearest_detail(self, caster, places, left, handed):
         """Those that have a detail right beside them; returns the others."""
-        some = left[self._near_details[places.triangle[left]]]
-        if not len(some):
+        beside = left[self._near_details[places.triangle[left]]]
+        if not len(beside):
             return left
-        index, distance = self._nearest_details(places, some, 1)
+        index, distance = self._nearest_details(places, beside, 1)
         away = np.linalg.norm(
-            self._scene.points.positions[places.around[some]] - places.position[some, None], axis=2
+            self._scene.points.positions[places.around[beside]] - places.position[beside, None],
+            axis=2,
         )
         near = distance[:, 0] < np.minimum(away.min(axis=1), _NEAR * away.max(axis=1))
-        some, points = some[near], self._scene.details.point[index[near, 0]]
-        seen = self._hand(caster, places, some, points, handed)
-        return np.setdiff1d(left, some[seen], assume_unique=True)
+        beside, points = beside[near], self._scene.details.point[index[near, 0]]
+        seen = self._hand(caster, places, beside, points, handed)
+        return np.setdiff1d(left, beside[seen], assume_unique=True)
 
     def _try_corners(self, caster, places, left, handed, pick):
         """One of the corners that each place sees; returns those that see none."""
@@ -178,9 +179,9 @@ class Sharing:
         for _ in range(3):
             total = weights[left].sum(axis=1)
             # A corner without weight is not around the place.
-            some = total > 1e-6
-            lost.append(left[~some])
-            left, total = left[some], total[some, None]
+            reached = total > 1e-6
+            lost.append(left[~reached])
+            left, total = left[reached], total[reached, None]
             if not len(left):
                 break
             shares = weights[left] / total
@@ -204,22 +205,22 @@ class Sharing:
             return
         index, distance = self._nearest_details(places, left, _MOST)
         for which in range(index.shape[1]):
-            some = np.isfinite(distance[:, which])
+            reached = np.isfinite(distance[:, which])
             seen = np.zeros(len(left), bool)
-            points = self._scene.details.point[index[some, which]]
-            seen[some] = self._hand(caster, places, left[some], points, handed)
+            points = self._scene.details.point[index[reached, which]]
+            seen[reached] = self._hand(caster, places, left[reached], points, handed)
             left, index, distance = left[~seen], index[~seen], distance[~seen]
 
-    def _nearest_details(self, places, some, count):
+    def _nearest_details(self, places, subset, count):
         """Indices and distances (n, count) of details in the same plane; infinite where not."""
-        place, normal = places.position[some], places.normal[some]
+        place, normal = places.position[subset], places.normal[subset]
         count = min(count, len(self._details))
         _, index = self._tree.query(np.hstack([place, normal]), k=count)
-        index = index.reshape(len(some), count)
+        index = index.reshape(len(subset), count)
         way = self._details[index] - place[:, None]
         distance = np.linalg.norm(way, axis=2)
         height = np.abs(np.einsum("mkx,mx->mk", way, normal.astype(np.float64)))
-        lift = self._scene.triangle_lifts[places.triangle[some], None]
+        lift = self._scene.triangle_lifts[places.triangle[subset], None]
         return index, np.where(height <= _FLAT * distance + 2 * lift, distance, np.inf)
 
 

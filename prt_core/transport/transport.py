@@ -158,8 +158,8 @@ class Transport:
         """Direct irradiance / pi, (n_points, 3) float32, under `light` (n_directions, 3)."""
         light = expect_array("light", light, (self.n_directions, None), np.float32)
         # Of light without colour one channel is made: rounding would tell three of them apart.
-        some = light[:, :1] if _is_grey(light) else light
-        received = received_light(self.bits, self.normals, self.cube_map, some)
+        narrow = light[:, :1] if _is_grey(light) else light
+        received = received_light(self.bits, self.normals, self.cube_map, narrow)
         return np.broadcast_to(received, (self.n_points, light.shape[1])).copy()
 
     def radiance(self, light, lamps=None, bounces="baked"):

@@ -178,8 +178,8 @@ def received_light(bits, normals, cube_map, light):
     def one(first):
         part = slice(first, first + _UNPACK)
         seen = np.flatnonzero(bits[part].any(axis=0))
-        some = by_byte[seen].reshape(8 * len(seen), 3 * n_channels)
-        vectors = unpack(bits[part].take(seen, axis=1), 8 * len(seen)) @ some
+        weights = by_byte[seen].reshape(8 * len(seen), 3 * n_channels)
+        vectors = unpack(bits[part].take(seen, axis=1), 8 * len(seen)) @ weights
         vectors = vectors.reshape(-1, 3, n_channels)
         result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
 

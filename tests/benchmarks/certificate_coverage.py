@@ -38,15 +38,15 @@ def scene_named(name):
 def true_errors(scene, cube_map, truth, sampled, lights):
     """{object index: (matrix error, {light: relit error})}."""
     vectors = cube_map.vectors
-    found = {}
+    result = {}
     for number in np.unique(scene.points.object_index):
         sums = np.zeros(2)
         points = np.flatnonzero(scene.points.object_index == number)
         for first in range(0, len(points), 512):
-            some = points[first : first + 512]
-            worth = np.maximum(scene.points.normals[some] @ vectors.T, 0) ** 2
-            right = unpack(truth[some], cube_map.n_directions)
-            wrong = unpack(truth[some] ^ sampled.bits[some], cube_map.n_directions)
+            subset = points[first : first + 512]
+            worth = np.maximum(scene.points.normals[subset] @ vectors.T, 0) ** 2
+            right = unpack(truth[subset], cube_map.n_directions)
+            wrong = unpack(truth[subset] ^ sampled.bits[subset], cube_map.n_directions)
             sums += (worth * wrong).sum(), (worth * right).sum()
         relit = {}
         for name, light in lights.items():
@@ -56,8 +56,8 @@ def true_errors(scene, cube_map, truth, sampled, lights):
                 for bits in (truth, sampled.bits)
             )
             relit[name] = np.sqrt(((right - said) ** 2).sum() / max((right**2).sum(), 1e-30))
-        found[int(number)] = np.sqrt(sums[0] / max(sums[1], 1e-30)), relit
-    return found
+        result[int(number)] = np.sqrt(sums[0] / max(sums[1], 1e-30)), relit
+    return result
 
 
 def coverage(scene, method, cube_map, n_seeds, settings=None, **sampler_settings):
@@ -70,10 +70,10 @@ def coverage(scene, method, cube_map, n_seeds, settings=None, **sampler_settings
     wanted = true_errors(scene, cube_map, truth, sampled, lights)
     found_of = {}
     for seed in range(n_seeds):
-        some = CertificateSettings(**{**(settings or {}), "seed": seed})
+        subset = CertificateSettings(**{**(settings or {}), "seed": seed})
         copy = Sampled(sampled.bits.copy(), sampled.traced.copy(), 0)
-        found = run(certificate_steps(scene, cube_map, caster, copy, lights, some))
-        for number, item in zip(sorted(wanted), found, strict=True):
+        result = run(certificate_steps(scene, cube_map, caster, copy, lights, subset))
+        for number, item in zip(sorted(wanted), result, strict=True):
             matrix, relit = wanted[number]
             for name, value, estimate in [
                 ("matrix", matrix, item.matrix),

@@ -89,8 +89,8 @@ def haar_table(path):
     for selection in SELECTIONS:
         cells = []
         for share in SHARES:
-            found = [r[3] for r in rows if r[1:3] == (selection, share)]
-            cells.append(f"{np.mean(found):.2%} ({max(found):.1%})")
+            result = [r[3] for r in rows if r[1:3] == (selection, share)]
+            cells.append(f"{np.mean(result):.2%} ({max(result):.1%})")
         lines.append(f"| {selection} | " + " | ".join(cells) + " |")
     return lines
 
@@ -117,8 +117,8 @@ def sparse_task(name):
     for index in range(len(scene.objects)):
         mine = np.flatnonzero(points.object_index == index)
         known = dense[points.object_index[dense] == index]
-        _, found = cKDTree(points.positions[known]).query(points.positions[mine], 12)
-        near[mine] = known[found]
+        _, result = cKDTree(points.positions[known]).query(points.positions[mine], 12)
+        near[mine] = known[result]
     return transport, np.sort(dense), near
 
 
@@ -149,7 +149,7 @@ def sparse_table(name, *clusters):
         "|---" * 13 + "|",
     ]
     for index, n_clusters in enumerate([int(text) for text in clusters] or CLUSTERS):
-        found = []
+        result = []
         models = [
             ClusteredPCA(n_clusters, 24, method="iterative"),
             ClusteredPCA(n_clusters, 24),
@@ -159,11 +159,11 @@ def sparse_table(name, *clusters):
         for model in models if index else [PublishedPCA(n_clusters, 24), *models]:
             start = time.perf_counter()
             model.fit(rows)
-            found.append((time.perf_counter() - start, model.matrix_error_))
-            print(n_clusters, type(model).__name__, *found[-1], file=sys.stderr, flush=True)
-        published = found.pop(0) if len(found) > 3 else None
-        (iterative, error), _, (quick, sparse) = found
-        cells = [f"{seconds:.1f} | {part:.3%}" for seconds, part in found]
+            result.append((time.perf_counter() - start, model.matrix_error_))
+            print(n_clusters, type(model).__name__, *result[-1], file=sys.stderr, flush=True)
+        published = result.pop(0) if len(result) > 3 else None
+        (iterative, error), _, (quick, sparse) = result
+        cells = [f"{seconds:.1f} | {part:.3%}" for seconds, part in result]
         cells.insert(0, "{:.1f} | {:.3%}".format(*published) if published else " | ")
         ratios = [f"{published[0] / quick:.1f}" if published else "", f"{iterative / quick:.1f}"]
         ratios += [f"{sparse / published[1]:.3f}" if published else "", f"{sparse / error:.3f}"]
@@ -173,7 +173,7 @@ def sparse_table(name, *clusters):
 
 def scenes_table(folder, *names):
     """`prt bench compress` on other scenes, three budgets of each method; rows are kept."""
-    folder, found = Path(folder), {}
+    folder, result = Path(folder), {}
     for name in names or SCENES:
         kept = folder / f"compress_{name}.json"
         if not kept.exists():
@@ -188,17 +188,17 @@ def scenes_table(folder, *names):
             rows = _run("-m", "prt_core", "bench", "compress", bake, "-o", folder / name,
                         "--budgets", *budget_numbers, "--json")  # fmt: skip
             kept.write_text(rows)
-        found[name] = json.loads(kept.read_text())
-    sizes = ", ".join(f"{name} {rows[0]['points']:,} points" for name, rows in found.items())
+        result[name] = json.loads(kept.read_text())
+    sizes = ", ".join(f"{name} {rows[0]['points']:,} points" for name, rows in result.items())
     lines = [
         f"Other scenes ({sizes}), as above: MB; ms in the median; relit error in the mean, and in "
         "the worst of 64 lights.",
         "",
-        f"| method | {' | '.join(found)} |",
-        "|---" * (1 + len(found)) + "|",
+        f"| method | {' | '.join(result)} |",
+        "|---" * (1 + len(result)) + "|",
     ]
-    for kind in dict.fromkeys(row["method"] for rows in found.values() for row in rows):
-        cells = [[row for row in rows if row["method"] == kind] for rows in found.values()]
+    for kind in dict.fromkeys(row["method"] for rows in result.values() for row in rows):
+        cells = [[row for row in rows if row["method"] == kind] for rows in result.values()]
         for index in range(max(map(len, cells))):
             mine = [rows[index] if index < len(rows) else None for rows in cells]
             named = next(row for row in mine if row)
@@ -253,9 +253,9 @@ def bounces_table(path):
             errors, spent = [], []
             for light, wanted in zip(lights, truth, strict=True):
                 start = time.perf_counter()
-                found = relit(light)
+                result = relit(light)
                 spent.append(1e3 * (time.perf_counter() - start))
-                errors.append(relative_l2(found, wanted))
+                errors.append(relative_l2(result, wanted))
             k = transport.gather
             of_k = 0 if inside else (k.data.nbytes + k.indices.nbytes + k.indptr.nbytes) / 1e6
             lines.append(

@@ -48,19 +48,19 @@ def table(names):
     print("scene    object   points  entries %  (paper)  matrix L2  (paper)  dense err  rank")
     for name in names or MODELS:
         scene, truth, caster = prepared(name)
-        found = run(sample_huang(scene, CUBE, caster, HuangSettings()))
-        errors, sizes = matrix_errors(scene, CUBE, found.bits, truth)
+        result = run(sample_huang(scene, CUBE, caster, HuangSettings()))
+        errors, sizes = matrix_errors(scene, CUBE, result.bits, truth)
         is_dense = np.zeros(len(scene.points), bool)
-        is_dense[found.dense.points] = True
+        is_dense[result.dense.points] = True
         for index, item in enumerate(scene.objects):
             mine = scene.points.object_index == index
-            entries = 100 * count_bits(found.traced[mine]) / (mine.sum() * CUBE.n_directions)
+            entries = 100 * count_bits(result.traced[mine]) / (mine.sum() * CUBE.n_directions)
             share, error = PAPER.get((name, item.name), (None, None))
             of_dense = relative(errors[mine & is_dense], sizes[mine & is_dense])
             print(
                 f"{name:8} {item.name:7} {mine.sum():7,d} {entries:10.2f} {told(share)} "
                 f"{relative(errors[mine], sizes[mine]):10.2f} {told(error)} {of_dense:10.2f} "
-                f"{found.dense.rank[mine].mean():5.2f}",
+                f"{result.dense.rank[mine].mean():5.2f}",
                 flush=True,
             )
 
@@ -162,11 +162,11 @@ def radius(names):
             for kind, changed in kinds.items():
                 # The paper's radius is in units of a ground of 4, ours in the scene's size.
                 settings = replace(base, radius=radius / 4, **changed)
-                found = sparse.measure(settings, index, SOME // 4)
-                used = f", {found['used']:5.1f}" if "L1" in kind else ""
-                cells.append(f"{found['combined']:6.2f} ({found['final']:6.2f}{used})")
+                result = sparse.measure(settings, index, SOME // 4)
+                used = f", {result['used']:5.1f}" if "L1" in kind else ""
+                cells.append(f"{result['combined']:6.2f} ({result['final']:6.2f}{used})")
             print(
-                f"{item.name:7} {radius:6.3f} {found['neighbours']:11.1f}  "
+                f"{item.name:7} {radius:6.3f} {result['neighbours']:11.1f}  "
                 + "  ".join(f"{cell:23}" for cell in cells).rstrip(),
                 flush=True,
             )
@@ -183,10 +183,10 @@ def rivals(names):
         for count in (100, 350, 700):
             for choice in ("features", "hasan", "wang"):
                 settings = replace(base, features=count, columns=choice)
-                found = sparse.measure(settings, index)
+                result = sparse.measure(settings, index)
                 print(
-                    f"{item.name:7} {count:7} {choice:>10} {found['entries']:8.1f} "
-                    f"{found['combined']:9.2f} {found['final']:7.2f}",
+                    f"{item.name:7} {count:7} {choice:>10} {result['entries']:8.1f} "
+                    f"{result['combined']:9.2f} {result['final']:7.2f}",
                     flush=True,
                 )
 
@@ -204,8 +204,8 @@ def quantity(names):
     variants += [{"reconstruction": "least_squares"}]
     print(f"{name}: matrix L2 % of sparse points, final (combined)")
     for settings in variants:
-        found = [sparse.measure(replace(base, **settings), index) for index in (0, 1)]
-        cells = "   ".join(f"{f['final']:6.2f} ({f['combined']:6.2f})" for f in found)
+        result = [sparse.measure(replace(base, **settings), index) for index in (0, 1)]
+        cells = "   ".join(f"{f['final']:6.2f} ({f['combined']:6.2f})" for f in result)
         print(f"{settings!s:50} {cells}", flush=True)
 
 

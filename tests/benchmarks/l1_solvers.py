@@ -77,27 +77,27 @@ def main():
             grams, moments, squares = gram(columns, targets)
             middle = time.process_time()
             strengths = np.maximum(share * np.abs(moments).max(axis=1), 1e-30)
-            found = l1_batched(grams, moments, squares, strengths)
+            result = l1_batched(grams, moments, squares, strengths)
             times.append((middle - start, time.process_time() - middle))
-        made, solved = np.median(times, axis=0)
-        some = columns[rows], targets[rows], strengths[rows]
-        best = objectives(*some, found.weights[rows])
+        built, solved = np.median(times, axis=0)
+        subset = columns[rows], targets[rows], strengths[rows]
+        best = objectives(*subset, result.weights[rows])
         cells, ratios = [], []
         for tolerance in (1e-4, 1e-7):
-            spent, weights = loop(*some, tolerance)
-            excess = (objectives(*some, weights) / np.maximum(best, 1e-300) - 1).max()
+            spent, weights = loop(*subset, tolerance)
+            excess = (objectives(*subset, weights) / np.maximum(best, 1e-300) - 1).max()
             cells.append(f"{1e3 * spent:9.2f} ({excess:.1e})")
-            ratios.append(f"{spent * n / (made + solved):.1f}")
-        gap = (found.gap / np.maximum(squares, 1e-300)).max()
+            ratios.append(f"{spent * n / (built + solved):.1f}")
+        gap = (result.gap / np.maximum(squares, 1e-300)).max()
         print(
-            f"{share:10g} {made:7.3f} {solved:8.3f} {found.iterations.mean():11.1f} "
-            f"{gap:18.1e} {np.count_nonzero(found.weights) / n:9.1f}   {'   '.join(cells)}   "
+            f"{share:10g} {built:7.3f} {solved:8.3f} {result.iterations.mean():11.1f} "
+            f"{gap:18.1e} {np.count_nonzero(result.weights) / n:9.1f}   {'   '.join(cells)}   "
             f"{', '.join(ratios)}",
             flush=True,
         )
     one = l1_interior_point(columns[0], targets[0], strengths[0])
     print(f"interior point, first problem: {one.objective:.9g}, gap {one.gap:.1e}, "
-          f"batched {found.objective[0]:.9g}")  # fmt: skip
+          f"batched {result.objective[0]:.9g}")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -210,11 +210,11 @@ PARTS = {
 def compared(bakes, scene, light, bounces, wanted, noisy):
     from prt_core.api import relight_points
 
-    found = {}
+    result = {}
     for resolution, sharp in VARIANTS:
         lamps = light == "lamps"
         if lamps and sharp:
-            found[resolution, sharp] = found[resolution, False]
+            result[resolution, sharp] = result[resolution, False]
             continue
         radiance = relight_points(
             bakes[resolution],
@@ -223,15 +223,15 @@ def compared(bakes, scene, light, bounces, wanted, noisy):
             lamps=lamps,
             bounces=0 if bounces == "direct" else "baked",
         )
-        found[resolution, sharp] = by_vertex(bakes[resolution], radiance)
+        result[resolution, sharp] = by_vertex(bakes[resolution], radiance)
     if bounces == "all" and light in ("courtyard", "city", "lamps"):
         first = min(bakes)
-        difference_picture(bakes[first], scene, light, found[first, True], wanted, noisy)
+        difference_picture(bakes[first], scene, light, result[first, True], wanted, noisy)
     lines = []
-    for name in next(iter(found.values())):
+    for name in next(iter(result.values())):
         other = colour_error(noisy[name], wanted[name])
         cells = []
-        for colours in found.values():
+        for colours in result.values():
             error = colour_error(colours[name], wanted[name])
             text = f"{error['l2']:.2%} ({error['mean']:+.2%})"
             better = error["l2"] < other["l2"] and abs(error["mean"]) < 4e-3

@@ -73,14 +73,14 @@ def objects(names):
         for text in METHODS:
             method = parse_method(text)
             sampler = sampler_named(method.name)[0]
-            found = run(sampler(scene, CUBE, caster, method.made_settings(0)))
-            errors, sizes = matrix_errors(scene, CUBE, found.bits, truth)
+            result = run(sampler(scene, CUBE, caster, method.made_settings(0)))
+            errors, sizes = matrix_errors(scene, CUBE, result.bits, truth)
             for index, item in enumerate(scene.objects):
                 mine = scene.points.object_index == index
                 yield (
                     f"{name} {text} {item.name}",
                     {
-                        "entries": _entries(found.traced[mine]),
+                        "entries": _entries(result.traced[mine]),
                         "error": _relative(errors[mine], sizes[mine]),
                     },
                 )
@@ -140,9 +140,9 @@ def growth(_):
         caster = scene.make_caster("embree")
         caster.occluded(scene.ray_origins[:1], CUBE.samples[:1].astype(np.float32))
         start = time.perf_counter()
-        found = run(sampler_named("agreement")[0](scene, CUBE, caster))
+        result = run(sampler_named("agreement")[0](scene, CUBE, caster))
         yield str(ground), {
-            "points": len(scene.points), "rays": int(found.rays),
+            "points": len(scene.points), "rays": int(result.rays),
             "seconds": time.perf_counter() - start,
         }  # fmt: skip
         caster.close()
@@ -210,14 +210,14 @@ def _objects(rows):
 def _curve(rows):
     rows = [row for row in rows.values() if row["method"] != "exhaustive"]
     names = [name for name in MODELS if any(row["scene"] == name for row in rows)]
-    found = {}
+    result = {}
     for name in names:
         mine = [row for row in rows if row["scene"] == name]
         picture = ROOT / "docs" / f"sampling_{name}.png"
         picture.write_bytes(error_plot(mine, ["entries_percent"]))
         for row in mine:
             value = f"{row['entries_percent']:.2f}, {100 * row['matrix_l2']:.2f}"
-            found[row["label"], name, row["object"]] = value
+            result[row["label"], name, row["object"]] = value
     columns = [(name, item) for name in names for item in ("model", "ground")]
     yield from (
         "Entries and errors in per cent; `hasan` and `wang` are the sparse method with the columns "
@@ -226,8 +226,8 @@ def _curve(rows):
         "", f"| method | {' | '.join(' '.join(column) for column in columns)} |",
         "|---" * (1 + len(columns)) + "|",
     )  # fmt: skip
-    for label in dict.fromkeys(label for label, *_ in found):
-        cells = [found.get((label, *column), "") for column in columns]
+    for label in dict.fromkeys(label for label, *_ in result):
+        cells = [result.get((label, *column), "") for column in columns]
         yield f"| {label} | {' | '.join(cells)} |"
 
 
@@ -302,16 +302,16 @@ def _coverage(rows):
     for name, method in sorted({tuple(key.split()[:2]) for key in rows}):
         mine = [row for key, row in rows.items() if key.startswith(f"{name} {method} ")]
         for what in ("matrix", "relit colours"):
-            some = [row for row in mine if (row["what"] == "matrix") == (what == "matrix")]
+            subset = [row for row in mine if (row["what"] == "matrix") == (what == "matrix")]
             keys = ("held", "understated", "true", "mean_low", "mean_high")
             held, under, true, low, high = np.transpose(
-                [[row[key] for key in keys] for row in some]
+                [[row[key] for key in keys] for row in subset]
             )
-            held, under = (100 * count / some[0]["seeds"] for count in (held, under))
+            held, under = (100 * count / subset[0]["seeds"] for count in (held, under))
             wide = (high - low) / true
             narrow = int(((held > 98) & (wide < 0.03)).sum())
             yield (
-                f"| {name} | {method} | {what} | {len(some)} "
+                f"| {name} | {method} | {what} | {len(subset)} "
                 f"| {held.min():.1f}, {held.mean():.1f}, {held.max():.1f} | {(held < 92).sum()} "
                 f"| {(held > 98).sum()} ({narrow}) | {under.mean():.1f} | {100 * wide.mean():.0f} "
                 f"| {100 * true.min():.2f} to {100 * true.max():.2f} |"

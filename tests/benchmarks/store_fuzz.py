@@ -30,10 +30,10 @@ def main():
             print(f"{number}: {mutation} of {kind}: {verdict}: {text}", flush=True)
 
     with tempfile.TemporaryDirectory() as folder:
-        found = fuzz(
+        result = fuzz(
             Path(folder), options.count, options.seed, [*candidate_names(), "irradiance"], report
         )
-    table, bad, peak, slowest = found
+    table, bad, peak, slowest = result
     print(*table_lines(table), sep="\n")
     spent = time.perf_counter() - begun
     print(

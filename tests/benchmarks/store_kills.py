@@ -45,10 +45,10 @@ def main():
                 Path(folder), list(kinds), options.kills, options.moments, options.seed, _report
             )
     print(f"zarr {zarr.__version__}, {time.perf_counter() - begun:.0f} s")
-    for kind, found in table.items():
-        what = ", ".join(f"{count} {name}" for name, count in found.most_common())
-        print(f"{kind:12}  {sum(found.values()):4} kills: {what}")
-    return int(any(set(found) - _GOOD for found in table.values()))
+    for kind, result in table.items():
+        what = ", ".join(f"{count} {name}" for name, count in result.most_common())
+        print(f"{kind:12}  {sum(result.values()):4} kills: {what}")
+    return int(any(set(result) - _GOOD for result in table.values()))
 
 
 def _report(kind, case, found):
@@ -63,9 +63,9 @@ def _writes(folder, options):
     for number in range(options.writes):
         kind = list(KINDS)[number % len(KINDS)]
         case = {"at": int(rng.integers(killer.events[kind])), "share": float(rng.random())}
-        found = killer.kill(kind, **case)
-        table[kind][found] += 1
-        _report(kind, case, found)
+        result = killer.kill(kind, **case)
+        table[kind][result] += 1
+        _report(kind, case, result)
     return table
 
 
@@ -82,7 +82,7 @@ def _command_line(folder, options):
 
 
 def _kill_command(command, folder, options, rng, before=None):
-    whole, broken, found = folder / "whole.prt", folder / "broken.prt", Counter()
+    whole, broken, result = folder / "whole.prt", folder / "broken.prt", Counter()
     folder.mkdir()
     if before:
         shutil.copytree(before, whole)
@@ -98,9 +98,9 @@ def _kill_command(command, folder, options, rng, before=None):
         codes.append(prt(*command, broken))
         good = codes[-1] == 0 and set(codes) <= {0, -9}
         name = compared(broken, whole) if good else f"exit codes {codes}"
-        found["too late" if codes[0] == 0 and name == "equal" else name] += 1
+        result["too late" if codes[0] == 0 and name == "equal" else name] += 1
         shutil.rmtree(broken)
-    return found
+    return result
 
 
 if __name__ == "__main__":

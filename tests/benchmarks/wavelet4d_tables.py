@@ -108,7 +108,7 @@ def fit(scene, item, part=None):
 
 def bits(scene, item, columns, file):
     """The same terms, as floats and quantised in several ways."""
-    found = {}
+    result = {}
     for error in ERRORS:
         model = pickle.loads(kept(scene, item, f"adaptive_{error}").read_bytes())
         row = {}
@@ -124,9 +124,9 @@ def bits(scene, item, columns, file):
         }.items():
             coder = ColumnCoder(columns, 0, columns.depth, *settings, 1 << 29, 0)
             _, row[name], _ = run(coder.all_steps(file, model["limit"]))
-        found[error] = row
+        result[error] = row
         print(scene, item, error, {k: f"{v:.4%}" for k, v in row.items()}, flush=True)
-    kept(scene, item, "bits", "json").write_text(json.dumps(found))
+    kept(scene, item, "bits", "json").write_text(json.dumps(result))
 
 
 def filters(scene, item):
@@ -139,23 +139,25 @@ def filters(scene, item):
 
 def density(scene):
     """Bytes of the model at 2 %, adaptive and 2D, at a quarter of its points to four times all."""
-    found = []
+    result = []
     for halvings, share in ((0, 4), (0, 2), (0, 1), (1, 1)):
         bake, mine, rows, columns = prepared(scene, "model", halvings)
         if share > 1:
             # One leaf of each small patch.
-            some = np.sort(columns.order[share // 2 :: share])
-            rows = SomeRows(rows, some)
+            subset = np.sort(columns.order[share // 2 :: share])
+            rows = SomeRows(rows, subset)
             points = bake.scene.points
-            columns = PointMultiwavelet(points.positions[mine[some]], points.normals[mine[some]])
+            columns = PointMultiwavelet(
+                points.positions[mine[subset]], points.normals[mine[subset]]
+            )
         sizes = []
         with run(Wavelet4D(columns).columns_steps(rows)) as file:
             for mode in ("adaptive", "2d"):
                 model = run(Wavelet4D(columns, error=0.02, mode=mode).fit_columns_steps(rows, file))
                 sizes.append(model.nbytes)
-        found.append((rows.n_points, *sizes))
-        print(scene, "points, adaptive, 2d bytes", *found[-1], flush=True)
-    kept(scene, "model", "density", "json").write_text(json.dumps(found))
+        result.append((rows.n_points, *sizes))
+        print(scene, "points, adaptive, 2d bytes", *result[-1], flush=True)
+    kept(scene, "model", "density", "json").write_text(json.dumps(result))
 
 
 def image_path(name, kind, size):
@@ -196,8 +198,8 @@ def image(name, kind, size, *errors):
         {"hierarchy": PointMultiwavelet(*place)},
     )
     kept_rows = path.with_suffix(".image.json")
-    found = json.loads(kept_rows.read_text()) if kept_rows.exists() else []
-    done = [(row[0], row[1], row[-1]) for row in found]
+    result = json.loads(kept_rows.read_text()) if kept_rows.exists() else []
+    done = [(row[0], row[1], row[-1]) for row in result]
     for columns in orders:
         # Turned once for all transforms that keep the pixels' order.
         with run(Wavelet4D(next(iter(columns.values()))).columns_steps(rows)) as file:
@@ -215,9 +217,9 @@ def image(name, kind, size, *errors):
                         run(model.fit_columns_steps(rows, file))
                         # The order of the pixels is that of the image, or counted.
                         row = name, mode, model.nbytes, model.n_coefficients_, model.matrix_error_
-                        found.append((*row, error))
+                        result.append((*row, error))
                         print(path.stem, *row, flush=True)
-                        kept_rows.write_text(json.dumps(found))
+                        kept_rows.write_text(json.dumps(result))
 
 
 def remeshed(bake, mesh):
@@ -229,12 +231,12 @@ def remeshed(bake, mesh):
         Relative L2 over the vertices, for each HDRI and turn.
     """
     point, u, v = vertex_texels(bake, mesh)
-    found = []
+    result = []
     for light in studio_lights(bake):
         radiance = bake.transport.radiance(light)
         read, truth = read_texels(bake.image(radiance), u, v), radiance[point]
-        found.append(float(np.linalg.norm(read - truth) / np.linalg.norm(truth)))
-    return found
+        result.append(float(np.linalg.norm(read - truth) / np.linalg.norm(truth)))
+    return result
 
 
 def vertex_texels(bake, mesh):
@@ -338,7 +340,7 @@ def milliseconds(models, lights):
                 model.product(light)
                 spent[name][cut].append(1e3 * (time.perf_counter() - began))
     return {
-        name: {cut: float(np.median(found[1:])) for cut, found in cuts.items()}
+        name: {cut: float(np.median(result[1:])) for cut, result in cuts.items()}
         for name, cuts in spent.items()
     }
 
@@ -378,8 +380,8 @@ def times(scene, item):
     for name, model in models.items():
         row = {f"ms_{cut}": spent[name][cut] for cut in CUTS}
         for cut, model.light_error in CUTS.items():
-            found = ExitRadiance(model.product(lights[0]), albedo).toward()
-            row[f"relit_{cut}"] = float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
+            result = ExitRadiance(model.product(lights[0]), albedo).toward()
+            row[f"relit_{cut}"] = float(np.linalg.norm(result - truth) / np.linalg.norm(truth))
         row["wavelets"] = [int(model.choose(light).any(axis=1).sum()) for light in lights]
         kept(scene, item, name, "ms.json").write_text(json.dumps(row))
         print(scene, item, name, row, flush=True)
@@ -444,7 +446,7 @@ def _sizes(name):
         if not all(rows):
             continue
         sizes = [row["bytes"] / 1e6 for row in rows]
-        told = " | ".join(f"{size:.2f}" for size in sizes)
+        printed = " | ".join(f"{size:.2f}" for size in sizes)
         cells = [""] * 3
         if all(ms):
             cells = [
@@ -453,7 +455,7 @@ def _sizes(name):
             ]
             cells.append(f"{np.median(ms[0]['wavelets']):.0f}")
         yield (
-            f"| {name.replace('-', ', ')} | {error:.0%} | {told} | {sizes[1] / sizes[0]:.2f} "
+            f"| {name.replace('-', ', ')} | {error:.0%} | {printed} | {sizes[1] / sizes[0]:.2f} "
             f"| {sizes[2] / sizes[0]:.3f} | {' | '.join(cells)} |"
         )
 
@@ -537,9 +539,9 @@ def image_times_table():
     rows = []
     for path in sorted(CACHE.glob("*.image_ms.json")):
         error, spent = json.loads(path.read_text())
-        told = [", ".join(f"{spent[m][cut]:.0f}" for m in MODES if m in spent) for cut in CUTS]
+        printed = [", ".join(f"{spent[m][cut]:.0f}" for m in MODES if m in spent) for cut in CUTS]
         named = path.name.removesuffix(".image_ms.json")
-        rows.append(f"| {named} | {error:.0%} | {' | '.join(told)} |")
+        rows.append(f"| {named} | {error:.0%} | {' | '.join(printed)} |")
     return rows and [
         "Milliseconds of a new light for images in Haar columns:",
         "",

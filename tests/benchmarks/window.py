@@ -41,10 +41,10 @@ def measure(command, scene, folder):
 
     blender = RealBlender(command, folder)
     shutil.copy(ROOT / "blend_scenes" / f"{scene}.blend", folder / "scene.blend")
-    found = blender.play("measure")
-    assert found["error"] is None, found["error"]
+    result = blender.play("measure")
+    assert result["error"] is None, result["error"]
     headless = {}
-    for caster in found["bake"]:
+    for caster in result["bake"]:
         done = blender.run(
             "-b", "scene.blend", "--addons", "bl_ext.user_default.prt_relight", "--command", "prt",
             "bake", "-o", f"h_{caster}.prt",
@@ -55,7 +55,7 @@ def measure(command, scene, folder):
             "attributes"
         ]
         headless[caster] = sum(attributes["report"]["seconds"].values())
-    return {"scene": scene, "version": blender.version, "headless": headless, **found}
+    return {"scene": scene, "version": blender.version, "headless": headless, **result}
 
 
 def table(rows):

@@ -98,14 +98,14 @@ def scatter(name, collection, location=(0, 0, 0)):
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    start, end, put, made = (
+    start, end, put, built = (
         group.nodes.new(kind)
         for kind in ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints",
                      "GeometryNodeMeshCube")
     )  # fmt: skip
-    made.inputs["Size"].default_value = 0.2, 0.2, 0.2
+    built.inputs["Size"].default_value = 0.2, 0.2, 0.2
     group.links.new(start.outputs[0], put.inputs["Points"])
-    group.links.new(made.outputs["Mesh"], put.inputs["Instance"])
+    group.links.new(built.outputs["Mesh"], put.inputs["Instance"])
     group.links.new(put.outputs[0], end.inputs[0])
     item.modifiers.new("Scatter", "NODES").node_group = group
     return item

@@ -110,14 +110,14 @@ def test_a_second_bake_goes_on_and_a_changed_scene_is_baked_anew(baked):
     assert BakeStore(preview.path_of(baked)).attributes["identity"] == first
     baked.objects["ball"].location.x += 0.3
     bpy.ops.prt.refresh()
-    made, _ = plan.of(baked)
+    built, _ = plan.of(baked)
     state = blender_addon.bakes.state(baked, bpy.context.window_manager.prt.bakes[0])
     assert "stale: ball changed" in state[0]
     bpy.ops.prt.bake()
     assert BakeStore(preview.path_of(baked)).attributes["identity"] != first
     assert blender_addon.bakes.state(baked, bpy.context.window_manager.prt.bakes[0])[0] == "fresh"
-    there = prt_core.load(preview.path_of(baked)).scene
-    assert made.cost.points == len(there.points) - len(there.details)
+    present = prt_core.load(preview.path_of(baked)).scene
+    assert built.cost.points == len(present.points) - len(present.details)
 
 
 def test_clear_gives_everything_back(scene):
@@ -377,9 +377,9 @@ def event(kind, value="NOTHING"):
 
 def drive(operator, context, turns=200):
     for _ in range(turns):
-        found = operator.modal(context, event("TIMER"))
-        if found != {"RUNNING_MODAL"}:
-            return found
+        result = operator.modal(context, event("TIMER"))
+        if result != {"RUNNING_MODAL"}:
+            return result
     raise AssertionError("the work does not end")
 
 
@@ -397,8 +397,8 @@ def test_the_modal_driver_works_to_the_end(window):
 @pytest.mark.parametrize(("total", "fails_at"), [(1, None), (5, 0)])
 def test_work_that_ends_at_once_leaves_no_handler(window, total, fails_at):
     operator = Counting(total, fails_at)
-    found = operator.invoke(window, None)
-    assert found == ({"FINISHED"} if fails_at is None else {"CANCELLED"})
+    result = operator.invoke(window, None)
+    assert result == ({"FINISHED"} if fails_at is None else {"CANCELLED"})
     assert window.window_manager.handlers == window.window_manager.timers == 0
     assert operator.closed and not work.status().running
 

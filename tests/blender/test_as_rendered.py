@@ -68,10 +68,10 @@ def nodes(name, item, *kinds):
 
 def material(name, *links, colour=(0.2, 0.5, 0.7, 1)):
     """A material of a Diffuse shader, or of other nodes: (kind, input of the output)."""
-    made = bpy.data.materials.new(name)
-    if made.node_tree is None:
-        made.use_nodes = True
-    tree = made.node_tree
+    built = bpy.data.materials.new(name)
+    if built.node_tree is None:
+        built.use_nodes = True
+    tree = built.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     for kind, socket in links or [("ShaderNodeBsdfDiffuse", "Surface")]:
@@ -79,7 +79,7 @@ def material(name, *links, colour=(0.2, 0.5, 0.7, 1)):
         if "Color" in node.inputs:
             node.inputs["Color"].default_value = colour
         tree.links.new(node.outputs[0], output.inputs[socket])
-    return made
+    return built
 
 
 # Switches of visibility

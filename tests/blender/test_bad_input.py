@@ -55,8 +55,8 @@ def test_blenders_reader_of_exr_is_given_the_same_answers(tmp_path, monkeypatch)
     aces(path)
     ours, notes = read_picture(path)
     monkeypatch.setattr(images, "_READERS", {".exr": _read})
-    found, said = read_picture(path)
-    np.testing.assert_allclose(found, ours, atol=1e-6)
+    result, said = read_picture(path)
+    np.testing.assert_allclose(result, ours, atol=1e-6)
     assert said == notes and len(said) == 1
 
 
@@ -83,9 +83,9 @@ def test_a_world_of_other_primaries_is_that_of_its_image(tmp_path):
     texture.image.colorspace_settings.name = "ACES2065-1"
     background = next(node for node in tree.nodes if node.type == "BACKGROUND")
     tree.links.new(texture.outputs["Color"], background.inputs["Color"])
-    found = read_world(CubeMap(3))
+    result = read_world(CubeMap(3))
     wanted = EnvironmentMap.read(tmp_path / "aces.exr").to_cube_map(CubeMap(3))
-    np.testing.assert_allclose(found, wanted, rtol=3e-3)
+    np.testing.assert_allclose(result, wanted, rtol=3e-3)
 
 
 def test_a_scene_on_a_full_disk_leaves_what_was_there(tmp_path):
@@ -99,13 +99,13 @@ def test_a_scene_on_a_full_disk_leaves_what_was_there(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert "\n" not in str(caught.value) and path.read_bytes() == b"before"
-    assert [found.name for found in tmp_path.iterdir()] == ["o.blend"]
+    assert [result.name for result in tmp_path.iterdir()] == ["o.blend"]
     save_scene(path)
     assert path.stat().st_size > 4096
     for wrong, what in (("o.png", "ends in .blend"), ("o.blend/o.blend", "in the way")):
         with pytest.raises(PRTError, match=what):
             save_scene(tmp_path / wrong)
-    assert [found.name for found in tmp_path.iterdir()] == ["o.blend"]
+    assert [result.name for result in tmp_path.iterdir()] == ["o.blend"]
 
 
 @pytest.mark.parametrize(

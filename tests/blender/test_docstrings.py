@@ -13,5 +13,5 @@ def test_blenders_side_is_documented():
         things.update(public(importlib.import_module(info.name)))
     exported = {getattr(blender, name) for name in blender.__all__}
     assert len(things) > 50 and exported <= set(things.values())
-    found = [fault for name, t in things.items() for fault in faults(name, t, t in exported)]
-    assert not found, "\n".join(found)
+    result = [fault for name, t in things.items() for fault in faults(name, t, t in exported)]
+    assert not result, "\n".join(result)

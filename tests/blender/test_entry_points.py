@@ -53,12 +53,12 @@ def test_command_line_and_api_give_the_same(blend, baked, hdri, tmp_path):
         "relight", tmp_path / "c.prt", "--light", hdri("city"), "--rotate", 30, "--exposure", 1,
         "--output", tmp_path / "c.npz", "--png", tmp_path / "c.png", "--size", "64x36",
     )  # fmt: skip
-    found = np.load(tmp_path / "c.npz")
+    result = np.load(tmp_path / "c.npz")
     colours = prt_core.relight(baked, hdri("city"), rotation=30)
-    assert set(found.files) == set(colours) == {"floor", "ball"}
+    assert set(result.files) == set(colours) == {"floor", "ball"}
     for name in colours:
-        assert found[name].dtype == np.float32
-        np.testing.assert_array_equal(found[name], colours[name] * np.float32(2))
+        assert result[name].dtype == np.float32
+        np.testing.assert_array_equal(result[name], colours[name] * np.float32(2))
     assert (tmp_path / "c.png").stat().st_size > 500
     assert json.loads(prt("info", tmp_path / "c.prt", "--json").stdout)["complete"] is True
 
@@ -80,10 +80,10 @@ def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
         done = prt("relight", one, "--light", hdri("night"), "--rotate", 30, "--output",
                    tmp_path / "c.npz", "--form", form)  # fmt: skip
         assert f"points relit {says}" in done.stdout
-        found = np.load(tmp_path / "c.npz")
+        result = np.load(tmp_path / "c.npz")
         colours = prt_core.relight(two, hdri("night"), rotation=30, form=form)
         for name in colours:
-            np.testing.assert_array_equal(found[name], colours[name])
+            np.testing.assert_array_equal(result[name], colours[name])
     exact = prt_core.relight(baked, hdri("night"), rotation=30)
     np.testing.assert_array_equal(exact["floor"], colours["floor"])
     turned = prt("relight", one, "--light", hdri("night"), "--turn", 2, "--output",
@@ -101,8 +101,8 @@ def test_images_are_baked_and_written(blend, hdri, tmp_path):
     prt("relight", output, "--light", hdri("city"), "--image", tmp_path / "c.png")
     assert (tmp_path / "c.png").stat().st_size > 200
     bake = prt_core.load(output)
-    found = bake.image(prt_core.api.relight_points(bake, hdri("city")))
-    assert found.shape == (16, 24, 3) and found.max() > 0
+    result = bake.image(prt_core.api.relight_points(bake, hdri("city")))
+    assert result.shape == (16, 24, 3) and result.max() > 0
     prt_core.open_blend(blend)
     mesh = bpy.data.objects["floor"].data
     layer = mesh.uv_layers.active or mesh.uv_layers.new(name="flat")
@@ -149,8 +149,8 @@ def test_suzanne_goes_over_the_sphere_without_her_eyes(tmp_path):
         None, tmp_path / "s.prt", resolution=4, tolerance=0.1, caster="blender",
         geometry_image=("head", 16), parametrisation="sphere",
     )  # fmt: skip
-    told = next(message for message in report["messages"] if "over the sphere" in message)
-    assert "2 holes filled" in told and "left out" in told
+    printed = next(message for message in report["messages"] if "over the sphere" in message)
+    assert "2 holes filled" in printed and "left out" in printed
     scene = prt_core.load(tmp_path / "s.prt").scene
     place = scene.to_world(scene.points.positions[scene.image.point])
     assert (np.ptp(place, axis=0) > 0.8 * np.array(bpy.context.object.dimensions)).all()

@@ -105,9 +105,9 @@ def test_headless(play, hdri, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "lit.blend"))
     for name, colours in wanted.items():
         data = bpy.data.objects[name].data.color_attributes["Baked light"].data
-        found = np.empty(4 * len(data), np.float32)
-        data.foreach_get("color", found)
-        assert (found.reshape(-1, 4)[:, :3] == colours).all()
+        result = np.empty(4 * len(data), np.float32)
+        data.foreach_get("color", result)
+        assert (result.reshape(-1, 4)[:, :3] == colours).all()
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)

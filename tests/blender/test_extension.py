@@ -43,7 +43,7 @@ def test_every_python_that_a_blender_runs_is_in_the_zips():
     assert build_extension.PYTHONS == ("3.11", "3.13", "3.14")
     for python in build_extension.PYTHONS:
         pins = build_extension.read_pins(build_extension.PINS / f"{python}.txt")
-        hashes = {name: found for name, _, found in pins}
+        hashes = {name: result for name, _, result in pins}
         assert BRINGS - {"prt_core", "yaml"} <= set(hashes) and "pyyaml" in hashes
         for name in ("scipy", "numcodecs", "embreex", "crc32c", "pyyaml"):
             assert len(hashes[name]) == len(build_extension.PLATFORMS), (python, name)
@@ -116,8 +116,8 @@ def test_bake_and_commands_work_with_what_it_brought(report, tmp_path, hdri):
     assert bake.report["back_end"] == "embree"
     prt_core.bake(BLEND, tmp_path / "api.prt", resolution=8, tolerance=0.05)
     wanted = prt_core.relight(tmp_path / "api.prt", hdri("city"), rotation=30)
-    with np.load(report["folder"] / "colours.npz") as found:
-        assert set(found) == set(wanted)
+    with np.load(report["folder"] / "colours.npz") as result:
+        assert set(result) == set(wanted)
         for name, colours in wanted.items():
-            np.testing.assert_array_equal(found[name], colours)
+            np.testing.assert_array_equal(result[name], colours)
     assert (report["folder"] / "view.png").read_bytes().startswith(b"\x89PNG")

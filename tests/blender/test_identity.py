@@ -100,9 +100,9 @@ def test_slashes_and_numbers_collide_with_nothing():
     for name, size in (("a/b", 0.2), ("a/b.001", 0.3), ("../up", 0.4), ("日本 ü", 0.5)):
         cube(name, home, size)
     cube("c", home, 0.6).modifiers.new("Array", "ARRAY").count = 1
-    found = sizes(read_meshes())
-    assert found.pop("a/b.002") == 0.2
-    assert found == {"a/b": 0.4, "a/b.001": 0.6, "../up": 0.8, "日本 ü": 1.0, "c": 1.2}
+    result = sizes(read_meshes())
+    assert result.pop("a/b.002") == 0.2
+    assert result == {"a/b": 0.4, "a/b.001": 0.6, "../up": 0.8, "日本 ü": 1.0, "c": 1.2}
 
 
 def test_repeated_instances_are_numbered_around_real_objects():
@@ -114,11 +114,11 @@ def test_repeated_instances_are_numbered_around_real_objects():
     owner.instance_type = "VERTS"
     cube("leaf", home, 0.1).parent = owner
     cube("tree/leaf.001", home, 0.3)
-    found = read_meshes()
-    by_name = {mesh.name: mesh for mesh in found}
-    assert len(by_name) == len(found)
+    result = read_meshes()
+    by_name = {mesh.name: mesh for mesh in result}
+    assert len(by_name) == len(result)
     assert by_name["tree/leaf.001"].own_mesh and by_name["tree/leaf.001"].owner == "tree/leaf.001"
-    leaves = [mesh for mesh in found if mesh.owner == "tree"]
+    leaves = [mesh for mesh in result if mesh.owner == "tree"]
     assert {m.name for m in leaves} >= {"tree/leaf", "tree/leaf.002", "tree/leaf.003"}
 
 
@@ -166,9 +166,9 @@ def test_a_scene_may_be_renamed_and_have_linked_namesakes(baked_floor, tmp_path,
     scene.name = "Scene"
     with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
         wanted.scenes = ["Day"]
-    before, there = colours_on("ball").copy(), preview.held(scene)
+    before, present = colours_on("ball").copy(), preview.held(scene)
     scene.prt.exposure = 2.0
-    steps = freshness.check_steps(scene, there, 1e-9)
+    steps = freshness.check_steps(scene, present, 1e-9)
     next(steps)
     monkeypatch.undo()
     scene.name = "Day"

@@ -69,18 +69,18 @@ def world_corners(item):
 
 
 def check_kept(attribute, wanted):
-    found = kept_objects()
-    assert set(found) == REALISED
-    for name, item in found.items():
+    result = kept_objects()
+    assert set(result) == REALISED
+    for name, item in result.items():
         np.testing.assert_array_equal(colours_on(item, attribute), wanted[name], err_msg=name)
     np.testing.assert_array_equal(colours_on("floor", attribute), wanted["floor"])
-    return found
+    return result
 
 
 def relit(scene):
     """Colours of the loaded bake, as the preview has them on its meshes."""
-    found = {o["prt_copy"]: colours_on(o).copy() for o in scene.objects if o.get("prt_copy")}
-    return found | {"floor": colours_on("floor").copy()}
+    result = {o["prt_copy"]: colours_on(o).copy() for o in scene.objects if o.get("prt_copy")}
+    return result | {"floor": colours_on("floor").copy()}
 
 
 def test_kept_colours_outlive_the_preview(scene):
@@ -89,13 +89,13 @@ def test_kept_colours_outlive_the_preview(scene):
     assert set(wanted) == REALISED | {"floor"}
     assert bpy.ops.prt.keep(attribute="Mine") == {"FINISHED"}
     # While the preview is there, what was kept stands behind it.
-    found = kept_objects()
-    assert all(item.hide_render and item.hide_get() for item in found.values())
+    result = kept_objects()
+    assert all(item.hide_render and item.hide_get() for item in result.values())
     assert f"'{KEPT_COLLECTION}'" in work.status().message
     assert bpy.ops.prt.clear() == {"FINISHED"}
-    found = check_kept("Mine", wanted)
+    result = check_kept("Mine", wanted)
     assert not [o for o in scene.objects if o.get("prt_copy")]
-    for name, item in found.items():
+    for name, item in result.items():
         assert not item.hide_render and item.visible_get(), name
         assert [c.name for c in item.users_collection] == [KEPT_COLLECTION]
         assert item.data.color_attributes.active_color.name == "Mine"

@@ -103,8 +103,8 @@ def base(node, output="Color"):
     """Builds a tree around the node that gives the base colour."""
 
     def build(tree, shader):
-        made = node(tree)
-        tree.links.new(made.outputs[output], shader.inputs["Base Color"])
+        built = node(tree)
+        tree.links.new(built.outputs[output], shader.inputs["Base Color"])
 
     return build
 
@@ -169,9 +169,9 @@ def curves(tree):
 
 def named(kind, name, output="Color"):
     def node(tree):
-        made = add(tree, "Attribute" if kind == "Attribute" else kind)
-        setattr(made, "attribute_name" if kind == "Attribute" else "layer_name", name)
-        return made
+        built = add(tree, "Attribute" if kind == "Attribute" else kind)
+        setattr(built, "attribute_name" if kind == "Attribute" else "layer_name", name)
+        return built
 
     return base(node, output)
 

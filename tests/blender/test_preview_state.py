@@ -237,10 +237,10 @@ def test_fields_of_paths_take_relative_ones():
     if "is_path_supports_blend_relative" not in bpy.types.Property.bl_rna.properties:
         pytest.skip("this Blender does not ask for it")
     scene = bpy.context.scene.prt.bl_rna.properties
-    found = {name: scene[name] for name in ("folder", "file")}
+    result = {name: scene[name] for name in ("folder", "file")}
     for name in ("export", "load", "remove"):
-        found[name] = getattr(bpy.ops.prt, name).get_rna_type().properties["filepath"]
-    for name, field in found.items():
+        result[name] = getattr(bpy.ops.prt, name).get_rna_type().properties["filepath"]
+    for name, field in result.items():
         assert field.is_path_supports_blend_relative, name
 
 

@@ -14,8 +14,8 @@ from tests.docstrings import exported, faults, modules, public
 def test_what_is_exported_is_documented_whole():
     things = {**exported(prt_core), **public(prt_core.api)}
     assert len(things) > 150
-    found = [fault for name, thing in things.items() for fault in faults(name, thing)]
-    assert not found, "\n".join(found)
+    result = [fault for name, thing in things.items() for fault in faults(name, thing)]
+    assert not result, "\n".join(result)
 
 
 def test_all_public_names_have_docstrings_that_fit():
@@ -23,8 +23,8 @@ def test_all_public_names_have_docstrings_that_fit():
     for module in modules(prt_core):
         things.update(public(module))
     assert len(things) > 400
-    found = [fault for name, thing in things.items() for fault in faults(name, thing, False)]
-    assert not found, "\n".join(found)
+    result = [fault for name, thing in things.items() for fault in faults(name, thing, False)]
+    assert not result, "\n".join(result)
 
 
 def good(points, count=3):
@@ -109,8 +109,11 @@ def test_the_check_finds_each_kind_of_fault():
         (refers, "`good` as a generator of `Progress`", "Something",
          "documents (count), takes (points, count)"),
     ):  # fmt: skip
-        found = list(faults("x", changed(function, old, new)))
-        assert (fault is None and not found) or any(fault in text for text in found), (old, found)
+        result = list(faults("x", changed(function, old, new)))
+        assert (fault is None and not result) or any(fault in text for text in result), (
+            old,
+            result,
+        )
 
     def silent(points):
         return points

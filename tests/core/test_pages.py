@@ -31,12 +31,12 @@ def links(path):
 def sections(path):
     """{name of a section, as links spell it: its text, with all below it}."""
     text = path.read_text()
-    heads, found = list(re.finditer(r"^(#+) (.+)$", text, re.MULTILINE)), {}
+    heads, result = list(re.finditer(r"^(#+) (.+)$", text, re.MULTILINE)), {}
     for index, head in enumerate(heads):
         after = (h.start() for h in heads[index + 1 :] if len(h[1]) <= len(head[1]))
         name = re.sub(r"[^\w\- ]", "", head[2].lower()).replace(" ", "-")
-        found[name] = text[head.start() : next(after, len(text))]
-    return found
+        result[name] = text[head.start() : next(after, len(text))]
+    return result
 
 
 def test_links_lead_to_files_and_sections_that_are_there():

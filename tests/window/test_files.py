@@ -8,10 +8,10 @@ BOTH = ["fine", "floor"]
 
 @pytest.fixture(scope="module")
 def report(blender):
-    found = blender.play("files_story")
+    result = blender.play("files_story")
     print(f"Blender {blender.version}: pictures and report.json in {blender.folder}")
-    assert found["error"] is None, found["error"] + found["said_all"]
-    return found
+    assert result["error"] is None, result["error"] + result["said_all"]
+    return result
 
 
 def test_undo_takes_all_of_a_bake_away_and_redo_brings_it_back(report):

@@ -35,11 +35,11 @@ def test_bake_and_relight(prt, blender):
     blender.bring_scripts()
     # In the same Blender: another rounds normals in another way.
     done = blender.run("-b", "floor.blend", "-P", "api.py", user="headless")
-    found, wanted = (prt_core.BakeStore(blender.folder / f"{n}.prt") for n in ("floor", "api"))
-    assert found.attributes["report"]["back_end"] == "embree"
-    assert found.attributes["identity"] == wanted.attributes["identity"], done.stdout + done.stderr
+    result, wanted = (prt_core.BakeStore(blender.folder / f"{n}.prt") for n in ("floor", "api"))
+    assert result.attributes["report"]["back_end"] == "embree"
+    assert result.attributes["identity"] == wanted.attributes["identity"], done.stdout + done.stderr
     for name in ("visibility", "gather"):
-        np.testing.assert_array_equal(found.read(name), wanted.read(name))
+        np.testing.assert_array_equal(result.read(name), wanted.read(name))
     with np.load(blender.folder / "floor.npz") as one, np.load(blender.folder / "api.npz") as two:
         assert set(one) == set(two) == {"floor", "ball"}
         for name in one:

@@ -7,10 +7,10 @@ REALISED = {"left", "right", "group/part", "linked", "fine"}
 
 @pytest.fixture(scope="module")
 def report(blender):
-    found = blender.play("keep_story")
+    result = blender.play("keep_story")
     print(f"Blender {blender.version}: pictures and report.json in {blender.folder}")
-    assert found["error"] is None, found["error"] + found["said_all"]
-    return found
+    assert result["error"] is None, result["error"] + result["said_all"]
+    return result
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,10 @@ from tests.window.conftest import ROOT
 def report(blender):
     scene = ROOT / "blend_scenes" / "02_model_on_ground_small.blend"
     shutil.copy(scene, blender.folder / "scene.blend")
-    found = blender.play("relight_story")
+    result = blender.play("relight_story")
     print(f"Blender {blender.version}: pictures and report.json in {blender.folder}")
-    assert found["error"] is None, found["error"] + found["said_all"]
-    return found
+    assert result["error"] is None, result["error"] + result["said_all"]
+    return result
 
 
 def test_the_zip_is_installed_and_nothing_is_held_against_it(report, blender):

@@ -118,7 +118,7 @@ class ColumnCoder:
 
         Returns
         -------
-        found : list of Column
+        encoded : list of Column
             Those that keep a term.
         error : float
             Relative L2 of the whole matrix.

@@ -115,11 +115,11 @@ def closed_surface(name, vertices, triangles):
     return ClosedSurface(own, faces, source, parts, of_vertex, n_holes, float(filled), float(other))
 
 
-def _expect(condition, name, found):
+def _expect(condition, name, count):
     expect(
         condition,
         f"{name}: a geometry image over the sphere needs a closed surface without handles, but "
-        f"{found}; or unwrap the object and use its UV map",
+        f"{count}; or unwrap the object and use its UV map",
     )
 
 
@@ -163,8 +163,8 @@ def _twins(faces):
     key, wanted = start * n + stop, stop * n + start
     order = np.argsort(key, kind="stable")
     ordered = key[order]
-    found = np.minimum(np.searchsorted(ordered, wanted), len(key) - 1)
-    twin = np.where(ordered[found] == wanted, order[found], -1)
+    place = np.minimum(np.searchsorted(ordered, wanted), len(key) - 1)
+    twin = np.where(ordered[place] == wanted, order[place], -1)
     return twin, int((np.diff(ordered) == 0).sum())
 
 

@@ -137,8 +137,8 @@ def with_geometry_image(scene, caster, layout, size):
     expect_caster(caster)
     expect_kind("layout", layout, Layout)
     expect_size(size, size)
-    found, barycentric, _ = intersect(caster, *_texel_rays(size, layout.round))
-    source = np.where(found >= 0, layout.source[found], -1)
+    triangle, barycentric, _ = intersect(caster, *_texel_rays(size, layout.round))
+    source = np.where(triangle >= 0, layout.source[triangle], -1)
     hit = np.flatnonzero(source >= 0)
     expect(len(hit), f"{layout.name}: its UV layout covers nothing between 0 and 1")
     names = [item.name for item in scene.objects]
@@ -147,7 +147,7 @@ def with_geometry_image(scene, caster, layout, size):
     mine = np.flatnonzero(scene.triangle_object == index)
     second, third = barycentric[hit].T
     weights = np.stack([1 - second - third, second, third], axis=1)
-    inside = np.einsum("mk,mkx->mx", weights, layout.places[found[hit]])
+    inside = np.einsum("mk,mkx->mx", weights, layout.places[triangle[hit]])
     points, lit = surface_points(scene, mine[source[hit]], inside, np.zeros(len(hit), bool))
     texel = np.full(size * size, -1)
     texel[hit[lit]] = len(scene.points) + np.arange(lit.sum())

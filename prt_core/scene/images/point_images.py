@@ -188,11 +188,11 @@ def intersect(caster, origins, directions):
     distance = np.empty(len(origins), np.float32)
     for first in range(0, len(origins), _BATCH):
         part = slice(first, first + _BATCH)
-        found = caster.intersect(
+        hits = caster.intersect(
             np.ascontiguousarray(origins[part]), np.ascontiguousarray(directions[part])
         )
-        triangle[part], barycentric[part] = found.triangle, found.barycentric
-        distance[part] = found.distance
+        triangle[part], barycentric[part] = hits.triangle, hits.barycentric
+        distance[part] = hits.distance
     return triangle, barycentric, distance
 
 

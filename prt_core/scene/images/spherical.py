@@ -120,9 +120,9 @@ class _Mesh:
         rank = np.random.default_rng(0).permutation(self.n)
         result = []
         while left.any():
-            some = edges.independent(rank, left, self.n)
-            left[some] = False
-            result.append(_Star(self, some))
+            group = edges.independent(rank, left, self.n)
+            left[group] = False
+            result.append(_Star(self, group))
         return result
 
     def angles(self, place):
@@ -140,15 +140,15 @@ class _Star:
     A face is seen from its corner in `some`: `a` and `b` are the other two, in order.
     """
 
-    def __init__(self, mesh, some):
-        self.some = some
+    def __init__(self, mesh, group):
+        self.some = group
         local = np.full(mesh.n, -1)
-        local[some] = np.arange(len(some))
+        local[group] = np.arange(len(group))
         of = local[mesh.faces.ravel()]
         corner = np.argsort(of, kind="stable")[np.count_nonzero(of < 0) :]
         face, k = np.divmod(corner, 3)
         self._of = of[corner]
-        self._first = np.searchsorted(self._of, np.arange(len(some)))
+        self._first = np.searchsorted(self._of, np.arange(len(group)))
         self._a, self._b = (mesh.faces[face, (k + j) % 3] for j in (1, 2))
         self._w, self._wa, self._wb = (mesh.weight[face, (k + j) % 3] for j in (0, 1, 2))
         self._constant = mesh.constant[face]
@@ -176,23 +176,23 @@ class _Star:
             left = np.arange(here.shape[1])
             for share in 3.0 ** -np.arange(8):
                 tried = _unit(here[:, left] + share * step[:, left])
-                found = self.value(tried, *around, left)
-                better = found < value[left]
-                here[:, left[better]], value[left[better]] = tried[:, better], found[better]
+                values = self.value(tried, *around, left)
+                better = values < value[left]
+                here[:, left[better]], value[left[better]] = tried[:, better], values[better]
                 left = left[~better]
                 if not len(left):
                     break
         place[self.some] = here.T
 
-    def value(self, here, a, b, far, some=None):
+    def value(self, here, a, b, far, subset=None):
         """Loss around each vertex (of `some` of them) at (3, k); infinite where a face flips."""
         w, x, of, first = self._wa, self._wb, self._of, self._first
-        if some is not None and len(some) < len(first):
+        if subset is not None and len(subset) < len(first):
             new = np.full(len(first), -1)
-            new[some] = np.arange(len(some))
+            new[subset] = np.arange(len(subset))
             part = np.flatnonzero(new[of] >= 0)
             w, x, of, a, b, far = w[part], x[part], new[of[part]], a[:, part], b[:, part], far[part]
-            first = np.searchsorted(of, np.arange(len(some)))
+            first = np.searchsorted(of, np.arange(len(subset)))
         v = here[:, of]
         va, vb = a - v, b - v
         area = _dot(v, _cross(va, vb))
@@ -246,8 +246,8 @@ def _inserted(mesh, coarse, level):
     value = star.value(best, *around)
     for k in range(_HALVINGS):
         tried = _unit(at + inwards * 0.5**k)
-        found = star.value(tried, *around)
-        best, value = np.where(found < value, tried, best), np.minimum(found, value)
+        values = star.value(tried, *around)
+        best, value = np.where(values < value, tried, best), np.minimum(values, value)
         if k > 2 and np.isfinite(value).all():
             break
     place[level.removed] = best.T

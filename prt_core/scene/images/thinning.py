@@ -101,17 +101,17 @@ class Edges:
     def has(self, start, stop):
         """Whether there is an edge between two vertices, for arrays of them."""
         key = start * self.n + stop
-        found = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
-        return self._key[found] == key
+        place = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
+        return self._key[place] == key
 
-    def rings(self, some):
+    def rings(self, chosen):
         """(m, width) neighbours of `some` counter-clockwise, -1 behind the last one."""
-        count = self.degree[some]
-        result = np.full((len(some), count.max()), -1)
-        result[:, 0] = self._stop[self._first[some]]
+        count = self.degree[chosen]
+        result = np.full((len(chosen), count.max()), -1)
+        result[:, 0] = self._stop[self._first[chosen]]
         for k in range(1, result.shape[1]):
             here = np.flatnonzero(k < count)
-            key = some[here] * self.n + result[here, k - 1]
+            key = chosen[here] * self.n + result[here, k - 1]
             result[here, k] = self._next[np.searchsorted(self._key, key)]
         return result
 
@@ -179,9 +179,9 @@ def _targets(vertices, removed, rings, edges):
         begin = np.broadcast_to(rings[left, at][:, None], end.shape)
         fine = ~(real & edges.has(begin, end)).any(axis=1)
         target[left[fine]] = at[fine]
-        some = real & fine[:, None]
-        owners.append(np.broadcast_to(left[:, None], some.shape)[some])
-        keys.append((np.minimum(begin, end) * edges.n + np.maximum(begin, end))[some])
+        usable = real & fine[:, None]
+        owners.append(np.broadcast_to(left[:, None], usable.shape)[usable])
+        keys.append((np.minimum(begin, end) * edges.n + np.maximum(begin, end))[usable])
     # An edge that several want is made by the first of them, the others stay for this time.
     owner, key = np.concatenate(owners), np.concatenate(keys)
     order = np.lexsort([owner, key])

@@ -156,12 +156,12 @@ def wrong_values(value, folder):
         yield "one more", np.concatenate([array, array[-1:]]), False
         yield "one less", array[:-1], False
     if array.dtype.kind == "f":
-        some = array.copy()
-        some.flat[-1] = np.nan
-        yield "a NaN", some, True
-        some = array.copy()
-        some.flat[0] = -np.inf
-        yield "an infinity", some, True
+        subset = array.copy()
+        subset.flat[-1] = np.nan
+        yield "a NaN", subset, True
+        subset = array.copy()
+        subset.flat[0] = -np.inf
+        yield "an infinity", subset, True
         yield "3e38", np.full_like(array, 3e38), False
         yield "negative", -array - 1, False
     elif array.dtype.kind in "iu":

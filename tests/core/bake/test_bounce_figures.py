@@ -35,8 +35,8 @@ def radiance_of(scene, gather, received):
 def many_rays(scene, blocked, rounds=64):
     every = slice(0, len(scene.points))
     parts = [(every, turn) for turn in range(rounds)]
-    found = gather_parts(scene, caster_of(scene), parts, 99)
-    hits = np.concatenate([one.hits for one in found], axis=1)
+    result = gather_parts(scene, caster_of(scene), parts, 99)
+    hits = np.concatenate([one.hits for one in result], axis=1)
     return gather_operator(hits, len(scene.points), blocked)
 
 
@@ -48,8 +48,8 @@ def test_the_error_that_is_reported_is_that_of_the_bounces(tmp_path):
         if truths is None:
             blocked = np.clip(1 - received[:, 0], 0, 1)
             truths = radiance_of(scene, many_rays(scene, blocked), received)
-        found = radiance_of(scene, transport.gather, received)
-        errors = np.linalg.norm(found - truths, axis=0) / np.linalg.norm(truths, axis=0)
+        result = radiance_of(scene, transport.gather, received)
+        errors = np.linalg.norm(result - truths, axis=0) / np.linalg.norm(truths, axis=0)
         reported.append(report["error"])
         true.append(errors.max())
     # Of the worst light; rather too large, for halves of the rays know less of what is blocked.

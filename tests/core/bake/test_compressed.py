@@ -69,9 +69,9 @@ def test_auto_says_what_it_chose_and_how_near_it_is(chosen):
     errors = []
     for name, light in standing_lights().items():
         for turn in (65, 185, 305):
-            found = relight_points(bake, light, rotation=turn)
+            result = relight_points(bake, light, rotation=turn)
             truth = relight_points(bake, light, rotation=turn, form="exact")
-            errors.append(relative(found, truth))
+            errors.append(relative(result, truth))
             if f"{name} at {turn}°" == attributes["worst_light"]:
                 assert errors[-1] == pytest.approx(attributes["worst"], rel=1e-4)
     assert np.mean(errors) == pytest.approx(attributes["error"], rel=1e-4)
@@ -85,16 +85,16 @@ def test_colours_are_those_of_the_compressed_form_or_exact(chosen):
     light = SKY.to_cube_map(bake.cube_map, 30)
     np.testing.assert_array_equal(exact.radiance(SKY, rotation=30), bake.transport.radiance(light))
     auto = Relighter(bake)
-    found = auto.radiance(SKY, rotation=30)
+    result = auto.radiance(SKY, rotation=30)
     assert auto.used == "compressed" and auto.why == ""
-    np.testing.assert_array_equal(found, relight_points(bake, SKY, rotation=30))
-    assert 0 < relative(found, exact.radiance(SKY, rotation=30)) < 0.06
+    np.testing.assert_array_equal(result, relight_points(bake, SKY, rotation=30))
+    assert 0 < relative(result, exact.radiance(SKY, rotation=30)) < 0.06
     # Whatever was asked before, and however often.
     auto.radiance(SKY, rotation=200, strength=3)
-    np.testing.assert_array_equal(auto.radiance(SKY, rotation=30), found)
-    np.testing.assert_allclose(auto.radiance(SKY, rotation=30, strength=2), 2 * found, rtol=1e-6)
+    np.testing.assert_array_equal(auto.radiance(SKY, rotation=30), result)
+    np.testing.assert_allclose(auto.radiance(SKY, rotation=30, strength=2), 2 * result, rtol=1e-6)
     stepped = run(auto.steps(Lighting(light), pace=0.01))
-    np.testing.assert_allclose(stepped, found, rtol=0.02, atol=0.02)
+    np.testing.assert_allclose(stepped, result, rtol=0.02, atol=0.02)
 
 
 def test_lamps_and_sharp_suns_are_exact(chosen):
@@ -168,8 +168,8 @@ def test_each_method_by_its_name(baked, method):
     assert attributes["method"] == method and attributes["tolerance_met"]
     assert {t["method"] for t in attributes["trials"]} == {method}
     bake = load(baked)
-    found = relight_points(bake, SKY, form="compressed")
-    assert relative(found, relight_points(bake, SKY, form="exact")) < 0.4
+    result = relight_points(bake, SKY, form="compressed")
+    assert relative(result, relight_points(bake, SKY, form="exact")) < 0.4
 
 
 def test_none_removes_it(chosen, tmp_path):
@@ -199,11 +199,11 @@ def test_what_misses_the_tolerance_when_measured_is_made_nearer(baked, monkeypat
     """A sample that promises too much costs another fit, not the tolerance."""
     budgets = method_named("harmonics").budgets(None)
     wanted = compress(baked, method="harmonics:order=10", lights=standing_lights())
-    made = []
+    built = []
 
     class Counted(Harmonics):
         def fit_steps(self, rows):
-            made.append((self.order, rows.n_points))
+            built.append((self.order, rows.n_points))
             return (yield from super().fit_steps(rows))
 
     monkeypatch.setattr(methods, "_METHODS", dict(methods._METHODS))
@@ -213,7 +213,7 @@ def test_what_misses_the_tolerance_when_measured_is_made_nearer(baked, monkeypat
     monkeypatch.setattr(Limits, "near", lambda self, trial: True)
     attributes = compress(baked, method="counted", tolerance=tolerance, lights=standing_lights())
     n_points = load(baked).transport.n_points
-    assert [order for order, n in made if n == n_points][-2:] == [5, 10]
+    assert [order for order, n in built if n == n_points][-2:] == [5, 10]
     assert attributes["settings"]["order"] == 10 and attributes["tolerance_met"] is True
     assert "of all points order=10" in attributes["why"]
 
@@ -244,13 +244,13 @@ def test_a_stopped_compression_leaves_what_was_there(baked):
 
 
 def test_the_same_seed_gives_the_same_bytes(original, tmp_path):
-    found = []
+    result = []
     for name in "ab":
         path = shutil.copytree(original, tmp_path / f"{name}.prt")
         compress(path, method="cpca", tolerance=0.05, seed=3, lights=standing_lights())
-        found.append(BakeStore(path))
+        result.append(BakeStore(path))
     for name in ("labels", "bases", "weights", "shares"):
-        one, two = (store.read(f"compressed1/{name}") for store in found)
+        one, two = (store.read(f"compressed1/{name}") for store in result)
         np.testing.assert_array_equal(one, two, err_msg=name)
 
 

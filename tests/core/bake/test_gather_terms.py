@@ -42,13 +42,13 @@ def test_terms_that_weigh_one_are_the_k_of_the_bake(bake):
     def ones(block, directions):
         return np.ones((2, *directions.shape[:2]), np.float32)
 
-    for found in gather_terms(bake, ones, np.stack([blocked, blocked])):
-        assert (found.data == bake.transport.gather.data).all()
-        assert (found.indices == bake.transport.gather.indices).all()
-        assert (found.indptr == bake.transport.gather.indptr).all()
+    for result in gather_terms(bake, ones, np.stack([blocked, blocked])):
+        assert (result.data == bake.transport.gather.data).all()
+        assert (result.indices == bake.transport.gather.indices).all()
+        assert (result.indptr == bake.transport.gather.indptr).all()
     plain = gather_operator(store.read("gather"), n_points)
-    for found in gather_terms(bake, ones):
-        assert (found != plain).nnz == 0
+    for result in gather_terms(bake, ones):
+        assert (result != plain).nnz == 0
 
 
 def test_rays_come_with_the_directions_in_which_they_were_cast(bake):
@@ -106,10 +106,10 @@ def test_a_term_is_scaled_by_its_own_share(bake):
     def weigh(block, directions):
         return np.repeat(upward(block, directions), 3, axis=0)
 
-    found = gather_terms(bake, weigh, blocked)
+    result = gather_terms(bake, weigh, blocked)
     plain = gather_terms(bake, upward)[0]
-    assert len(found) == 3
-    sums = [np.asarray(k.sum(axis=1)).ravel() for k in found]
+    assert len(result) == 3
+    sums = [np.asarray(k.sum(axis=1)).ravel() for k in result]
     unscaled = np.asarray(plain.sum(axis=1)).ravel()
     changed = [(s != unscaled) & (unscaled > 0) for s in sums]
     assert all(c.sum() > 30 for c in changed)

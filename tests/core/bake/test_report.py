@@ -39,8 +39,8 @@ def test_objects_are_summed_up():
     assert len(lines) == 10 and "o493" in lines[0]
     others = [item for item in objects if item["n_corners"] < 486]
     for kind, receives in (("receives", True), ("casts and bounces only", False)):
-        some = [item["n_corners"] for item in others if item["receives"] == receives]
-        assert f"  object  and {len(some):,} more: {sum(some):,} corners, {kind}" in lines
+        subset = [item["n_corners"] for item in others if item["receives"] == receives]
+        assert f"  object  and {len(subset):,} more: {sum(subset):,} corners, {kind}" in lines
     assert len(list(object_lines(objects[:3]))) == 3
 
 

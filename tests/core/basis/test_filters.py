@@ -49,10 +49,10 @@ def test_biorthogonal_steps_are_those_of_jpeg_2000(wavelet, n):
     for _ in range(3):
         x = RNG.standard_normal(n)
         even, odd = lifted(x, LIFTING[wavelet])
-        found = forward @ x
-        np.testing.assert_allclose(found[: n // 2], low * even, atol=1e-9)
-        np.testing.assert_allclose(np.abs(found[n // 2 :]), np.abs(high * odd), atol=1e-9)
-        np.testing.assert_allclose(inverse @ found, x, atol=1e-9)
+        result = forward @ x
+        np.testing.assert_allclose(result[: n // 2], low * even, atol=1e-9)
+        np.testing.assert_allclose(np.abs(result[n // 2 :]), np.abs(high * odd), atol=1e-9)
+        np.testing.assert_allclose(inverse @ result, x, atol=1e-9)
 
 
 @pytest.mark.parametrize("wavelet, moments", [("haar", 1), ("d4", 2), ("d6", 3), ("d8", 4),
@@ -89,8 +89,8 @@ def test_a_step_of_an_image_is_one_along_rows_and_one_along_columns(wavelet):
     height, width = 12, 20
     image = RNG.standard_normal((height, width))
     down, across = step_matrices(height, wavelet)[0], step_matrices(width, wavelet)[0]
-    found = ImageWavelet((height, width), wavelet).forward(image.reshape(1, -1), 1)
-    np.testing.assert_allclose(found.reshape(height, width), down @ image @ across.T, atol=1e-12)
+    result = ImageWavelet((height, width), wavelet).forward(image.reshape(1, -1), 1)
+    np.testing.assert_allclose(result.reshape(height, width), down @ image @ across.T, atol=1e-12)
 
 
 @pytest.mark.parametrize("wavelet", ["haar", "d6", "5/3", "9/7"])

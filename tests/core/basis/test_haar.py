@@ -38,9 +38,9 @@ def test_rows_of_one_texel_have_few_coefficients(resolution):
     texels = RNG.permutation(n)
     places, values = haar_texels(texels, resolution)
     assert places.shape == values.shape == (n, 3 * haar_levels(resolution) + 1)
-    found = np.zeros_like(wanted)
-    np.put_along_axis(found, places, values, axis=1)
-    np.testing.assert_array_equal(found, wanted[texels])
+    result = np.zeros_like(wanted)
+    np.put_along_axis(result, places, values, axis=1)
+    np.testing.assert_array_equal(result, wanted[texels])
     with pytest.raises(PRTError, match="texels: expected values from 0"):
         haar_texels([n], resolution)
 

@@ -55,5 +55,5 @@ def test_details_count_half_a_level_a_step():
         scales = transform.scales(depth)
         assert (scales[: sizes[depth]] == 0).all()
         for level in range(depth):
-            some = scales[sizes[level + 1] : sizes[level]]
-            assert (some == -(-(depth - level) // 2)).all()
+            subset = scales[sizes[level + 1] : sizes[level]]
+            assert (subset == -(-(depth - level) // 2)).all()

@@ -257,9 +257,9 @@ def test_a_method_with_settings_of_its_own_is_made_and_named(folder, capfd):
     line = "compress bare.prt --method wavelet4d:rows=d4,columns=haar,mode=4d,error=0.1,bits=9"
     code, out, _ = prt(f"{line} --tolerance 0.5 --light sky.exr", capfd)
     assert code == 0 and "tried on a sample" not in out
-    told = prt("info bare.prt", capfd)[1]
+    printed = prt("info bare.prt", capfd)[1]
     for word in ("wavelet4d", "rows d4", "columns haar", "mode 4d", "error 0.1", "bits 9"):
-        assert word in told
+        assert word in printed
     assert "settings" in prt("info bare.prt --json", capfd)[1]
     assert prt("compress bare.prt --method none", capfd)[0] == 0
 
@@ -268,8 +268,8 @@ def test_an_image_is_compressed_stored_and_relit_as_one(folder, capfd):
     line = "compress image.prt --method wavelet4d:error=0.02,bits=12 --tolerance 0.1"
     code, out, _ = prt(f"{line} --light sky.exr", capfd)
     assert code == 0 and "of the image" in out
-    told = prt("info image.prt", capfd)[1]
-    assert "of the image" in told and "columns 9/7" in told
+    printed = prt("info image.prt", capfd)[1]
+    assert "of the image" in printed and "columns 9/7" in printed
     relight = "relight image.prt --light sky.exr --rotate 40 --image"
     for transport in ("compressed", "exact"):
         code, out, _ = prt(f"{relight} {transport}.exr --form {transport}", capfd)
@@ -306,15 +306,15 @@ def test_a_turning_light_is_relit_progressively(folder, capfd):
     assert code == 2 and "progressive: adds to a compressed form by haar, this" in errors[0]
     haar = "compress a.prt --method haar:n_terms=3,step=0.001 --tolerance 0.9 --light sky.exr"
     assert prt(haar, capfd)[0] == 0
-    found = {}
+    result = {}
     for option in ("--progressive", "--form compressed", "--form exact"):
         code, out, _ = prt(f"{relight.removesuffix('--progressive')} {option}", capfd)
         assert code == 0 and "3 frames" in out
         frames = [np.load(folder / f"p_{i}.npz")["ball"] for i in (1, 2, 3)]
-        found[option] = np.array(frames)
-    exact = found.pop("--form exact")
+        result[option] = np.array(frames)
+    exact = result.pop("--form exact")
     # The first frame is three wavelets of the light either way; later ones have more of it.
-    progressive, cut = found.values()
+    progressive, cut = result.values()
     np.testing.assert_allclose(progressive[0], cut[0], rtol=1e-4, atol=1e-5)
     assert np.linalg.norm(progressive[2] - exact[2]) < 0.8 * np.linalg.norm(cut[2] - exact[2])
     assert prt("compress a.prt --method none", capfd)[0] == 0

@@ -66,14 +66,14 @@ def faults(model, n=131):
     points = RNG.integers(0, model.n_points_, n)
     columns = RNG.integers(0, model.n_directions_, n)
     points[5], columns[5] = points[3], columns[3]
-    found = model.entries(points, columns)
-    away = np.abs(found - wanted[points, columns]).max()
+    result = model.entries(points, columns)
+    away = np.abs(result - wanted[points, columns]).max()
     return [
         fault
         for fault, is_there in {
-            f"shape {found.shape}": found.shape != (n, model.n_outputs_),
-            f"type {found.dtype}": found.dtype != np.float32,
-            "nothing but zeros": not found.any(),
+            f"shape {result.shape}": result.shape != (n, model.n_outputs_),
+            f"type {result.dtype}": result.dtype != np.float32,
+            "nothing but zeros": not result.any(),
             f"{away} from the columns": not away <= 2e-6 * np.abs(wanted).max(),
             "no pairs have entries": model.entries([], []).shape != (0, model.n_outputs_),
         }.items()
@@ -97,8 +97,8 @@ def test_entries_are_the_columns_of_products(model, resolution):
     wanted = columns_of(model)
     light = RNG.random((n_directions, 3)).astype(np.float32)
     total = np.einsum("pdo,do->po", wanted, light[:, READS])
-    found = model.uncut().product(light)
-    np.testing.assert_allclose(found, total, atol=1e-5 * np.abs(total).max())
+    result = model.uncut().product(light)
+    np.testing.assert_allclose(result, total, atol=1e-5 * np.abs(total).max())
 
 
 @pytest.mark.parametrize("model", BY_FOUR, ids=named)
@@ -126,8 +126,8 @@ def test_rows_of_a_transport_with_blended_borders(scene, transport, natural):
     assert not faults(model, 311)
     every = np.arange(rows.n_points)
     column = np.full(rows.n_points, 101)
-    found, wanted = model.entries(every, column), model.reconstruct(every)[:, 101]
-    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
+    result, wanted = model.entries(every, column), model.reconstruct(every)[:, 101]
+    np.testing.assert_allclose(result, wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("model", [Irradiance(), Harmonics(5), HaarLighting(9), Wavelet4D()])
@@ -155,8 +155,8 @@ def test_many_pairs_are_looked_up_piece_by_piece(monkeypatch):
         wanted = model.entries(points, columns)
         with monkeypatch.context() as patch:
             patch.setattr(base_module, "_PAIRS", 4)
-            found = model.entries(points, columns)
-        np.testing.assert_allclose(found, wanted, atol=1e-6)
+            result = model.entries(points, columns)
+        np.testing.assert_allclose(result, wanted, atol=1e-6)
 
 
 def test_a_form_that_was_kept_has_the_same_entries():

@@ -27,29 +27,29 @@ def test_each_degree_is_weakened_by_its_own_factor(transport, model, degree):
     for index in range(degree**2, (degree + 1) ** 2):
         shape = harmonics(transport.cube_map.directions, 4)[:, index]
         light = (10 + shape[:, None] * [1, 2, 3]).astype(np.float32)
-        found = model.product(light)
+        result = model.product(light)
         along = harmonics(transport.normals, 4)[:, index]
         wanted = 10 + FACTORS[degree] / np.pi * along[:, None] * [1, 2, 3]
         if degree == 0:
             wanted = 10 + shape[0] * np.ones(len(wanted))[:, None] * [1, 2, 3]
-        np.testing.assert_allclose(found, wanted, atol=0.02)
+        np.testing.assert_allclose(result, wanted, atol=0.02)
 
 
 def test_behind_a_hard_light_nothing_is_below_zero(transport, model):
     light = np.zeros((transport.n_directions, 3), np.float32)
     light[100] = [1e5, 9e4, 7e4]
-    found = model.product(light)
+    result = model.product(light)
     towards = transport.cube_map.directions[100]
     cosine = transport.normals @ towards
-    assert found.min() == 0
+    assert result.min() == 0
     # Where the quadratic 1/4 + c/2 + 5 (3 c^2 - 1) / 32 of a single direction dips below zero.
     polynomial = 0.25 + cosine / 2 + 5 * (3 * cosine**2 - 1) / 32
     dark = polynomial < -0.005
-    assert dark.sum() > 20 and not found[dark].any()
+    assert dark.sum() > 20 and not result[dark].any()
     lit = polynomial > 0.005
     power = light[100] * transport.cube_map.solid_angles[100]
     wanted = polynomial[:, None] / np.pi * power
-    np.testing.assert_allclose(found[lit], wanted[lit], rtol=0.05, atol=0.01 * wanted.max())
+    np.testing.assert_allclose(result[lit], wanted[lit], rtol=0.05, atol=0.01 * wanted.max())
 
 
 def test_coefficients_are_what_a_light_of_one_harmonic_gives():

@@ -93,9 +93,9 @@ def test_a_channel_counts_as_often_as_it_is_read():
     kept = form.choose(light)
     assert kept[:, 1].any() and not kept[:, 0].any()
     quick = ClusterEvaluator(PCA(1).fit(ArrayRows(same, None, reads)), n_terms=1, error=0)
-    found = quick.product(light)
+    result = quick.product(light)
     # One term for each group, and each output is a group of its own.
-    assert relative(found[:, :4], same[:, 0, :4]) < 1e-5 and found[:, 4].any()
+    assert relative(result[:, :4], same[:, 0, :4]) < 1e-5 and result[:, 4].any()
 
 
 def test_a_light_has_the_channels_that_are_read():
@@ -161,5 +161,5 @@ def test_bright_texels_are_those_of_the_channel_that_is_read(transport, light):
     model = PCA(2).fit(DirectOfFive(transport))
     sun = np.zeros_like(light)
     sun[100] = light[100]
-    found = ClusterEvaluator(model, transport).product(sun)
-    assert relative(found, transport.product(sun, bounces=0)[:, READS]) < 1e-5
+    result = ClusterEvaluator(model, transport).product(sun)
+    assert relative(result, transport.product(sun, bounces=0)[:, READS]) < 1e-5

@@ -96,8 +96,8 @@ def test_a_surface_that_faces_the_sun_gets_its_irradiance(angle):
 @pytest.mark.parametrize("shape", [(1, 1), (2, 4)])
 def test_one_colour_is_the_same_from_everywhere(shape):
     pixels = np.full((*shape, 3), (3, 0, 1e5), np.float32)
-    found = EnvironmentMap(pixels).to_cube_map(CubeMap(8), (10, 20, 30), 0.5)
-    np.testing.assert_allclose(found, np.full((384, 3), (1.5, 0, 5e4)), rtol=1e-6)
+    result = EnvironmentMap(pixels).to_cube_map(CubeMap(8), (10, 20, 30), 0.5)
+    np.testing.assert_allclose(result, np.full((384, 3), (1.5, 0, 5e4)), rtol=1e-6)
 
 
 def test_bad_pixels_are_refused():
@@ -124,10 +124,10 @@ def test_a_turning_light_is_the_light_on_the_texels(turn):
     pixels = rng.random((128, 256, 3)).astype(np.float32)
     pixels[30:34, 60:63] = rng.random((4, 3, 3)) * 1e4
     cube_map, environment = CubeMap(16), EnvironmentMap(pixels)
-    found = TurningLight(environment, cube_map).at(turn)
+    result = TurningLight(environment, cube_map).at(turn)
     wanted = environment.to_cube_map(cube_map, turn)
-    assert np.linalg.norm(found - wanted) < 5e-3 * np.linalg.norm(wanted)
-    power = [cube_map.solid_angles @ light for light in (found, wanted)]
+    assert np.linalg.norm(result - wanted) < 5e-3 * np.linalg.norm(wanted)
+    power = [cube_map.solid_angles @ light for light in (result, wanted)]
     np.testing.assert_allclose(*power, rtol=2e-3)
     even = EnvironmentMap(np.full((64, 128, 3), 0.5, np.float32))
     np.testing.assert_allclose(TurningLight(even, cube_map).at(turn), 0.5, rtol=1e-6)

@@ -38,9 +38,9 @@ def test_half_float_and_alpha(tmp_path, dtype):
 
 def test_luminance_only_is_grey(tmp_path):
     save(tmp_path / "y.exr", {"Y": np.ascontiguousarray(PIXELS[..., 0])})
-    found = read_image(tmp_path / "y.exr")
+    result = read_image(tmp_path / "y.exr")
     for channel in range(3):
-        np.testing.assert_array_equal(found[..., channel], PIXELS[..., 0])
+        np.testing.assert_array_equal(result[..., channel], PIXELS[..., 0])
 
 
 def layers(*names):
@@ -54,7 +54,7 @@ def layers(*names):
 
 def save_parts(path, *names):
     """Parts that hold one layer each, like `layers`."""
-    found = [
+    result = [
         OpenEXR.Part(
             {"type": OpenEXR.scanlineimage},
             {c: PIXELS[..., i] + np.float32(10 * j) for i, c in enumerate("RGB")},
@@ -62,15 +62,15 @@ def save_parts(path, *names):
         )
         for j, name in enumerate(names)
     ]
-    with OpenEXR.File(found) as file:
+    with OpenEXR.File(result) as file:
         file.write(str(path))
 
 
 def test_uint_pixels_are_numbers(tmp_path):
     planes = {c: (1000 * PIXELS[..., i]).astype(np.uint32) for i, c in enumerate("RGB")}
     (tmp_path / "u.exr").write_bytes(exr_lines([(c, 0, 1, 1) for c in "RGB"], planes, 11, 5))
-    found = read_image(tmp_path / "u.exr")
-    np.testing.assert_array_equal(found, np.floor(1000 * PIXELS))
+    result = read_image(tmp_path / "u.exr")
+    np.testing.assert_array_equal(result, np.floor(1000 * PIXELS))
 
 
 def test_tiles_and_mip_levels(tmp_path):

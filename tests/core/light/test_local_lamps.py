@@ -20,9 +20,9 @@ def samples(lamp, position=HERE, n=128):
 
 
 def irradiance(lamp, position=HERE, normal=UP, n=128):
-    direction, _, found = samples(lamp, position, n)
+    direction, _, result = samples(lamp, position, n)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, rtol=1e-12)
-    return (found * np.maximum(direction @ normal, 0)[:, None]).mean(axis=0)
+    return (result * np.maximum(direction @ normal, 0)[:, None]).mean(axis=0)
 
 
 def unit(*vector):
@@ -113,17 +113,17 @@ def test_a_spot_fades_over_the_soft_share_of_its_cone(cone, blend):
     for angle in np.linspace(0, 0.75 * cone, 31):
         way = TURNED @ around(angle, 5 * angle)
         # The receiver looks at the lamp from two units away.
-        found = irradiance(lamp, lamp.position - 2 * way, way, n=2)
+        result = irradiance(lamp, lamp.position - 2 * way, way, n=2)
         wanted = smoothstep(np.cos(angle), cone, blend) * POWER / (4 * np.pi * 4)
-        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
-        inside += found[0] > 0
+        np.testing.assert_allclose(result, wanted, rtol=1e-9, atol=1e-12)
+        inside += result[0] > 0
     assert 19 <= inside <= 21
     # In the middle of the soft part half of the light is left.
     edge = np.cos(cone / 2)
     half = TURNED @ around(np.arccos(edge + (1 - edge) * blend / 2), 1.0)
     if blend:
-        found = irradiance(lamp, lamp.position - 2 * half, half, n=2)
-        np.testing.assert_allclose(found, POWER / (32 * np.pi), rtol=1e-9)
+        result = irradiance(lamp, lamp.position - 2 * half, half, n=2)
+        np.testing.assert_allclose(result, POWER / (32 * np.pi), rtol=1e-9)
 
 
 def test_a_spot_behind_itself_is_dark():
@@ -141,12 +141,12 @@ def test_the_scale_of_its_object_stretches_the_cone_of_a_spot():
         # In the lamp's own space its cone is round.
         wanted = smoothstep(unit(*local / scale)[2], cone, blend)
         way = TURNED @ local
-        found = irradiance(lamp, lamp.position - way, way, n=2)
-        np.testing.assert_allclose(found, wanted * POWER / (4 * np.pi), rtol=1e-9, atol=1e-12)
+        result = irradiance(lamp, lamp.position - way, way, n=2)
+        np.testing.assert_allclose(result, wanted * POWER / (4 * np.pi), rtol=1e-9, atol=1e-12)
         shares.append(wanted)
-        found = irradiance(even, lamp.position - way, way, n=2)
+        result = irradiance(even, lamp.position - way, way, n=2)
         wanted = smoothstep(np.cos(0.45), cone, blend) * POWER / (4 * np.pi)
-        np.testing.assert_allclose(found, wanted, rtol=1e-9)
+        np.testing.assert_allclose(result, wanted, rtol=1e-9)
     assert min(shares) == 0 and max(shares) > 0.9
 
 
@@ -158,10 +158,10 @@ def test_a_spot_with_a_radius_is_its_ball_seen_through_the_cone(soft_falloff):
     ball = Lamp("point", POWER, position, **settings)
     direction, distance, plain = samples(ball)
     wanted = [smoothstep(cosine, 1.5, 0.8) for cosine in direction @ TURNED[:, 2]]
-    ways, lengths, found = samples(spot)
+    ways, lengths, result = samples(spot)
     np.testing.assert_allclose(ways, direction)
     np.testing.assert_allclose(lengths, distance)
-    np.testing.assert_allclose(found, plain * np.array(wanted)[:, None], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(result, plain * np.array(wanted)[:, None], rtol=1e-9, atol=1e-9)
     assert 0 in wanted and max(wanted) > 0.2
 
 
@@ -181,19 +181,19 @@ def test_a_surface_that_faces_a_sun_gets_its_power(angle):
 def test_a_sun_of_180_degrees_is_half_a_sky():
     sun = Lamp("sun", POWER, axes=TURNED, angle=np.pi)
     for lean in (0.0, 0.7, 1.9):
-        found = irradiance(sun, normal=TURNED @ around(lean, 4.0))
-        np.testing.assert_allclose(found, POWER * (1 + np.cos(lean)) / 2, rtol=1e-3)
+        result = irradiance(sun, normal=TURNED @ around(lean, 4.0))
+        np.testing.assert_allclose(result, POWER * (1 + np.cos(lean)) / 2, rtol=1e-3)
 
 
 @pytest.mark.parametrize("angle", [0.5, 2.0])
 def test_a_sun_is_a_disc_of_even_radiance(angle):
-    direction, _, found = samples(Lamp("sun", POWER, axes=TURNED, angle=angle))
+    direction, _, result = samples(Lamp("sun", POWER, axes=TURNED, angle=angle))
     height = direction @ TURNED[:, 2]
     assert np.arccos(height.min()) == pytest.approx(angle / 2, rel=0.01)
     for part in (0.3, 0.6, 0.9):
         share = (1 - np.cos(part * angle / 2)) / (1 - np.cos(angle / 2))
         inside = height > np.cos(part * angle / 2)
-        assert found[inside].sum() / found.sum() == pytest.approx(share, abs=0.01)
+        assert result[inside].sum() / result.sum() == pytest.approx(share, abs=0.01)
         assert np.linalg.norm(direction[inside].mean(axis=0) @ TURNED[:, :2]) < 1e-3
 
 
@@ -284,8 +284,8 @@ def test_all_of_a_lamps_power_arrives_somewhere(lamp, share):
     uv = np.stack(np.meshgrid(place, place, indexing="ij"), axis=-1).reshape(-1, 2)
     total = np.zeros(3)
     for one in uv:
-        direction, _, found = lamp.sample(radius * ways, np.tile(one, (n, 1)))
-        total += (found * np.maximum(-(direction * ways).sum(axis=1), 0)[:, None]).mean(axis=0)
+        direction, _, result = lamp.sample(radius * ways, np.tile(one, (n, 1)))
+        total += (result * np.maximum(-(direction * ways).sum(axis=1), 0)[:, None]).mean(axis=0)
     wanted = share * POWER / (4 * np.pi * radius**2)
     np.testing.assert_allclose(total / len(uv), wanted, rtol=2e-3)
 
@@ -293,11 +293,11 @@ def test_all_of_a_lamps_power_arrives_somewhere(lamp, share):
 @pytest.mark.parametrize("n", [1, 5, 64, 100])
 def test_samples_are_spread_evenly_and_shifted_for_each_point(n):
     shift = np.random.default_rng(0).random((7, 2))
-    found = lamp_samples(n, shift)
-    assert found.shape == (7, n, 2) and found.min() >= 0 and found.max() < 1
+    result = lamp_samples(n, shift)
+    assert result.shape == (7, n, 2) and result.min() >= 0 and result.max() < 1
     # The same set for every point, moved round by its shift.
     plain = lamp_samples(n, np.zeros((1, 2)))[0]
-    np.testing.assert_allclose(found, (plain + shift[:, None]) % 1, atol=1e-12)
+    np.testing.assert_allclose(result, (plain + shift[:, None]) % 1, atol=1e-12)
     # Each half, quarter and eighth of both sides holds its share, to within one sample or two.
     for parts in (2, 4, 8):
         for side in plain.T:

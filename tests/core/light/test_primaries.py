@@ -49,8 +49,8 @@ def test_an_image_of_other_primaries_is_converted_and_said(tmp_path):
         with OpenEXR.File({**header, "chromaticities": chromaticities}, {"RGB": pixels}) as file:
             file.write(str(tmp_path / f"{name}.exr"))
     np.testing.assert_array_equal(read_image(tmp_path / "plain.exr"), pixels)
-    found, notes = read_picture(tmp_path / "aces.exr")
+    result, notes = read_picture(tmp_path / "aces.exr")
     wanted = np.maximum(pixels @ np.transpose(FROM_AP0), 0)
-    np.testing.assert_allclose(found, wanted, atol=1e-3)
+    np.testing.assert_allclose(result, wanted, atol=1e-3)
     assert len(notes) == 1 and "converted from the primaries" in notes[0]
     assert (wanted[2, 5] == 0).sum() == 2 and EnvironmentMap.read(tmp_path / "aces.exr").notes

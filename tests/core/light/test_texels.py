@@ -61,9 +61,9 @@ def test_a_texel_has_the_mean_of_what_it_shows(height, turn):
     cube_map, matrix = CubeMap(12), rotation_matrix(turn)
     # The light is turned: what lies in a direction was in the one turned back.
     wanted = quadrature(cube_map, lambda ways: sky(ways @ matrix), 12)
-    found = environment.to_cube_map(cube_map, turn, 1.5)
-    np.testing.assert_allclose(found, 1.5 * wanted, rtol=0.05)
-    assert np.linalg.norm(found / 1.5 - wanted) < 0.008 * np.linalg.norm(wanted)
+    result = environment.to_cube_map(cube_map, turn, 1.5)
+    np.testing.assert_allclose(result, 1.5 * wanted, rtol=0.05)
+    assert np.linalg.norm(result / 1.5 - wanted) < 0.008 * np.linalg.norm(wanted)
     # Parts at a texel's rim are not cut.
     np.testing.assert_allclose(TurningLight(environment, cube_map).at(turn), wanted, rtol=0.06)
     looked_up = environment.sample(cube_map.directions @ matrix)
@@ -91,10 +91,10 @@ def test_small_sources_are_where_they_were(turn):
     environment, cube_map = EnvironmentMap(pixels), CubeMap(4)
     matrix = rotation_matrix(turn)
     wanted = quadrature(cube_map, lambda ways: environment.sample(ways @ matrix), 100)
-    found = environment.to_cube_map(cube_map, turn)
+    result = environment.to_cube_map(cube_map, turn)
     turned = TurningLight(environment, cube_map).at(turn)
     scale = wanted.max(axis=0)
-    np.testing.assert_allclose(found / scale, wanted / scale, atol=0.05)
+    np.testing.assert_allclose(result / scale, wanted / scale, atol=0.05)
     np.testing.assert_allclose(turned / scale, wanted / scale, atol=0.05)
 
 
@@ -105,8 +105,8 @@ def test_a_sun_on_texels_is_a_disc_of_even_radiance(angle):
     wanted = quadrature(
         cube_map, lambda ways: (ways @ towards > np.cos(angle / 2))[:, None] * radiance, 60
     )
-    found = sun_light(cube_map, 2.5 * towards, [3, 2, 1], angle)
-    np.testing.assert_allclose(found, wanted, atol=0.03 * radiance[0])
+    result = sun_light(cube_map, 2.5 * towards, [3, 2, 1], angle)
+    np.testing.assert_allclose(result, wanted, atol=0.03 * radiance[0])
 
 
 @pytest.mark.parametrize("turn", [13])
@@ -119,10 +119,10 @@ def test_many_small_sources_turn_with_their_power_the_brightest_to_the_texel(tur
     pixels.reshape(-1, 3)[hot] = rng.uniform(30, 90, (9, 3))
     environment, cube_map = EnvironmentMap(pixels), CubeMap(16)
     assert len(environment.layers[1][0]) > 384
-    found = TurningLight(environment, cube_map).at(turn)
+    result = TurningLight(environment, cube_map).at(turn)
     wanted = environment.to_cube_map(cube_map, turn)
-    power = [cube_map.solid_angles @ light for light in (found, wanted)]
+    power = [cube_map.solid_angles @ light for light in (result, wanted)]
     np.testing.assert_allclose(*power, rtol=1e-3)
-    np.testing.assert_allclose(found, wanted, atol=0.02 * wanted.max())
+    np.testing.assert_allclose(result, wanted, atol=0.02 * wanted.max())
     dim = wanted.max(axis=1) < 0.1 * wanted.max()
-    assert np.linalg.norm(found[dim] - wanted[dim]) < 0.15 * np.linalg.norm(wanted[dim])
+    assert np.linalg.norm(result[dim] - wanted[dim]) < 0.15 * np.linalg.norm(wanted[dim])

@@ -27,11 +27,11 @@ def test_embree_equals_brute_force(soup):
     pytest.importorskip("embreex")
     vertices, triangles, origins, directions, distances = soup
     brute, embree = (make_caster(n, vertices, triangles) for n in ("brute", "embree"))
-    expected, found = brute.intersect(origins, directions), embree.intersect(origins, directions)
+    expected, result = brute.intersect(origins, directions), embree.intersect(origins, directions)
     assert 0.2 < (expected.triangle >= 0).mean() < 0.9
-    np.testing.assert_array_equal(found.triangle, expected.triangle)
-    np.testing.assert_allclose(found.barycentric, expected.barycentric, atol=1e-5)
-    np.testing.assert_allclose(found.distance, expected.distance, rtol=1e-4)
+    np.testing.assert_array_equal(result.triangle, expected.triangle)
+    np.testing.assert_allclose(result.barycentric, expected.barycentric, atol=1e-5)
+    np.testing.assert_allclose(result.distance, expected.distance, rtol=1e-4)
     for limit in (None, distances):
         np.testing.assert_array_equal(
             embree.occluded(origins, directions, limit), brute.occluded(origins, directions, limit)

@@ -76,16 +76,16 @@ def test_framed_rays_equal_those_of_the_oracle_in_float64(framed):
     truth = [exact.hit(o, d) for o, d in zip(origins, directions.astype(np.float64), strict=True)]
     triangle, distance = map(np.array, zip(*truth, strict=True))
     caster = FramedCaster(lambda v, t: make_caster("brute", v, t), vertices, triangles, frames)
-    found = caster.intersect(origins, directions)
+    result = caster.intersect(origins, directions)
     assert 0.05 < (triangle >= 0).mean() < 0.95
-    assert (found.triangle != triangle).mean() < 2e-3
-    same = (found.triangle == triangle) & (triangle >= 0)
+    assert (result.triangle != triangle).mean() < 2e-3
+    same = (result.triangle == triangle) & (triangle >= 0)
     inside = same & (distance < 100)
     assert inside.sum() > 200 and (same & ~inside).sum() > 2
-    np.testing.assert_allclose(found.distance[inside], distance[inside], rtol=1e-4, atol=1e-6)
-    np.testing.assert_allclose(found.distance[same], distance[same], rtol=1e-4, atol=0.1)
+    np.testing.assert_allclose(result.distance[inside], distance[inside], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(result.distance[same], distance[same], rtol=1e-4, atol=0.1)
     blocked = caster.occluded(origins, directions)
-    np.testing.assert_array_equal(blocked, found.triangle >= 0)
+    np.testing.assert_array_equal(blocked, result.triangle >= 0)
     same = inside
     half = (np.where(np.isfinite(distance), distance, 5) / 2).astype(np.float32)
     assert not caster.occluded(origins[same], directions[same], half[same]).any()

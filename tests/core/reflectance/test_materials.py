@@ -152,10 +152,10 @@ def test_it_is_in_the_store(roughness, tmp_path):
     store = BakeStore(tmp_path / "a.prt")
     assert {"point_roughness", "point_mean_roughness"} <= set(store.names())
     assert store.attributes["materials"] == ["albedo", "roughness"]
-    found = read_scene(store)
+    result = read_scene(store)
     for name in ("materials", "mean_materials"):
-        assert getattr(found.points, name).equals(getattr(scene.points, name))
-    assert found.fingerprint() == scene.fingerprint()
+        assert getattr(result.points, name).equals(getattr(scene.points, name))
+    assert result.fingerprint() == scene.fingerprint()
     scene.points.materials.roughness[3] = 1.1
     with pytest.raises(PRTError, match="'roughness' are not finite, not distinct or out of"):
         run(bake_steps(scene, tmp_path / "b.prt", SETTINGS))
@@ -215,8 +215,8 @@ def test_means_stay_in_their_range():
     third = Materials(albedo=np.ones((3, 3)), translucency=np.ones((3, 3)))
     weights = np.array([[0.7, 0.2, 0.1 + 1e-15]])
     assert weights.sum() > 1
-    found = third.between(np.array([[0, 1, 2]]), weights).translucency
-    np.testing.assert_array_equal(found, 1)
+    result = third.between(np.array([[0, 1, 2]]), weights).translucency
+    np.testing.assert_array_equal(result, 1)
     albedo = QUANTITIES["albedo"]
     assert albedo.highest(bounced=True) == 1 + 1e-5 and albedo.lowest == 0
     assert albedo.highest() == 64 * (1 + 1e-5)

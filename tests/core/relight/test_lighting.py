@@ -50,8 +50,8 @@ def test_strength_is_of_all_light_unless_lamps_have_their_own(bake):
     lamps = {"lamps": [LAMP], "lamp_samples": 5, "bounces": 2}
     sky, lamp = lit(bake, SKY, bounces=2), lit(bake, **lamps)
     np.testing.assert_allclose(lit(bake, SKY, strength=3, **lamps), 3 * sky + 3 * lamp, rtol=1e-5)
-    found = lit(bake, SKY, strength=3, lamp_strength=2, **lamps)
-    np.testing.assert_allclose(found, 3 * sky + 2 * lamp, rtol=1e-5)
+    result = lit(bake, SKY, strength=3, lamp_strength=2, **lamps)
+    np.testing.assert_allclose(result, 3 * sky + 2 * lamp, rtol=1e-5)
     # A strength that is changed later is that of the lamps as well.
     again = lit(bake, replace(Lighting(SKY, **lamps), strength=3))
     np.testing.assert_allclose(again, 3 * sky + 3 * lamp, rtol=1e-5)
@@ -64,8 +64,8 @@ def test_a_sharp_sun_has_the_strength_of_its_image(bake):
     assert split_sun(image)[1] is not None
     sharp = Lighting(image, sharp_sun=True, lamp_samples=5, bounces=2)
     colours = lit(bake, sharp)
-    found = lit(bake, replace(sharp, strength=3, lamp_strength=1))
-    np.testing.assert_allclose(found, 3 * colours, rtol=1e-5)
+    result = lit(bake, replace(sharp, strength=3, lamp_strength=1))
+    np.testing.assert_allclose(result, 3 * colours, rtol=1e-5)
 
 
 def test_an_array_that_was_changed_is_another_light(bake):
@@ -79,8 +79,8 @@ def test_exposure_is_a_factor_on_what_comes_out(bake):
     lighting = Lighting(SKY, lamps=[LAMP], lamp_samples=5)
     colours = lit(bake, lighting)
     for stops in (2, -1.5):
-        found = lit(bake, replace(lighting, exposure=stops))
-        np.testing.assert_array_equal(found, colours * np.float32(2.0**stops))
+        result = lit(bake, replace(lighting, exposure=stops))
+        np.testing.assert_array_equal(result, colours * np.float32(2.0**stops))
     near = bake.scene.to_world(bake.scene.ray_origins[:1])[0] + [0, 0, 1e-4]
     with pytest.raises(PRTError, match="exposure: 64 stops take the colours beyond"):
         lit(bake, lamps=[Lamp("point", (1e15, 1, 1), near)], exposure=64)
@@ -130,8 +130,8 @@ def test_the_sky_behind_a_picture_is_the_light_that_was_asked_for(bake):
     turned = ways[:, [1, 0, 2]] * [1, -1, 1]  # where the light of each came from
     np.testing.assert_allclose(relighter.sky(lighting)(ways), 6 * SKY.sample(turned), rtol=1e-6)
     assert relighter.sky(Lighting("world")) is relighter.sky(Lighting(WORLD)) is None
-    found = environment_light(bake, SKY, 90, 3)
-    np.testing.assert_array_equal(found, SKY.to_cube_map(bake.cube_map, 90) * np.float32(3))
+    result = environment_light(bake, SKY, 90, 3)
+    np.testing.assert_array_equal(result, SKY.to_cube_map(bake.cube_map, 90) * np.float32(3))
 
 
 OTHER = {

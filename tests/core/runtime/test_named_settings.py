@@ -8,8 +8,8 @@ from prt_core.runtime.named_settings import expect_settings, named_settings, rea
 
 def test_names_and_settings_of_a_text():
     assert named_settings("pca") == ("pca", {})
-    found = named_settings("cpca:n_clusters=7, method=static")
-    assert found == ("cpca", {"n_clusters": "7", "method": "static"})
+    result = named_settings("cpca:n_clusters=7, method=static")
+    assert result == ("cpca", {"n_clusters": "7", "method": "static"})
 
 
 @pytest.mark.parametrize("text", ["a:b", "a:=1", "a:b=", "a:b=1,b=2", 3])
@@ -20,8 +20,8 @@ def test_other_texts_are_refused_in_one_line(text):
 
 
 def test_values_are_what_they_look_like_unless_text_is_wanted():
-    found = [read_setting(text) for text in ("7", "0.5", "none", "True", "false", "d4")]
-    assert found == [7, 0.5, None, True, False, "d4"]
+    result = [read_setting(text) for text in ("7", "0.5", "none", "True", "false", "d4")]
+    assert result == [7, 0.5, None, True, False, "d4"]
     assert read_setting("none", "root") == "none" and read_setting("7", "root") == "7"
 
 

@@ -122,7 +122,7 @@ def test_outputs_are_refused_before_the_work(tmp_path):
         ("folder.npz", {}, "a folder is in the way"),
         ("no/o.npz", {}, "there is no folder"),
         ("file/o.npz", {}, "a file is in the way"),
-        ("file/more/o.npz", {"made": True}, "a file is in the way"),
+        ("file/more/o.npz", {"create": True}, "a file is in the way"),
         ("n" * 300 + ".npz", {}, "too long"),
     ):
         with pytest.raises(PRTError, match=what):

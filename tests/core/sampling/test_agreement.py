@@ -93,9 +93,9 @@ def test_a_last_look_finds_light_through_small_gaps():
     floor = roof.points.object_index == 0
     missed = []
     for reach in (0, 2):
-        found = sample(roof, look_share=1.0, look_reach=reach, looks=2)
-        assert not ((found.bits ^ every) & found.traced).any()
-        missed.append(int(count_bits((every & ~found.bits)[floor])))
+        result = sample(roof, look_share=1.0, look_reach=reach, looks=2)
+        assert not ((result.bits ^ every) & result.traced).any()
+        missed.append(int(count_bits((every & ~result.bits)[floor])))
     assert 0 < missed[1] < missed[0] / 3
 
 
@@ -123,10 +123,10 @@ def test_a_convex_body_needs_no_ray(body):
 
 
 def test_open_points_see_no_surface(scene):
-    found = scene.open_points
+    result = scene.open_points
     floor = scene.points.object_index == 1
-    assert found.any() and not found[floor].any()
-    cube_map, points = CubeMap(16), np.flatnonzero(found)
+    assert result.any() and not result[floor].any()
+    cube_map, points = CubeMap(16), np.flatnonzero(result)
     traced = visibility_bits(scene, cube_map, caster_of(scene), points)
     np.testing.assert_array_equal(traced, horizon_bits(scene, cube_map, points))
 

@@ -115,8 +115,8 @@ def test_half_of_the_rows_wrong_is_told_as_such(scene):
     lights = probe_lights(cube_map)
     sampled = Sampled(said, np.zeros_like(truth), 0)
     wanted = true_errors(scene, cube_map, truth, sampled, lights)
-    found = run(certificate_steps(scene, cube_map, caster, sampled, lights))
-    for (_, relit), item in zip(wanted.values(), found, strict=True):
+    result = run(certificate_steps(scene, cube_map, caster, sampled, lights))
+    for (_, relit), item in zip(wanted.values(), result, strict=True):
         for name in lights:
             estimate = item.relit[name]
             assert 0.6 < relit[name] < 0.8
@@ -181,12 +181,12 @@ def test_rows_found_wrong_are_put_right(scene):
 
 def test_the_same_seed_draws_the_same(scene):
     cube_map, caster = CubeMap(8), caster_of(scene)
-    found = []
+    result = []
     for seed in (0, 0, 1):
         sampled = run(sample_agreement(scene, cube_map, caster, AgreementSettings()))
-        some = CertificateSettings(seed=seed)
-        found.append(run(certificate_steps(scene, cube_map, caster, sampled, {}, some)))
-    assert found[0] == found[1] != found[2]
+        subset = CertificateSettings(seed=seed)
+        result.append(run(certificate_steps(scene, cube_map, caster, sampled, {}, subset)))
+    assert result[0] == result[1] != result[2]
 
 
 def test_nothing_drawn_is_no_error():

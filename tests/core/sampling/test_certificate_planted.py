@@ -71,9 +71,9 @@ def test_relit_colours_are_weighed_by_their_light(scene, truth, direction):
     said[::2] = flipped(truth, near & (np.arange(CUBE.n_directions) % 2 == 0))[::2]
     sampled = Sampled(said, np.zeros_like(said), 0)
     wanted = true_errors(scene, CUBE, truth, sampled, {"spot": light})
-    found = [certified(scene, said, {"spot": light}, seed)[0] for seed in range(3)]
+    result = [certified(scene, said, {"spot": light}, seed)[0] for seed in range(3)]
     for number, (_, relit) in wanted.items():
-        estimates = [items[number].relit["spot"] for items in found]
+        estimates = [items[number].relit["spot"] for items in result]
         mean = np.sqrt(np.mean([one.error**2 for one in estimates]))
         assert mean == pytest.approx(relit["spot"], rel=0.12, abs=1e-6)
         assert sum(one.low <= relit["spot"] * 1.0001 <= one.high * 1.0002 for one in estimates) >= 2
@@ -86,15 +86,15 @@ def test_what_is_below_a_horizon_is_never_wrong():
     floor.corner_normal = np.broadcast_to(lean, floor.corner_normal.shape).copy()
     scene = Scene.from_meshes([floor, sphere(8, 0.3, (0, 0, 0.5), name="ball")])
     truth = visibility_bits(scene, CUBE, caster_of(scene), slice(0, len(scene.points)))
-    found, sampled = certified(scene, truth)
-    for item in found:
+    result, sampled = certified(scene, truth)
+    for item in result:
         assert item.wrong == 0 and item.matrix.error == 0 and item.entries > 1000
     np.testing.assert_array_equal(sampled.bits, truth)
 
 
 def test_draws_tell_how_much_is_lit(scene, truth):
-    found, _ = certified(scene, truth)
-    for number, item in enumerate(found):
+    result, _ = certified(scene, truth)
+    for number, item in enumerate(result):
         mine = scene.points.object_index == number
         worth = np.maximum(scene.points.normals[mine] @ CUBE.vectors.T, 0) ** 2
         lit = (worth * unpack(truth[mine], CUBE.n_directions)).sum() / worth.sum()
@@ -149,8 +149,8 @@ def test_rows_that_are_found_surely_widen_nothing(scene, truth):
     lights = {"even sky": np.ones((CUBE.n_directions, 3), np.float32)}
     sampled = Sampled(said, np.zeros_like(said), 0)
     wanted = true_errors(scene, CUBE, truth, sampled, lights)
-    found, after = certified(scene, said, lights, 3)
-    for item, (_, relit) in zip(found, wanted.values(), strict=True):
+    result, after = certified(scene, said, lights, 3)
+    for item, (_, relit) in zip(result, wanted.values(), strict=True):
         estimate = item.relit["even sky"]
         assert item.rows == 20 and relit["even sky"] > 0.1
         assert estimate.error == pytest.approx(relit["even sky"], rel=0.005)
@@ -163,11 +163,11 @@ def test_where_nothing_is_found_something_may_be_hidden(scene, truth):
     lights = {"even sky": np.ones((CUBE.n_directions, 3), np.float32)}
     highs = []
     for entries in (1 << 18, 1):
-        found, _ = certified(scene, truth, lights, 0, entries=entries)
-        for item in found:
+        result, _ = certified(scene, truth, lights, 0, entries=entries)
+        for item in result:
             estimate = item.relit["even sky"]
             assert estimate.error == estimate.low == 0 < estimate.high < 0.05
-        highs.append([item.relit["even sky"].high for item in found])
+        highs.append([item.relit["even sky"].high for item in result])
     assert (np.array(highs[0]) <= highs[1]).all()
 
 
@@ -180,5 +180,5 @@ def test_light_that_is_received_is_summed_over_all_points():
     wanted = true_errors(floor, CUBE, truth, Sampled(said, np.zeros_like(said), 0), lights)
     assert (floor.points.object_index == 0).sum() > 3000
     error = wanted[0][1]["even sky"]
-    found, _ = certified(floor, said, lights)
-    assert 0.02 < error < 0.1 and found[0].relit["even sky"].error == pytest.approx(error, rel=0.1)
+    result, _ = certified(floor, said, lights)
+    assert 0.02 < error < 0.1 and result[0].relit["even sky"].error == pytest.approx(error, rel=0.1)

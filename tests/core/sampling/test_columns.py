@@ -10,19 +10,19 @@ def test_the_weight_is_variance_times_count():
     rows = rng.random((7, 11)).astype(np.float32)
     features = (rng.random((7, 11)) < 0.5).astype(np.float32)
     neighbours = np.array([[0, 3, 5], [2, 6, -1], [4, -1, -1]])
-    found = feature_weights(rows, features, neighbours)
+    result = feature_weights(rows, features, neighbours)
     for point, of in enumerate(neighbours):
         of = of[of >= 0]
         wanted = rows[of].var(axis=0) * (features[of].mean(axis=0) + 1e-3)
-        np.testing.assert_allclose(found[point], wanted, rtol=1e-3, atol=1e-7)
-    assert not found[2].any()
+        np.testing.assert_allclose(result[point], wanted, rtol=1e-3, atol=1e-7)
+    assert not result[2].any()
 
 
 def test_what_all_neighbours_see_alike_tells_nothing():
     rows = np.full((5, 6), 0.3, np.float32)
     rows[2, 4] = 0.1
-    found = feature_weights(rows, np.ones_like(rows), np.array([[0, 1, 2, 3, 4]]))
-    np.testing.assert_array_equal(found > 0, [[False, False, False, False, True, False]])
+    result = feature_weights(rows, np.ones_like(rows), np.array([[0, 1, 2, 3, 4]]))
+    np.testing.assert_array_equal(result > 0, [[False, False, False, False, True, False]])
 
 
 def test_only_allowed_directions_are_chosen_best_first():

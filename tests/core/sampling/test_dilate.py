@@ -32,10 +32,10 @@ def test_a_dilated_mask_is_the_union_of_all_neighbourhoods(resolution, corners):
     mask[0] = False
     table = around(resolution) if corners else around(resolution)[[1, 3, 4, 5, 7]]
     wanted = mask[:, table].any(axis=1)
-    found = dilate(np.packbits(mask, axis=1, bitorder="little"), resolution, corners)
-    found = np.unpackbits(found, axis=1, bitorder="little")
-    assert not found[:, n_directions:].any()
-    np.testing.assert_array_equal(found[:, :n_directions] > 0, wanted)
+    result = dilate(np.packbits(mask, axis=1, bitorder="little"), resolution, corners)
+    result = np.unpackbits(result, axis=1, bitorder="little")
+    assert not result[:, n_directions:].any()
+    np.testing.assert_array_equal(result[:, :n_directions] > 0, wanted)
 
 
 def test_a_texel_at_an_edge_spreads_onto_the_next_face():

@@ -91,19 +91,19 @@ def test_certifying_many_costs_as_much_as_certifying_few(field):
     rays = []
     for groups in (None, certified_together(field)):
         copy = type(sampled)(sampled.bits.copy(), sampled.traced.copy(), 0)
-        found = run(
+        result = run(
             certificate_steps(
                 field, CUBE, caster, copy, light, CertificateSettings(), groups=groups
             )
         )
         rays.append(copy.rays)
-        assert all(item.entries for item in found)
-    assert len(found) <= 14 and rays[1] < 0.35 * rays[0]
+        assert all(item.entries for item in result)
+    assert len(result) <= 14 and rays[1] < 0.35 * rays[0]
     # The one figure is that of all their points.
     truth = visibility_bits(field, CUBE, caster, slice(None))
     group, names = groups
     number = max(names, key=lambda g: ((group == g) & (sampled.bits != truth).any(axis=1)).sum())
-    item = next(i for i in found if i.name == names[number])
+    item = next(i for i in result if i.name == names[number])
     mine = group == number
     worth = np.maximum(field.points.normals[mine] @ CUBE.vectors.T, 0) ** 2
     wrong, lit = (
@@ -121,15 +121,15 @@ def test_leaves_are_given_up_early_and_a_floor_is_not():
     truth = visibility_bits(scene, CUBE, caster, slice(None))
     settings = AgreementSettings(seed=0, looks=0)
     blind = run(sample_agreement(scene, CUBE, caster, settings))
-    found = run(sample_agreement(scene, CUBE, caster, AgreementSettings(
+    result = run(sample_agreement(scene, CUBE, caster, AgreementSettings(
         seed=0, looks=0, most_wrong=0.08)))  # fmt: skip
-    assert blind.attributes["given_up"] == 0 and found.attributes["given_up"] == (index == 0).sum()
+    assert blind.attributes["given_up"] == 0 and result.attributes["given_up"] == (index == 0).sum()
     # Blind agreement is wrong about a tenth of what leaves see, and more.
     lit = count_bits(truth[index == 0])
     assert count_bits((blind.bits ^ truth)[index == 0]) > 0.1 * lit
-    np.testing.assert_array_equal(found.bits[index == 0], truth[index == 0])
+    np.testing.assert_array_equal(result.bits[index == 0], truth[index == 0])
     floor = index == 1
-    assert count_bits(found.traced[floor]) < 0.3 * count_bits(truth[floor])
+    assert count_bits(result.traced[floor]) < 0.3 * count_bits(truth[floor])
     caster.close()
 
 

@@ -40,8 +40,8 @@ def sampled(scene, pace=None, **settings):
 def matrix_error(scene, bits, truth):
     """Relative L2 of the cosine-weighted rows."""
     cosine = scene.points.normals @ CUBE.vectors.T.astype(np.float32)
-    found, wanted = (unpack(b, CUBE.n_directions) * cosine for b in (bits, truth))
-    return np.linalg.norm(found - wanted) / np.linalg.norm(wanted)
+    result, wanted = (unpack(b, CUBE.n_directions) * cosine for b in (bits, truth))
+    return np.linalg.norm(result - wanted) / np.linalg.norm(wanted)
 
 
 def truth_of(scene):
@@ -50,19 +50,19 @@ def truth_of(scene):
 
 def test_it_is_near_the_truth_at_a_share_of_the_rays(scene):
     truth = truth_of(scene)
-    found, rays = sampled(scene, features=40)
-    assert rays == found.rays == np.unpackbits(found.traced).sum()
+    result, rays = sampled(scene, features=40)
+    assert rays == result.rays == np.unpackbits(result.traced).sum()
     above = horizon_bits(scene, CUBE, slice(0, len(scene.points)))
-    assert found.rays < 0.45 * np.unpackbits(above).sum()
-    np.testing.assert_array_equal(found.bits & found.traced, truth & found.traced)
-    assert not (found.bits & ~above).any()
-    error = matrix_error(scene, found.bits, truth)
+    assert result.rays < 0.45 * np.unpackbits(above).sum()
+    np.testing.assert_array_equal(result.bits & result.traced, truth & result.traced)
+    assert not (result.bits & ~above).any()
+    error = matrix_error(scene, result.bits, truth)
     assert error < 0.08
     # A tenth of the directions instead tells what the features are worth.
     fewer, _ = sampled(scene, features=3)
     assert matrix_error(scene, fewer.bits, truth) > error
-    assert found.attributes["duality_gap"] < 1e-6
-    assert 0 < found.attributes["neighbours_used"] <= 12
+    assert result.attributes["duality_gap"] < 1e-6
+    assert 0 < result.attributes["neighbours_used"] <= 12
 
 
 @pytest.mark.parametrize(
@@ -75,18 +75,18 @@ def test_it_is_near_the_truth_at_a_share_of_the_rays(scene):
     ],
 )
 def test_every_variant_is_near_the_truth(scene, settings):
-    found, _ = sampled(scene, features=40, **settings)
+    result, _ = sampled(scene, features=40, **settings)
     truth = truth_of(scene)
-    np.testing.assert_array_equal(found.bits & found.traced, truth & found.traced)
-    assert matrix_error(scene, found.bits, truth) < 0.15
+    np.testing.assert_array_equal(result.bits & result.traced, truth & result.traced)
+    assert matrix_error(scene, result.bits, truth) < 0.15
 
 
 def test_full_traces_everything_but_what_dense_points_borrow(scene):
-    found, _ = sampled(scene, reconstruction="full")
+    result, _ = sampled(scene, reconstruction="full")
     truth = truth_of(scene)
-    assert matrix_error(scene, found.bits, truth) < 0.03
+    assert matrix_error(scene, result.bits, truth) < 0.03
     above = horizon_bits(scene, CUBE, slice(0, len(scene.points)))
-    whole = (found.traced == above).all(axis=1)
+    whole = (result.traced == above).all(axis=1)
     assert whole.mean() >= 0.74
 
 
@@ -103,16 +103,16 @@ def test_the_same_seed_gives_the_same_bytes_at_any_pace(scene):
 @pytest.mark.parametrize("scale", [1e-3, 1e5])
 def test_the_scale_of_the_scene_does_not_matter(scene, scale):
     wanted, _ = sampled(scene, features=40)
-    found, _ = sampled(ball_on_floor(scale=scale), features=40)
-    differ = np.unpackbits(found.bits ^ wanted.bits).mean()
+    result, _ = sampled(ball_on_floor(scale=scale), features=40)
+    differ = np.unpackbits(result.bits ^ wanted.bits).mean()
     assert differ < 1e-3
 
 
 def test_tiny_and_empty_objects():
     # Fewer points than dense ones, than neighbours, than directions; alone in a large radius.
     scene = Scene.from_meshes([plane(2), plane(3, 4, 5, name="far"), sphere(3, 0.1, (0, 0, 9))])
-    found, _ = sampled(scene, radius=1e-6, fewest_dense=1, dense_share=0.01)
-    assert matrix_error(scene, found.bits, truth_of(scene)) < 0.5
+    result, _ = sampled(scene, radius=1e-6, fewest_dense=1, dense_share=0.01)
+    assert matrix_error(scene, result.bits, truth_of(scene)) < 0.5
     everything, _ = sampled(scene, dense_share=1.0)
     assert everything.attributes["sparse_entries"] == 0
     assert matrix_error(scene, everything.bits, truth_of(scene)) < 0.05
@@ -120,24 +120,24 @@ def test_tiny_and_empty_objects():
 
 def test_a_dark_scene_stays_dark():
     scene = Scene.from_meshes([sphere(8, inside=True)])
-    found, _ = sampled(scene)
-    assert not found.bits.any()
+    result, _ = sampled(scene)
+    assert not result.bits.any()
 
 
 def test_an_open_scene_stays_open():
     scene = Scene.from_meshes([plane(9)])
-    found, _ = sampled(scene, radius=0.5)
-    np.testing.assert_array_equal(found.bits, truth_of(scene))
-    assert found.attributes["mean_rank"] == 1
+    result, _ = sampled(scene, radius=0.5)
+    np.testing.assert_array_equal(result.bits, truth_of(scene))
+    assert result.attributes["mean_rank"] == 1
 
 
 def test_where_all_neighbours_agree_their_value_is_taken():
     # Both sides of a free sheet, worked on together: each sees its own half and nothing else,
     # though no direction tells a point's own neighbours apart and none is traced.
     scene = Scene.from_meshes([plane(9, two_sided=True)])
-    found, _ = sampled(scene, radius=0.5, normal_weight=1.0)
-    np.testing.assert_array_equal(found.bits, truth_of(scene))
-    assert found.attributes["sparse_entries"] == 0
+    result, _ = sampled(scene, radius=0.5, normal_weight=1.0)
+    np.testing.assert_array_equal(result.bits, truth_of(scene))
+    assert result.attributes["sparse_entries"] == 0
 
 
 def dense_of(scene, **settings):
@@ -171,8 +171,8 @@ def test_the_local_rank_is_that_of_the_rows():
     positions = rng.random((8, 3)) * 0.1
     for rank in (1, 3, 5):
         rows = rng.random((8, rank)) @ rng.standard_normal((rank, len(grid.grid)))
-        found = local_rank(positions[:2], positions, (rows @ sketch).astype(np.float32), settings)
-        np.testing.assert_array_equal(found, rank)
+        result = local_rank(positions[:2], positions, (rows @ sketch).astype(np.float32), settings)
+        np.testing.assert_array_equal(result, rank)
     alone = local_rank(positions + 9, positions, np.ones((8, 96), np.float32), settings)
     np.testing.assert_array_equal(alone, 8)
 

@@ -30,8 +30,8 @@ def test_the_rank_counts_singular_values_above_a_share_of_the_largest(scale):
     positions = 0.01 * rng.random((6, 3))
     for threshold in (0.9, 0.3, 0.15, 0.1, 0.05, 1e-3):
         settings = HuangSettings(radius=1.0, rank_neighbours=6, rank_threshold=threshold)
-        found = local_rank(positions, positions, rows, settings)
-        np.testing.assert_array_equal(found, np.count_nonzero(values > threshold))
+        result = local_rank(positions, positions, rows, settings)
+        np.testing.assert_array_equal(result, np.count_nonzero(values > threshold))
 
 
 def test_the_rank_is_that_of_the_nearest_dense_points_within_the_radius():
@@ -39,9 +39,9 @@ def test_the_rank_is_that_of_the_nearest_dense_points_within_the_radius():
     positions, places = rng.random((30, 3)), rng.random((50, 3))
     rows = rng.standard_normal((50, 40)) * 0.5 ** rng.integers(0, 9, (50, 1))
     settings = HuangSettings(radius=0.25, rank_neighbours=5, rank_threshold=0.1)
-    found = local_rank(positions, places, rows.astype(np.float32), settings)
+    result = local_rank(positions, places, rows.astype(np.float32), settings)
     counts = []
-    for position, rank in zip(positions, found, strict=True):
+    for position, rank in zip(positions, result, strict=True):
         distance = np.linalg.norm(places - position, axis=1)
         near = [i for i in np.argsort(distance)[:5] if distance[i] < 0.25]
         counts.append(len(near))
@@ -65,15 +65,15 @@ def test_sparse_points_take_the_dense_ones_within_the_radius(radius):
     points.positions += 0.01 * np.random.default_rng(1).random(points.positions.shape, np.float32)
     places = np.hstack([points.positions, 0.05 * points.normals]).astype(np.float64)
     asked, counts = [], set()
-    for some, neighbours in sparse_blocks(scene, dense, settings):
-        for point, near in zip(some, neighbours, strict=True):
+    for subset, neighbours in sparse_blocks(scene, dense, settings):
+        for point, near in zip(subset, neighbours, strict=True):
             mine = points.object_index[dense.points] == points.object_index[point]
             distance = np.linalg.norm(places[dense.points] - places[point], axis=1)
             order = [i for i in np.argsort(distance, kind="stable") if mine[i]][:7]
             wanted = [i for n, i in enumerate(order) if n < 2 or distance[i] <= radius]
             assert near[near >= 0].tolist() == wanted
             counts.add(len(wanted))
-        asked += some.tolist()
+        asked += subset.tolist()
     assert sorted([*asked, *dense.points.tolist()]) == list(range(len(points)))
     assert len(counts) > 2 and min(counts) == 2
 
@@ -87,14 +87,14 @@ def test_sketches_are_projected_rows_of_the_transport():
     sketch = sketch_matrix(grid, 0, 7)
     assert sketch.shape == (24, 7)
     np.testing.assert_allclose(np.abs(sketch), 7**-0.5, rtol=1e-6)
-    found = sketched(scene, grid, points, np.packbits(seen, axis=1, bitorder="little"), sketch)
+    result = sketched(scene, grid, points, np.packbits(seen, axis=1, bitorder="little"), sketch)
     wanted = np.zeros((4, 7))
     for row, point in enumerate(points):
         for place, direction in enumerate(grid.grid):
             if seen[row, direction]:
                 cosine = scene.points.normals[point] @ CubeMap(4).vectors[direction]
                 wanted[row] += cosine * sketch[place]
-    np.testing.assert_allclose(found, wanted, atol=1e-5)
+    np.testing.assert_allclose(result, wanted, atol=1e-5)
 
 
 def test_a_higher_power_of_the_rank_draws_more_where_it_is_high():

@@ -57,11 +57,11 @@ def test_a_direction_is_borrowed_only_from_samples_that_all_say_the_same(scene, 
 @pytest.mark.parametrize("quantity", ["transport", "visibility"])
 def test_sparse_rows_are_combinations_of_those_around(scene, quantity):
     settings = HuangSettings(features=12, quantity=quantity, strength=1e-2, radius=0.2)
-    found = run(sample_huang(scene, CUBE, caster_of(scene), settings))
-    dense, cosine = found.dense, scene.points.normals.astype(np.float64) @ CUBE.vectors.T
+    result = run(sample_huang(scene, CUBE, caster_of(scene), settings))
+    dense, cosine = result.dense, scene.points.normals.astype(np.float64) @ CUBE.vectors.T
     cosine = np.maximum(cosine, 0)
     seen, traced, above = map(
-        flags, (found.bits, found.traced, horizon_bits(scene, CUBE, slice(0, len(scene.points))))
+        flags, (result.bits, result.traced, horizon_bits(scene, CUBE, slice(0, len(scene.points))))
     )
     rows = flags(dense.rows.bits)
     compared = close = 0

@@ -62,7 +62,7 @@ def test_a_vote_takes_what_all_agree_on_and_asks_for_the_rest(seed, reach):
     case.vote()
     board = spread(chequer(RESOLUTION))[:N_DIRECTIONS]
     names = "agreed said bits contested wanted checks above traced".split()
-    found = {name: spread(getattr(case.asked, name)) for name in names}
+    result = {name: spread(getattr(case.asked, name)) for name in names}
     for row, point in enumerate(case.points):
         said = np.zeros(N_DIRECTIONS, bool)
         agreed = np.zeros(N_DIRECTIONS, bool)
@@ -75,15 +75,15 @@ def test_a_vote_takes_what_all_agree_on_and_asks_for_the_rest(seed, reach):
         open_entries = horizon & ~agreed & ~done
         checks = before[row] | (grown(said, reach) & ~said if reach else False)
         checks &= agreed & ~done
-        np.testing.assert_array_equal(found["said"][row], said)
-        np.testing.assert_array_equal(found["agreed"][row], agreed)
-        np.testing.assert_array_equal(found["checks"][row], checks)
-        np.testing.assert_array_equal(found["contested"][row], open_entries & ~board)
-        np.testing.assert_array_equal(found["wanted"][row], open_entries & board | checks)
-        np.testing.assert_array_equal(found["bits"][row], np.where(done, case.bits[point], said))
-        np.testing.assert_array_equal(found["above"][row], horizon)
-        np.testing.assert_array_equal(found["traced"][row], done)
-    assert found["contested"].any() and found["checks"].any() and found["agreed"].any()
+        np.testing.assert_array_equal(result["said"][row], said)
+        np.testing.assert_array_equal(result["agreed"][row], agreed)
+        np.testing.assert_array_equal(result["checks"][row], checks)
+        np.testing.assert_array_equal(result["contested"][row], open_entries & ~board)
+        np.testing.assert_array_equal(result["wanted"][row], open_entries & board | checks)
+        np.testing.assert_array_equal(result["bits"][row], np.where(done, case.bits[point], said))
+        np.testing.assert_array_equal(result["above"][row], horizon)
+        np.testing.assert_array_equal(result["traced"][row], done)
+    assert result["contested"].any() and result["checks"].any() and result["agreed"].any()
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -173,8 +173,8 @@ def test_neighbours_surround_a_point():
     known = rng.permutation(len(points))[:90]
     wanted = np.concatenate([known[:10], np.setdiff1d(np.arange(len(points)), known)[:20]])
     features = np.hstack([points.positions, 0.05 * points.normals]).astype(np.float64)
-    found = Neighbours(points, points.object_index).around(known, wanted, 4, 7, itself=True)
-    for point, row in zip(wanted, found, strict=True):
+    result = Neighbours(points, points.object_index).around(known, wanted, 4, 7, itself=True)
+    for point, row in zip(wanted, result, strict=True):
         away = np.linalg.norm(features[known] - features[point], axis=1)
         mine = points.object_index[known] == points.object_index[point]
         order = [i for i in np.argsort(np.where(mine, away, np.inf))[:8]
@@ -190,7 +190,7 @@ def test_neighbours_surround_a_point():
                 costs.append(np.inf if i in chosen else away[i] * (1 + max([0, *sides])))
             chosen.append(order[int(np.argmin(costs))])
         assert row[row >= 0].tolist() == [int(known[i]) for i in chosen]
-    assert (found >= 0).all(axis=1).mean() > 0.9
+    assert (result >= 0).all(axis=1).mean() > 0.9
 
 
 def test_levels_grow_as_they_should_and_take_one_of_each_stretch():
@@ -226,5 +226,5 @@ def test_only_cheap_objects_are_looked_at_again():
     assert shares[1] > 1.3 * shares[0]
     for share, again in ((0.97 * shares[1], [True, False]), (1.0, [True, True])):
         after = traced(looks=1, look_share=share)
-        found = [bool((after != before)[index == i].any()) for i in (0, 1)]
-        assert found == again
+        result = [bool((after != before)[index == i].any()) for i in (0, 1)]
+        assert result == again

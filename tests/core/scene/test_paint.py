@@ -44,8 +44,8 @@ def test_points_stand_for_the_mean_around_them(max_hidden):
     level = scene.triangle_level[0]
     if max_hidden == 0:
         assert level == 1
-        found = (weights[mine] @ points.mean_albedo[mine]) / weights[mine].sum()
-        np.testing.assert_allclose(found, [0.5, 0.6 * 0.375 + 0.1 * 0.625, 0.075], atol=0.03)
+        result = (weights[mine] @ points.mean_albedo[mine]) / weights[mine].sum()
+        np.testing.assert_allclose(result, [0.5, 0.6 * 0.375 + 0.1 * 0.625, 0.075], atol=0.03)
     else:
         x = scene.to_world(points.positions)[:, 0]
         far = mine & (np.abs(x - 0.5) > 5 / level)

@@ -55,8 +55,8 @@ def test_the_geometric_normal_is_that_of_the_faces_by_their_angles():
         normal = np.cross(q - p, r - p)
         wanted += corner_angle(p, q, r) * normal / np.linalg.norm(normal)
     (tip,) = points_of(scene, TIP[0])
-    found = scene.points.geometric_normals[tip]
-    np.testing.assert_allclose(found, wanted / np.linalg.norm(wanted), atol=1e-6)
+    result = scene.points.geometric_normals[tip]
+    np.testing.assert_allclose(result, wanted / np.linalg.norm(wanted), atol=1e-6)
     np.testing.assert_allclose(scene.points.normals, smooth, atol=1e-6)
     # Not flat: no way leads inwards.
     assert not sideways(scene.points)[tip].any()
@@ -123,8 +123,8 @@ def test_points_of_the_back_look_the_other_way_and_are_not_shown():
     assert (height[front] > 0).all() and (height[back] < 0).all()
     # A hit is handed to the side that it met.
     triangle, middle = np.zeros(2, int), np.full((2, 2), 0.2)
-    found, _ = scene.hit_points(triangle, middle, np.array([False, True]))
-    assert points.visible[found[0]].all() and not points.visible[found[1]].any()
+    result, _ = scene.hit_points(triangle, middle, np.array([False, True]))
+    assert points.visible[result[0]].all() and not points.visible[result[1]].any()
     one = Scene.from_meshes([plane(3)], max_hidden=0)
     assert (one.hit_points(triangle, middle, np.array([False, True]))[0][1] == -1).all()
 
@@ -195,6 +195,6 @@ def test_triangles_are_cut_by_their_longest_edge_and_a_budget():
     assert fine.triangle_level[index == 1].min() == 256
     assert (fine.triangle_level[index == 0] == np.ceil(32 * np.sqrt(2) / 8)).all()
     for budget in (0, 100, 1000):
-        some = Scene.from_meshes([small, large], max_hidden=budget)
-        hidden = len(some.points) - 81 - 4
+        subset = Scene.from_meshes([small, large], max_hidden=budget)
+        hidden = len(subset.points) - 81 - 4
         assert hidden <= budget and (hidden > budget / 4 or not budget)

@@ -62,8 +62,8 @@ def test_lattice_interpolation_reproduces_positions(level):
     uv = np.random.default_rng(level).dirichlet([1, 1, 1], 501)[:, 1:]
     uv = np.concatenate([uv, [[0, 0], [1, 0], [0, 1], [0.5, 0.5]]])
     cell, weights = lattice_of_hits(np.full(len(uv), level), uv)
-    found = (coordinates[cell] / level * weights[..., None]).sum(axis=1)
-    np.testing.assert_allclose(found, uv, atol=1e-6)
+    result = (coordinates[cell] / level * weights[..., None]).sum(axis=1)
+    np.testing.assert_allclose(result, uv, atol=1e-6)
     assert (weights >= 0).all()
 
 

@@ -32,8 +32,8 @@ def test_vectors_agree_with_quadrature():
 @pytest.mark.parametrize("resolution", [1, 2, 5, 11])
 def test_texels_hold_their_own_direction(resolution):
     cube_map = CubeMap(resolution)
-    found = cube_map.texel_of(cube_map.directions * 3.7)
-    np.testing.assert_array_equal(found, np.arange(cube_map.n_directions))
+    result = cube_map.texel_of(cube_map.directions * 3.7)
+    np.testing.assert_array_equal(result, np.arange(cube_map.n_directions))
 
 
 @pytest.mark.parametrize("resolution", [1, 3, 8, 32])

@@ -56,12 +56,12 @@ def test_the_mean_over_a_warp_divided_by_its_density_is_the_integral(function):
     if function is not one:
         # Where the density goes to 0 and the function does not, the mean needs more samples.
         cosine = square_to_cosine(stratified())
-        found = (function(cosine) / cosine_density(cosine[:, 2])).mean()
-        assert found == pytest.approx(hemisphere_integral(function), rel=3e-3)
+        result = (function(cosine) / cosine_density(cosine[:, 2])).mean()
+        assert result == pytest.approx(hemisphere_integral(function), rel=3e-3)
     for cap in (1e-3, 0.4, 1.0):
         cone = square_to_cone(stratified(), cap)
-        found = (function(cone) / cone_density(cap)).mean()
-        assert found == pytest.approx(hemisphere_integral(function, 1 - cap), rel=1e-3)
+        result = (function(cone) / cone_density(cap)).mean()
+        assert result == pytest.approx(hemisphere_integral(function, 1 - cap), rel=1e-3)
 
 
 def test_discs_are_even():

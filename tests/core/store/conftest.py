@@ -35,10 +35,10 @@ def scene():
 def detailed(scene):
     """The scene as it is baked."""
     caster = caster_of(scene)
-    found, _ = run(detail_steps(scene, caster, SETTINGS.seed))
+    result, _ = run(detail_steps(scene, caster, SETTINGS.seed))
     caster.close()
-    assert len(found.details) > 1
-    return found
+    assert len(result.details) > 1
+    return result
 
 
 @pytest.fixture(scope="session")
@@ -113,9 +113,9 @@ def forge_array(path, name, change):
     store = BakeStore(path, "r+")
     array = store.array(name)
     values = change(array.read())
-    made = store.create(name, values.shape, values.dtype)
-    made[...] = values
-    store.update(arrays={**store.attributes["arrays"], name: made.digest()})
+    built = store.create(name, values.shape, values.dtype)
+    built[...] = values
+    store.update(arrays={**store.attributes["arrays"], name: built.digest()})
 
 
 def write_zeros(name):
@@ -124,8 +124,8 @@ def write_zeros(name):
     def damage(path):
         store = BakeStore(path, "r+")
         array = store.array(name)
-        made = store.create(name, array.shape, array.dtype, array._layout.chunks)
-        made[...] = array.read() * 0
+        built = store.create(name, array.shape, array.dtype, array._layout.chunks)
+        built[...] = array.read() * 0
 
     return damage
 

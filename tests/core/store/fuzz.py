@@ -273,7 +273,7 @@ def table_lines(table):
     yield "mutation".ljust(18) + "".join(c.rjust(max(9, len(c) + 2)) for c in columns)
     total = Counter()
     for name in [*names, None]:
-        row = sum((found for (n, _), found in table.items() if n == name), Counter())
+        row = sum((result for (n, _), result in table.items() if n == name), Counter())
         total += row
         row = total if name is None else row
         cells = "".join(str(row[c] or ".").rjust(max(9, len(c) + 2)) for c in columns)

@@ -94,12 +94,12 @@ def answer(request):
     reset_peak()
     try:
         digest, finite = work(request)
-        found = {"colours": digest, "finite": finite}
+        result = {"colours": digest, "finite": finite}
     except PRTError as error:
-        found = {"error": str(error)}
+        result = {"error": str(error)}
     except BaseException:
-        found = {"traceback": traceback.format_exc()}
-    return {**found, "peak": peak_bytes()}
+        result = {"traceback": traceback.format_exc()}
+    return {**result, "peak": peak_bytes()}
 
 
 def serve():

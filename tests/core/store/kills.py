@@ -100,12 +100,12 @@ def arm(path, at, share=0.5, writes=False):
 
         return called
 
-    opened, made = os.open, os.fdopen
+    opened, built = os.open, os.fdopen
     for name in () if writes else _NAMES:
         setattr(os, name, event(getattr(os, name)))
 
     def fdopen(handle, mode="r", *rest, **named):
-        file = made(handle, mode, *rest, **named)
+        file = built(handle, mode, *rest, **named)
         if "w" in mode:
             file = _Dying(file, dies, share)
         return file
@@ -265,12 +265,12 @@ def _lit(path):
 def _content(path):
     """All arrays of a bake and its compressed form."""
     store = BakeStore(path)
-    found = {name: store.read(name) for name in store.names()}
+    result = {name: store.read(name) for name in store.names()}
     form = compressed_attributes(store)
     if form:
         for name in form["arrays"]:
-            found[f"compressed/{name}"] = store.read(f"{form['folder']}/{name}")
-    return found
+            result[f"compressed/{name}"] = store.read(f"{form['folder']}/{name}")
+    return result
 
 
 def events_of(count, kills):
@@ -298,10 +298,10 @@ def kill_all(folder, kinds, kills, moments, seed=0, report=None):
         for case in cases:
             if table[kind]["equal"] == kills + moments:
                 break
-            found = killer.kill(kind, **case, share=float(rng.random()))
-            table[kind][found] += 1
+            result = killer.kill(kind, **case, share=float(rng.random()))
+            table[kind][result] += 1
             if report:
-                report(kind, case, found)
+                report(kind, case, result)
     return table
 
 

@@ -54,7 +54,7 @@ def two_of(rng, items):
 def some_file(rng, path):
     """Attributes, a description or a chunk: each third of the time, for chunks are many."""
     groups = [path / "zarr.json"], texts(path), chunks(path)
-    return pick(rng, pick(rng, [some for some in groups if some and some[0].exists()]))
+    return pick(rng, pick(rng, [subset for subset in groups if subset and subset[0].exists()]))
 
 
 # Bytes of files.
@@ -117,7 +117,7 @@ def swap_alike(rng, path, canary):
     alike = {}
     for text in texts(path):
         alike.setdefault(text.read_bytes(), []).append(text.parent)
-    one, two = two_of(rng, pick(rng, [some for some in alike.values() if len(some) > 1]))
+    one, two = two_of(rng, pick(rng, [subset for subset in alike.values() if len(subset) > 1]))
     if rng.random() < 0.5:
         _swap(one, two)
     else:

@@ -17,15 +17,15 @@ IDENTITY = {"scene": "a", "seed": 3}
 
 @pytest.fixture
 def store(tmp_path):
-    made = BakeStore(tmp_path / "a.prt", "a")
-    made.update(identity=IDENTITY)
-    return made
+    built = BakeStore(tmp_path / "a.prt", "a")
+    built.update(identity=IDENTITY)
+    return built
 
 
 def filled(store, name="some", dtype="int32", shape=(11, 7), chunks=(3, 7)):
-    made = store.create(name, shape, dtype, chunks)
-    made[...] = np.arange(np.prod(shape)).reshape(shape) % 100
-    return made
+    built = store.create(name, shape, dtype, chunks)
+    built[...] = np.arange(np.prod(shape)).reshape(shape) % 100
+    return built
 
 
 @pytest.mark.parametrize("dtype", TYPES)
@@ -33,15 +33,15 @@ def filled(store, name="some", dtype="int32", shape=(11, 7), chunks=(3, 7)):
 def test_every_type_and_shape_is_read_bit_by_bit(store, dtype, shape):
     values = (np.random.default_rng(2).random(shape) * 3).astype(dtype)
     store.write("some", values)
-    found = store.read("some", shape, dtype)
-    assert found.dtype == values.dtype
-    np.testing.assert_array_equal(found, values)
+    result = store.read("some", shape, dtype)
+    assert result.dtype == values.dtype
+    np.testing.assert_array_equal(result, values)
 
 
 @pytest.mark.parametrize("value", [0, 255])
 def test_chunks_of_one_value_are_written_as_well(store, value):
-    made = store.create("some", (7, 3), "uint8", (2, 3))
-    made[...] = np.full((7, 3), value, np.uint8)
+    built = store.create("some", (7, 3), "uint8", (2, 3))
+    built[...] = np.full((7, 3), value, np.uint8)
     assert sorted(os.listdir(store.path / "some" / "c")) == ["0", "1", "2", "3"]
 
 
@@ -63,26 +63,26 @@ def test_chunks_are_never_larger_than_a_reader_takes(shape, dtype, chunks, wante
 
 
 def test_what_was_written_is_held_and_nothing_else(store):
-    made = store.create("some", (11, 14), "int32", (3, 7))
-    made[3:6, :7] = 5
-    assert made.holds(slice(3, 6), slice(0, 7))
-    assert not made.holds(slice(3, 6)) and not made.holds(slice(3, 6), slice(7, 14))
-    assert not made.holds(slice(0, 6), slice(0, 7)) and not made.holds(0, 0)
-    made[9:11] = 6
-    assert made.holds(slice(9, 11)) and made.holds(10, 13)
+    built = store.create("some", (11, 14), "int32", (3, 7))
+    built[3:6, :7] = 5
+    assert built.holds(slice(3, 6), slice(0, 7))
+    assert not built.holds(slice(3, 6)) and not built.holds(slice(3, 6), slice(7, 14))
+    assert not built.holds(slice(0, 6), slice(0, 7)) and not built.holds(0, 0)
+    built[9:11] = 6
+    assert built.holds(slice(9, 11)) and built.holds(10, 13)
     with pytest.raises(PRTError, match="'some' lacks 5 of its parts"):
-        made.read()
+        built.read()
     with pytest.raises(PRTError, match="'some' lacks a part \\(c/0/"):
-        made[0:3]
+        built[0:3]
 
 
 def test_blocks_that_are_cut_into_chunks_are_held_whole_or_not(store, monkeypatch):
     monkeypatch.setattr("prt_core.store.layout.MOST_CHUNK", 64)
-    made = store.create("some", (16, 16), "uint8", (8, 16))
-    made[8:16] = 3
-    assert made.holds(slice(8, 16)) and not made.holds(slice(0, 8))
+    built = store.create("some", (16, 16), "uint8", (8, 16))
+    built[8:16] = 3
+    assert built.holds(slice(8, 16)) and not built.holds(slice(0, 8))
     (store.path / "some" / "c" / "3" / "0").unlink()
-    assert not made.holds(slice(8, 16))
+    assert not built.holds(slice(8, 16))
 
 
 def test_a_smaller_shape_keeps_its_chunks_and_drops_the_others(store):
@@ -139,23 +139,23 @@ def _other_bake(store):
     ],
 )
 def test_a_chunk_that_is_not_what_was_written_there_is_not_held(store, damage):
-    made = filled(store)
-    assert made.holds(slice(0, 11))
+    built = filled(store)
+    assert built.holds(slice(0, 11))
     damage(store)
-    made = store.create("some", (11, 7), "int32", (3, 7))
-    assert made.holds(slice(0, 3)) and not made.holds(slice(3, 6))
+    built = store.create("some", (11, 7), "int32", (3, 7))
+    assert built.holds(slice(0, 3)) and not built.holds(slice(3, 6))
     with pytest.raises(PRTError, match="'some' (cannot be read|lacks)|has 1,000,000 bytes"):
-        made.read()
+        built.read()
     with pytest.raises(PRTError):
-        made[3:6]
-    made[3:6] = np.arange(21, 42).reshape(3, 7)
-    np.testing.assert_array_equal(made.read().ravel(), np.arange(77))
+        built[3:6]
+    built[3:6] = np.arange(21, 42).reshape(3, 7)
+    np.testing.assert_array_equal(built.read().ravel(), np.arange(77))
 
 
 def forged(store, data):
     """A chunk with any frame in it, and the digest that belongs to that."""
-    made = filled(store)
-    Chunks(store.files, "some", made._layout, store._binding).keep("c/1/0", data)
+    built = filled(store)
+    Chunks(store.files, "some", built._layout, store._binding).keep("c/1/0", data)
     return store.array("some")
 
 
@@ -187,9 +187,9 @@ def test_a_chunk_without_a_size_is_not_decoded(store, data):
 
 
 def test_a_chunk_that_lies_about_its_size_is_one_line(store):
-    made = forged(store, frame(84))
+    built = forged(store, frame(84))
     with pytest.raises(PRTError, match="'some' cannot be read") as caught:
-        made[3:6]
+        built[3:6]
     assert "\n" not in str(caught.value)
 
 

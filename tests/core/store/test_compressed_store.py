@@ -59,9 +59,9 @@ def test_what_is_read_relights_bit_by_bit(baked, rows, kind):
     before = BakeStore(baked).nbytes()
     model = kind.fit(rows)
     keep(baked, model, method="some")
-    found = kept(baked, type(kind))
-    np.testing.assert_array_equal(found.product(LIGHT), model.product(LIGHT))
-    assert found.nbytes == model.nbytes and found.get_params() == model.get_params()
+    result = kept(baked, type(kind))
+    np.testing.assert_array_equal(result.product(LIGHT), model.product(LIGHT))
+    assert result.nbytes == model.nbytes and result.get_params() == model.get_params()
     assert compressed_attributes(BakeStore(baked))["method"] == "some"
     load(baked)
     assert remove_compressed(BakeStore(baked, "a"))
@@ -85,8 +85,8 @@ def test_blended_borders_are_kept(baked, rows):
     model = ClusteredPCA(4, 2).fit(rows).blend_borders(rows, pairs)
     assert len(model.border_points_)
     keep(baked, model)
-    found = kept(baked, ClusteredPCA)
-    np.testing.assert_array_equal(found.product(LIGHT), model.product(LIGHT))
+    result = kept(baked, ClusteredPCA)
+    np.testing.assert_array_equal(result.product(LIGHT), model.product(LIGHT))
 
 
 def test_a_kill_leaves_the_old_form_or_the_new(baked, rows, monkeypatch):
@@ -116,10 +116,10 @@ def _replace(name, change):
     def damage(path):
         store = BakeStore(path, "a")
         name_there = f"compressed1/{name}"
-        made = store.write(name_there, change(store.read(name_there)))
+        built = store.write(name_there, change(store.read(name_there)))
         # As if by somebody who knows how the store is sealed.
         attributes = store.attributes["compressed"]
-        arrays = {**attributes["arrays"], name: made.digest()}
+        arrays = {**attributes["arrays"], name: built.digest()}
         store.update(compressed={**attributes, "arrays": arrays})
 
     return damage

@@ -15,9 +15,9 @@ FACTS = {"format": "prt bake", "version": 3, "complete": False, "numbers": [1, 2
 
 @pytest.fixture
 def files(tmp_path):
-    made = Files(tmp_path / "a.prt")
-    made.make()
-    return made
+    built = Files(tmp_path / "a.prt")
+    built.make()
+    return built
 
 
 def test_facts_are_read_as_they_were_written(files):

@@ -14,9 +14,9 @@ from prt_core.store.files import Files, is_part
 
 @pytest.fixture
 def files(tmp_path):
-    made = Files(tmp_path / "a.prt")
-    made.make()
-    return made
+    built = Files(tmp_path / "a.prt")
+    built.make()
+    return built
 
 
 def test_what_is_written_is_read(files):
@@ -91,10 +91,10 @@ def test_a_link_that_takes_the_place_of_a_file_meanwhile_is_not_followed(
     look = os.lstat
 
     def swapping(path):
-        found = look(path)
+        result = look(path)
         os.unlink(path)
         os.symlink(outside, path)
-        return found
+        return result
 
     monkeypatch.setattr(os, "lstat", swapping)
     with pytest.raises(PRTError, match="cannot be read"):

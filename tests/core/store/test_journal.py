@@ -51,8 +51,8 @@ def test_answers_are_given_again_however_the_rays_are_cut(tmp_path):
     origins, directions = rays(3 * _CHUNK + 164)
     first, second = Counting(), Counting()
     wanted = asked(RayJournal(first, store), origins, directions, 997)
-    found = asked(RayJournal(second, store), origins, directions, 3331)
-    np.testing.assert_array_equal(wanted, found)
+    result = asked(RayJournal(second, store), origins, directions, 3331)
+    np.testing.assert_array_equal(wanted, result)
     np.testing.assert_array_equal(wanted, Counting().occluded(origins, directions))
     # Whole chunks were written; the last, partly filled one is cast again.
     assert first.rays == 3 * _CHUNK + 164 and second.rays == 164

@@ -62,7 +62,7 @@ def test_whose_a_bake_is_stands_in_its_first_facts(scene, tmp_path, monkeypatch)
         if any("identity" in attributes for attributes in written):
             break
     named = [attributes.get("origin") for attributes in written if "identity" in attributes]
-    assert named and all(found == origin for found in named)
+    assert named and all(result == origin for result in named)
 
 
 def _remove_all_but(*kept):

@@ -32,8 +32,8 @@ def test_what_is_loaded_is_what_was_baked(detailed, finished):
     for name in ("vertices", "triangles", "lattice", "lattice_back", "triangle_level"):
         np.testing.assert_array_equal(getattr(bake.scene, name), getattr(scene, name))
     for name in ("point", "triangle", "barycentric", "back"):
-        found, wanted = (getattr(one.details, name) for one in (bake.scene, scene))
-        np.testing.assert_array_equal(found, wanted)
+        result, wanted = (getattr(one.details, name) for one in (bake.scene, scene))
+        np.testing.assert_array_equal(result, wanted)
     assert bake.scene.fingerprint() == scene.fingerprint()
     assert bake.transport.mean_albedo is not None
     assert bake.lamps[0].name == "bulb"
@@ -339,12 +339,12 @@ def test_forged_objects_give_one_clear_line(baked, key, value):
 @pytest.mark.parametrize("json_wanted", [False, True])
 def test_info_says_what_is_wrong_in_one_line(baked, capsys, damage, code, message, json_wanted):
     damage(baked)
-    found = main(["info", str(baked), *(["--json"] if json_wanted else [])])
+    result = main(["info", str(baked), *(["--json"] if json_wanted else [])])
     out, err = capsys.readouterr()
     if json_wanted and "report" in message:
-        assert found == 0
+        assert result == 0
         return
-    assert found == code
+    assert result == code
     if code:
         assert out == "" and len(err.splitlines()) == 1 and message in err
     elif not json_wanted:

@@ -65,9 +65,9 @@ def test_gather_rays_are_cosine_distributed():
     np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1, atol=1e-5)
     cosine = (directions @ np.float32([0.6, 0, 0.8])).ravel()
     # The squared cosine of Malley's method is uniform: chi-squared over 20 bins.
-    found, _ = np.histogram(cosine**2, 20, (0, 1))
+    result, _ = np.histogram(cosine**2, 20, (0, 1))
     expected = len(cosine) / 20
-    assert ((found - expected) ** 2 / expected).sum() < 45.3  # 99.9 % of 20 - 1 degrees
+    assert ((result - expected) ** 2 / expected).sum() < 45.3  # 99.9 % of 20 - 1 degrees
 
 
 def test_the_back_of_a_face_returns_nothing():
@@ -103,8 +103,8 @@ def test_two_bounces_are_the_first_terms_of_the_series(bench):
     zero = a * received
     one = a * (transport.gather @ zero)
     two = a * (transport.gather @ one)
-    found = all_bounces(transport.gather, a, received, bounces=2)[0]
-    np.testing.assert_allclose(found, zero + one + two, rtol=1e-6)
+    result = all_bounces(transport.gather, a, received, bounces=2)[0]
+    np.testing.assert_allclose(result, zero + one + two, rtol=1e-6)
 
 
 def test_rows_agree_with_path_tracing():
@@ -121,9 +121,9 @@ def test_rows_agree_with_path_tracing():
     sigma = np.hypot(error, spread)
     assert (np.abs(mean - truth) < 4 * sigma + 0.005 * truth.max()).all()
     # Of whole rows: a path adds to all directions, so their errors go together.
-    found, wanted = mean.sum(axis=1), truth.sum(axis=1)
+    result, wanted = mean.sum(axis=1), truth.sum(axis=1)
     bound = 4 * np.hypot(error.sum(axis=1), spread.sum(axis=1))
-    assert (np.abs(found - wanted) < bound).all()
+    assert (np.abs(result - wanted) < bound).all()
     # The test can fail: without bounces both do.
     direct = transport_of_seed(scene, 0).rows(points, indirect=False)
     assert (np.abs(direct - truth) > 4 * sigma + 0.005 * truth.max()).any()
@@ -222,11 +222,11 @@ def test_rows_meet_as_much_as_is_blocked(bench):
     lit, lost = np.asarray(raw.sum(axis=1)).ravel(), (ray_ends(hits) == DARK).mean(axis=1)
     enough = (blocked * ROUND >= 2) & (lit + lost > 0)
     assert 20 < enough.sum() < len(enough)
-    found = np.asarray(scaled.sum(axis=1)).ravel()
+    result = np.asarray(scaled.sum(axis=1)).ravel()
     np.testing.assert_allclose(
-        found[enough], (lit * blocked / np.maximum(lit + lost, 1e-9))[enough], rtol=1e-5
+        result[enough], (lit * blocked / np.maximum(lit + lost, 1e-9))[enough], rtol=1e-5
     )
-    np.testing.assert_array_equal(found[~enough], lit[~enough])
+    np.testing.assert_array_equal(result[~enough], lit[~enough])
 
 
 def test_scaled_rows_are_nearer_to_the_truth(bench):
@@ -239,8 +239,8 @@ def test_scaled_rows_are_nearer_to_the_truth(bench):
     truth = gather_operator(np.hstack(hits[8:]), n_points) @ light
 
     def error(*blocked):
-        found = [gather_operator(some, n_points, *blocked) @ light for some in hits[:8]]
-        return np.linalg.norm(np.array(found) - truth)
+        result = [gather_operator(subset, n_points, *blocked) @ light for subset in hits[:8]]
+        return np.linalg.norm(np.array(result) - truth)
 
     assert error(blocked) < 0.8 * error()
 
@@ -253,16 +253,16 @@ def test_a_ray_towards_the_open_sky_stands_for_others(bench):
     def everything_is_clear(points, directions):
         return np.ones(directions.shape[:2], bool)
 
-    some = gather_parts(bench, caster, parts, 0, None, everything_is_clear)
+    subset = gather_parts(bench, caster, parts, 0, None, everything_is_clear)
     whole = gather_parts(bench, caster, parts, 0)
-    n_some, n_whole = (sum(one.n_rays for one in found) for found in (some, whole))
+    n_some, n_whole = (sum(one.n_rays for one in result) for result in (subset, whole))
     assert n_whole / 16 <= n_some < n_whole / 10
-    share = [np.mean([(ray_ends(one.hits) >= 0).mean(axis=1) for one in found], axis=0)
-             for found in (some, whole)]  # fmt: skip
+    share = [np.mean([(ray_ends(one.hits) >= 0).mean(axis=1) for one in result], axis=0)
+             for result in (subset, whole)]  # fmt: skip
     # Two representatives a row and round: a standard deviation of at most 0.5 / sqrt(2 x 60).
     assert np.abs(share[0] - share[1]).max() < 5 * 0.5 / np.sqrt(120)
     assert abs(share[0].mean() - share[1].mean()) < 0.01
-    counts = np.unique((ray_ends(some[0].hits) == MISS).sum(axis=1))
+    counts = np.unique((ray_ends(subset[0].hits) == MISS).sum(axis=1))
     assert len(counts) < len(np.unique((ray_ends(whole[0].hits) == MISS).sum(axis=1)))
 
 
@@ -273,23 +273,23 @@ def test_every_ray_of_a_round_keeps_its_direction(bench):
     def some_are_clear(points, directions):
         return directions[:, :, 0] > 0.3
 
-    found = gather_parts(bench, caster, [(every, 3)], 5, None, some_are_clear)[0]
+    result = gather_parts(bench, caster, [(every, 3)], 5, None, some_are_clear)[0]
     ways = gather_directions(bench, every, 5, 3)
     assert ways.shape == (len(bench.points), ROUND, 3)
     origins = np.repeat(bench.ray_origins, ROUND, axis=0)
     met = caster.intersect(origins, ways.reshape(-1, 3))
     met = (met.triangle >= 0).reshape(-1, ROUND)
     above = np.einsum("nrx,nx->nr", ways, bench.points.geometric_normals) > 0
-    cast = (found.hits > REPRESENTED) & above
-    assert cast.sum() == found.n_rays < 0.8 * above.sum()
-    np.testing.assert_array_equal((found.hits == MISS)[cast], ~met[cast])
+    cast = (result.hits > REPRESENTED) & above
+    assert cast.sum() == result.n_rays < 0.8 * above.sum()
+    np.testing.assert_array_equal((result.hits == MISS)[cast], ~met[cast])
     # Those that were not cast name one of their own kind that was, and end as it does.
-    row, slot = np.nonzero(found.hits <= REPRESENTED)
-    representative = REPRESENTED - found.hits[row, slot]
+    row, slot = np.nonzero(result.hits <= REPRESENTED)
+    representative = REPRESENTED - result.hits[row, slot]
     assert (ways[row, slot, 0] > 0.3).all() and (ways[row, representative, 0] > 0.3).all()
-    assert (found.hits[row, representative] > REPRESENTED).all() and (representative != slot).all()
-    ends = ray_ends(found.hits)
-    np.testing.assert_array_equal(ends[row, slot], found.hits[row, representative])
+    assert (result.hits[row, representative] > REPRESENTED).all() and (representative != slot).all()
+    ends = ray_ends(result.hits)
+    np.testing.assert_array_equal(ends[row, slot], result.hits[row, representative])
     np.testing.assert_array_equal(
-        ends[found.hits > REPRESENTED], found.hits[found.hits > REPRESENTED]
+        ends[result.hits > REPRESENTED], result.hits[result.hits > REPRESENTED]
     )

@@ -32,11 +32,11 @@ def sky_seen(scene):
     bits = visibility_bits(scene, CUBE, caster, slice(None))
     caster.close()
     white = np.ones((CUBE.n_directions, 1), np.float32)
-    some, whole = (
+    subset, whole = (
         received_light(b, scene.points.normals, CUBE, white)[:, 0]
         for b in (bits, horizon_bits(scene, CUBE, slice(None)))
     )
-    return some / whole
+    return subset / whole
 
 
 def contact(gap, matrix, move, others=(), size=1.0):
@@ -57,14 +57,14 @@ def faults(scene, size=1.0, matrix=None, move=(0, 0, 0)):
     under, open_floor = floor[away < 0.4], floor[away > 0.75]
     plate = (points.object_index == 1) & points.visible
     # The shortcut for open points may not call any point open that is not.
-    found = {
+    result = {
         "too few points under the plate": len(under) < 16,
         "light under the plate": seen[under].max() >= 0.01,
         "shadow beside the plate": seen[open_floor].min() <= 0.97,
         "the plate shades itself": seen[plate].min() <= 0.999,
         "points under the plate are called open": scene.open_points[under].any(),
     }
-    return [what for what, is_so in found.items() if is_so]
+    return [what for what, is_so in result.items() if is_so]
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3, 1e6])

@@ -199,6 +199,23 @@ def test_objects_of_one_material_are_one_light_and_those_of_others_are_others():
     assert Scene.from_meshes([floor, plane(2, name="d", z=1)]).emitters == ()
 
 
+@pytest.mark.parametrize("half", [0.05, 4.0])
+def test_what_lets_light_pass_shines_with_all_that_it_sends_out(half):
+    """Emission is what leaves a place in the mean, however few of its rays end there."""
+    sheet = glowing(plane(2, -half, half, name="sheet", z=0.5), (0.6, 0.6, 0.6))
+    clear = np.full((len(sheet.corner_vertex), 1), 0.3)
+    sheet.materials = sheet.materials.replaced(opacity=clear)
+    scene = Scene.from_meshes([plane(3, -0.1, 0.1, name="floor"), sheet], max_hidden=0)
+    caster = scene.make_caster("brute")
+    lights = aimed(scene, caster, 3)
+    emitted = emitted_light(scene, caster, lights, slice(0, len(scene.points)), 3, 0.003)
+    which, places = floor_points(scene)
+    corners = above(-half, half, -half, half, 0.5)
+    wanted = [0.6 * of_polygon(corners, place) for place in places]
+    np.testing.assert_allclose(emitted.received[0, which, 0], wanted, rtol=0.1)
+    np.testing.assert_allclose(emitted.received[0, which, 0].mean(), np.mean(wanted), rtol=0.03)
+
+
 def test_what_diffuse_rays_do_not_see_shines_for_the_viewer_only():
     lamp = glowing(plane(2, name="lamp", z=1.0), (1.0, 1.0, 1.0))
     lamp.diffuse_rays = False

@@ -27,9 +27,9 @@ def bake(tmp_path_factory):
 @pytest.mark.parametrize("between", [(), (5,), (5, 2)])
 def test_it_is_albedo_times_what_is_received(between):
     received, albedo = RNG.random((7, *between, 3)), RNG.random((7, 3))
-    found = ExitRadiance(received, albedo).toward()
+    result = ExitRadiance(received, albedo).toward()
     for point in range(7):
-        np.testing.assert_array_equal(found[point], albedo[point] * received[point])
+        np.testing.assert_array_equal(result[point], albedo[point] * received[point])
 
 
 @pytest.mark.parametrize(
@@ -66,8 +66,8 @@ def test_strength_is_the_lights_on_every_way(bake, way):
     """It multiplies before the bounces, so that it is the same as a stronger light."""
     light = SKY.to_cube_map(bake.cube_map)
     for options, factor in (({"strength": 3.0}, 3.0), ({"strength": 1.0}, 1.0)):
-        found = relight_points(bake, light, transport=way, **options)
+        result = relight_points(bake, light, transport=way, **options)
         wanted = relight_points(bake, light * np.float32(factor), transport=way)
         if way == "compressed":
-            np.testing.assert_array_equal(found, wanted)
-        np.testing.assert_allclose(found, wanted, rtol=1e-5)
+            np.testing.assert_array_equal(result, wanted)
+        np.testing.assert_allclose(result, wanted, rtol=1e-5)

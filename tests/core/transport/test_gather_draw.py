@@ -42,8 +42,8 @@ def scene():
 @pytest.fixture(scope="module")
 def gather(scene):
     every, caster = slice(0, len(scene.points)), caster_of(scene)
-    found = [gather_hits(scene, caster, every, 3, turn).hits for turn in range(ROUNDS)]
-    return gather_operator(np.concatenate(found, axis=1), len(scene.points)).toarray()
+    result = [gather_hits(scene, caster, every, 3, turn).hits for turn in range(ROUNDS)]
+    return gather_operator(np.concatenate(result, axis=1), len(scene.points)).toarray()
 
 
 def expected_shares(origin):
@@ -83,10 +83,10 @@ def test_radiosity_that_is_linear_is_gathered_without_bias(scene, gather):
     world = scene.to_world(scene.points.positions)
     radiosity = 2 + 0.3 * world[:, 0] - 0.2 * world[:, 1]
     at_corners = 2 + 0.3 * CORNERS[:, 0] - 0.2 * CORNERS[:, 1]
-    found = gather @ radiosity
+    result = gather @ radiosity
     for eye in np.flatnonzero(scene.points.object_index == 1):
         wanted = expected_shares(world[eye]) @ at_corners
-        assert found[eye] == pytest.approx(wanted, abs=4 * 1.5 / np.sqrt(ROUNDS * ROUND))
+        assert result[eye] == pytest.approx(wanted, abs=4 * 1.5 / np.sqrt(ROUNDS * ROUND))
 
 
 def test_rows_of_k_are_shares_of_the_rays():

@@ -32,19 +32,19 @@ def test_a_bit_needs_both_horizons():
     points.normals[:4] = points.normals[30:34]
     points.geometric_normals[4:8] = points.geometric_normals[30:34]
     cube_map = CubeMap(5)
-    some = np.array([2, 3, 5, 6, 11, 20, 40])
-    wanted = np.zeros((len(some), cube_map.n_directions), bool)
+    subset = np.array([2, 3, 5, 6, 11, 20, 40])
+    wanted = np.zeros((len(subset), cube_map.n_directions), bool)
     sure = np.ones_like(wanted)
-    for row, point in enumerate(some):
+    for row, point in enumerate(subset):
         for d in range(cube_map.n_directions):
             shading = points.normals[point].astype(np.float64) @ cube_map.vectors[d]
             geometric = points.geometric_normals[point].astype(np.float64) @ cube_map.samples[d]
             wanted[row, d] = shading > 0 and geometric > 0
             # On a horizon rounding decides.
             sure[row, d] = min(abs(shading), abs(geometric)) > 1e-6
-    found = unpack(horizon_bits(scene, cube_map, some), cube_map.n_directions) > 0
+    result = unpack(horizon_bits(scene, cube_map, subset), cube_map.n_directions) > 0
     assert sure.mean() > 0.9
-    np.testing.assert_array_equal(found[sure], wanted[sure])
+    np.testing.assert_array_equal(result[sure], wanted[sure])
 
     class Nothing:
         batch, threads = 1 << 16, 1
@@ -52,8 +52,8 @@ def test_a_bit_needs_both_horizons():
         def occluded(self, origins, directions, limit=None):
             return np.zeros(len(origins), bool)
 
-    traced = visibility_bits(scene, cube_map, Nothing(), some)
-    np.testing.assert_array_equal(traced, horizon_bits(scene, cube_map, some))
+    traced = visibility_bits(scene, cube_map, Nothing(), subset)
+    np.testing.assert_array_equal(traced, horizon_bits(scene, cube_map, subset))
 
 
 def test_light_along_the_horizon_is_never_below_zero():
@@ -75,12 +75,12 @@ def test_rays_below_the_surface_are_dark(lean):
     # Of cosine-distributed rays about a normal that leans the share (1 - cos) / 2 is below.
     scene = Scene.from_meshes([leaning(lean)], max_hidden=0)
     every, caster = slice(0, len(scene.points)), caster_of(scene)
-    found = [gather_hits(scene, caster, every, 0, turn) for turn in range(24)]
-    hits = np.concatenate([one.hits for one in found], axis=1)
+    result = [gather_hits(scene, caster, every, 0, turn) for turn in range(24)]
+    hits = np.concatenate([one.hits for one in result], axis=1)
     share = (1 - np.cos(lean)) / 2
     assert set(np.unique(hits)) <= {MISS, DARK}
     assert (hits == DARK).mean() == pytest.approx(share, abs=4 * 0.5 / np.sqrt(hits.size))
-    assert sum(one.n_rays for one in found) == (hits == MISS).sum()
+    assert sum(one.n_rays for one in result) == (hits == MISS).sum()
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
@@ -91,15 +91,15 @@ def test_hits_on_backs_are_dark_and_counted(two_sided):
     sheet = plane(2, -1, 1, z=0.5, name="sheet", two_sided=two_sided)
     scene = Scene.from_meshes([floor, sheet], max_hidden=0)
     mine = slice(0, 9)
-    found = [gather_hits(scene, caster_of(scene), mine, 5, turn) for turn in range(40)]
-    hits = np.concatenate([one.hits for one in found], axis=1)
+    result = [gather_hits(scene, caster_of(scene), mine, 5, turn) for turn in range(40)]
+    hits = np.concatenate([one.hits for one in result], axis=1)
     corners = np.array([(-1, -1, 0.5), (1, -1, 0.5), (1, 1, 0.5), (-1, 1, 0.5)])
     hidden = 0.0
     for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         across = np.cross(p, q)
         angle = np.arctan2(np.linalg.norm(across), p @ q)
         hidden += angle * across[2] / np.linalg.norm(across) / (2 * np.pi)
-    backs = sum(one.n_back for one in found)
+    backs = sum(one.n_back for one in result)
     met = (hits != MISS).mean()
     assert met == pytest.approx(abs(hidden), abs=4 * 0.5 / np.sqrt(hits.size))
     gather = gather_operator(hits, len(scene.points))
@@ -144,6 +144,6 @@ def test_no_ray_is_cast_where_none_can_meet_anything():
     every, caster = slice(0, 16), caster_of(scene)
     spared = np.arange(16) % 3 == 0
     (plain,) = gather_parts(scene, caster, [(every, 0)], 0)
-    (found,) = gather_parts(scene, caster, [(every, 0)], 0, spared)
-    np.testing.assert_array_equal(found.hits, plain.hits)
-    assert found.n_rays == (plain.hits[~spared] == MISS).sum() < plain.n_rays
+    (result,) = gather_parts(scene, caster, [(every, 0)], 0, spared)
+    np.testing.assert_array_equal(result.hits, plain.hits)
+    assert result.n_rays == (plain.hits[~spared] == MISS).sum() < plain.n_rays

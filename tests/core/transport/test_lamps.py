@@ -54,7 +54,7 @@ def test_half_of_a_lamp_behind_an_edge(scale):
     scene = Scene.from_meshes([floor, plate], max_hidden=0)
     size = np.array([1.0, 0.6])
     lamp = Lamp("area", POWER, (0, 0, scale), DOWN, size=size * scale)
-    found = irradiance(scene, [lamp], 4096)
+    result = irradiance(scene, [lamp], 4096)
     radiance = POWER / (np.pi * size.prod() * scale**2)
     for point in range(4):
         place = scene.to_world(scene.points.positions[[point]])[0]
@@ -64,7 +64,7 @@ def test_half_of_a_lamp_behind_an_edge(scale):
         x = np.array([-0.5 * scale, edge, edge, -0.5 * scale])
         y = np.array([-0.3, -0.3, 0.3, 0.3]) * scale
         corners = np.stack([x, y, np.full(4, scale)], axis=1)
-        np.testing.assert_allclose(found[point], radiance * polygon(corners, place), rtol=0.01)
+        np.testing.assert_allclose(result[point], radiance * polygon(corners, place), rtol=0.01)
 
 
 def test_light_needs_both_horizons():
@@ -75,17 +75,17 @@ def test_light_needs_both_horizons():
     middle = int(np.linalg.norm(scene.points.positions, axis=1).argmin())
     for way in ((0, 0, 1.0), (0.9, 0, 0.3), (0.9, 0, -0.1), (-0.9, 0, 0.3), (0.3, 0.5, -1.0)):
         way = np.array(way) / np.linalg.norm(way)
-        found = irradiance(scene, [Lamp("point", POWER, 2 * way)])[middle]
+        result = irradiance(scene, [Lamp("point", POWER, 2 * way)])[middle]
         seen = way[2] > 0 and way @ lean > 0
         wanted = POWER * (way @ lean) / (16 * np.pi) if seen else 0 * POWER
-        np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-9)
+        np.testing.assert_allclose(result, wanted, rtol=1e-3, atol=1e-9)
 
 
 def test_lamps_add_up_and_each_has_samples_of_its_own():
     scene = Scene.from_meshes([plane(5), plane(2, -0.2, 0.2, z=0.3, name="lid")], max_hidden=0)
     near = Lamp("area", POWER, (0.3, 0, 0.6), DOWN, size=(0.9, 0.9))
     far = Lamp("sun", POWER, angle=0.3)
-    one, two, both = (irradiance(scene, some, 16) for some in ([near], [far], [near, far]))
+    one, two, both = (irradiance(scene, subset, 16) for subset in ([near], [far], [near, far]))
     twice = irradiance(scene, [near, near], 16)
     # The second lamp's samples are others: noise in the penumbra is not the same.
     assert np.abs(twice - 2 * one).max() > 1e-3 * one.max()
@@ -100,12 +100,12 @@ def test_points_of_two_blocks_have_samples_of_their_own():
     scene = Scene.from_meshes([plane(92, -1e-5, 1e-5)], max_hidden=0)
     assert len(scene.points) > 2 * 4096
     lamp = Lamp("area", POWER, (0, 0, 0.5), DOWN, size=(1.0, 1.0))
-    found = irradiance(scene, [lamp], 2)[:, 0]
-    assert np.std(found[:4096] - found[4096:8192]) > 0.01 * found.max()
-    assert np.std(found[:50]) > 0.01 * found.max()
+    result = irradiance(scene, [lamp], 2)[:, 0]
+    assert np.std(result[:4096] - result[4096:8192]) > 0.01 * result.max()
+    assert np.std(result[:50]) > 0.01 * result.max()
     corners = np.array([(-0.5, -0.5, 0.5), (0.5, -0.5, 0.5), (0.5, 0.5, 0.5), (-0.5, 0.5, 0.5)])
     wanted = POWER[0] / np.pi * polygon(corners, np.zeros(3))
-    assert found.mean() == pytest.approx(wanted, rel=0.01)
+    assert result.mean() == pytest.approx(wanted, rel=0.01)
 
 
 def test_a_lamp_lights_its_receivers_alone_and_meets_its_blockers_alone():

@@ -41,15 +41,15 @@ def test_a_million_bounces_are_those_that_add_something(gather):
     received = np.zeros((N_POINTS, 3), np.float32)
     received[0] = 1, 2, 3
     counted = Counted(gather)
-    found, n_bounces = all_bounces(counted, albedo, received, bounces=1_000_000)
+    result, n_bounces = all_bounces(counted, albedo, received, bounces=1_000_000)
     assert n_bounces == counted.count < 400
     total = term = (albedo * received).astype(np.float64)
     for _ in range(3000):
         term = albedo * (gather @ term)
         total = total + term
-    np.testing.assert_allclose(found, total, rtol=2e-6)
+    np.testing.assert_allclose(result, total, rtol=2e-6)
     # The last point of the chain is lit by the last of its bounces.
-    assert (found[-1] > 0).all()
+    assert (result[-1] > 0).all()
 
 
 def test_a_number_that_matters_is_kept_to():

@@ -71,10 +71,10 @@ def relit(scene, rounds=4):
     bits = visibility_bits(scene, CUBE, caster, every)
     white = np.ones((CUBE.n_directions, 1), np.float32)
     received = received_light(bits, scene.points.normals, CUBE, white)
-    found = [gather_hits(scene, caster, every, 0, r) for r in range(rounds)]
-    gather = gather_operator(np.hstack([one.hits for one in found]), len(scene.points))
+    result = [gather_hits(scene, caster, every, 0, r) for r in range(rounds)]
+    gather = gather_operator(np.hstack([one.hits for one in result]), len(scene.points))
     caster.close()
-    return scene, all_bounces(gather, scene.points.albedo[:, :1], received, 1e-5)[0][:, 0], found
+    return scene, all_bounces(gather, scene.points.albedo[:, :1], received, 1e-5)[0][:, 0], result
 
 
 @pytest.mark.parametrize("thickness", [1e-3, 0.02, 0.3])
@@ -83,13 +83,13 @@ def relit(scene, rounds=4):
 def test_a_sealed_room_is_dark(thickness, floor_quads, ground):
     if ground > 4 and floor_quads > 1:
         floor_quads = 7
-    scene, radiance, found = relit(Scene.from_meshes(sealed(thickness, floor_quads, ground)))
+    scene, radiance, result = relit(Scene.from_meshes(sealed(thickness, floor_quads, ground)))
     inside = scene.points.object_index == 2
     assert radiance[inside].max() < 1e-4
     ground = (scene.points.object_index == 0) & scene.points.visible
     assert radiance[ground].max() > 0.5
-    rays = sum(one.n_rays for one in found)
-    assert sum(one.n_hidden for one in found) < 0.005 * rays
+    rays = sum(one.n_rays for one in result)
+    assert sum(one.n_hidden for one in result) < 0.005 * rays
 
 
 def test_the_room_would_not_be_dark_by_corners_alone(monkeypatch):
@@ -112,10 +112,10 @@ def test_a_lit_room_within_one_face_bounces_off_its_floor():
             roof = (middle[:, 2] > 1.4) & (np.abs(middle[:, :2] - [0.37, 0.21]).max(axis=1) < 0.5)
             kept = ~roof[mesh.triangle_corners[:, 0] // 4]
             mesh.triangle_corners = mesh.triangle_corners[kept]
-        scene, radiance, found = relit(Scene.from_meshes(meshes), 8)
+        scene, radiance, result = relit(Scene.from_meshes(meshes), 8)
         inside = (scene.points.object_index == 2) & scene.points.visible
         results.append(radiance[inside].mean())
-        assert sum(one.n_hidden for one in found) < 0.005 * sum(one.n_rays for one in found)
+        assert sum(one.n_hidden for one in result) < 0.005 * sum(one.n_rays for one in result)
     fine, coarse = results
     assert fine > 0.03
     np.testing.assert_allclose(coarse, fine, rtol=0.1)

@@ -62,22 +62,22 @@ def written_out(transport, bounces):
 def test_rows_columns_and_relighting_have_the_same_bounces(transport, bounces):
     transport = replace(transport, bounces=bounces)
     wanted = written_out(transport, bounces)
-    every, some = np.arange(N_POINTS), np.array([7, 0, 3])
+    every, subset = np.arange(N_POINTS), np.array([7, 0, 3])
     atol = 1e-6 * wanted.max()
-    np.testing.assert_allclose(transport.rows(some), wanted[some], rtol=1e-4, atol=atol)
+    np.testing.assert_allclose(transport.rows(subset), wanted[subset], rtol=1e-4, atol=atol)
     directions = np.array([90, 2, 41, 8, 7])
-    found = transport.columns(directions)
-    np.testing.assert_allclose(found, wanted[:, directions], rtol=1e-4, atol=atol)
+    result = transport.columns(directions)
+    np.testing.assert_allclose(result, wanted[:, directions], rtol=1e-4, atol=atol)
     light = np.random.default_rng(0).random((transport.n_directions, 3)).astype(np.float32)
     truth = np.einsum("pdc,dc->pc", wanted, light)
     np.testing.assert_allclose(transport.radiance(light), truth, rtol=1e-4)
     np.testing.assert_allclose(transport.rows(every), wanted, rtol=1e-4, atol=atol)
     direct = transport.albedo[:, None] * direct_of(transport)[..., None]
-    for found in (
+    for result in (
         transport.rows(every, indirect=False),
         transport.columns(np.arange(transport.n_directions), indirect=False),
     ):
-        np.testing.assert_allclose(found, direct, rtol=1e-4, atol=atol)
+        np.testing.assert_allclose(result, direct, rtol=1e-4, atol=atol)
     np.testing.assert_allclose(
         transport.radiance(light, bounces=0), np.einsum("pdc,dc->pc", direct, light), rtol=1e-4
     )
@@ -89,8 +89,8 @@ def test_the_series_ends_when_what_is_left_is_below_the_tolerance(transport):
     exact, _ = all_bounces(gather, albedo, received, 1e-7)
     counts = []
     for tolerance in (1e-2, 1e-3, 1e-4):
-        found, count = all_bounces(gather, albedo, received, tolerance)
-        missing = (exact - found).sum() / exact.sum()
+        result, count = all_bounces(gather, albedo, received, tolerance)
+        missing = (exact - result).sum() / exact.sum()
         # Near the tolerance, and not many bounces more than it needs.
         assert -1e-6 < missing <= tolerance
         shorter, same = all_bounces(gather, albedo, received, bounces=max(count - 3, 1))
@@ -108,9 +108,9 @@ def test_grey_light_on_grey_surfaces_is_made_once_and_is_the_same(transport):
     grey = replace(transport, materials=np.repeat(transport.albedo[:, :1], 3, axis=1))
     light = np.random.default_rng(0).random((transport.n_directions, 1)).astype(np.float32)
     wanted = np.einsum("pdc,d->pc", written_out(grey, None), light[:, 0])
-    found = grey.radiance(light * np.ones(3, np.float32))
-    np.testing.assert_allclose(found, wanted, rtol=1e-4)
-    np.testing.assert_array_equal(found, found[:, :1] * np.ones(3, np.float32))
+    result = grey.radiance(light * np.ones(3, np.float32))
+    np.testing.assert_allclose(result, wanted, rtol=1e-4)
+    np.testing.assert_array_equal(result, result[:, :1] * np.ones(3, np.float32))
     # Coloured light on grey surfaces, and grey light on surfaces of which two channels agree.
     coloured = light * np.float32([1, 0.5, 0.1])
     wanted = np.einsum("pdc,dc->pc", written_out(grey, None), coloured)
@@ -141,8 +141,8 @@ def test_light_of_lamps_is_added_and_bounced(transport):
         received = albedo @ lamps[:, channel]
         wanted[:, channel] = np.linalg.solve(np.eye(N_POINTS) - albedo @ gather, received)
     np.testing.assert_allclose(transport.radiance(None, lamps), wanted, rtol=1e-4)
-    found = transport.radiance(light, lamps)
-    np.testing.assert_allclose(found, transport.radiance(light) + wanted, rtol=1e-4)
+    result = transport.radiance(light, lamps)
+    np.testing.assert_allclose(result, transport.radiance(light) + wanted, rtol=1e-4)
     np.testing.assert_allclose(
         transport.radiance(None, lamps, bounces=0), transport.albedo * lamps, rtol=1e-6
     )

@@ -41,20 +41,20 @@ def by_hand(ends, weights):
 def test_weights_of_one_give_k_bit_for_bit(dtype, blocked):
     hits, _, _ = rays()
     plain = gather_operator(hits, N_POINTS, blocked)
-    found = gather_operator(hits, N_POINTS, blocked, np.ones(hits.shape, dtype))
+    result = gather_operator(hits, N_POINTS, blocked, np.ones(hits.shape, dtype))
     assert plain.nnz == 4 * N_POINTS
     for name in ("data", "indices", "indptr"):
-        one, other = getattr(plain, name), getattr(found, name)
+        one, other = getattr(plain, name), getattr(result, name)
         assert one.dtype == other.dtype and one.tobytes() == other.tobytes()
 
 
 def test_each_ray_weighs_by_itself_also_where_another_stands_for_it():
     hits, ends, rng = rays()
     weights = rng.random(hits.shape)
-    found = gather_operator(hits, N_POINTS, weights=weights)
+    result = gather_operator(hits, N_POINTS, weights=weights)
     wanted = by_hand(ends, weights)
-    assert found.dtype == np.float32 and found.shape == (5, N_POINTS)
-    np.testing.assert_allclose(found.toarray(), wanted, rtol=1e-6)
+    assert result.dtype == np.float32 and result.shape == (5, N_POINTS)
+    np.testing.assert_allclose(result.toarray(), wanted, rtol=1e-6)
     # Nor are they the same where those that were not cast weigh as those that were.
     slot = np.arange(N_RAYS)
     cast = np.where(hits <= REPRESENTED, slot - slot % ROUND + REPRESENTED - hits, slot)
@@ -68,9 +68,9 @@ def test_weights_of_nothing_leave_rows_empty():
     weights[1] = 0
     weights[2, ends[2] == 3] = 0
     for blocked in (None, np.full(5, 0.5, np.float32)):
-        found = gather_operator(hits, N_POINTS, blocked, weights)
-        assert np.diff(found.indptr).tolist() == [N_POINTS, 0, N_POINTS - 1, N_POINTS, 0]
-        assert (found.data > 0).all() and found[2, 3] == 0
+        result = gather_operator(hits, N_POINTS, blocked, weights)
+        assert np.diff(result.indptr).tolist() == [N_POINTS, 0, N_POINTS - 1, N_POINTS, 0]
+        assert (result.data > 0).all() and result[2, 3] == 0
 
 
 def test_rows_meet_as_much_weight_as_is_blocked():
@@ -80,11 +80,11 @@ def test_rows_meet_as_much_weight_as_is_blocked():
     weights[3] *= 1e-6
     weights[3, np.flatnonzero(ends[3] >= 0)[0]] = 1
     blocked = np.array([0.3, 2.5, 0.001, 0.4, 0.5], np.float32)
-    found = gather_operator(hits, N_POINTS, blocked, weights).toarray()
+    result = gather_operator(hits, N_POINTS, blocked, weights).toarray()
     wanted = by_hand(ends, weights)
     met = np.where(ends != MISS, weights, 0).sum(axis=1) / N_RAYS
     scale = np.where([True, True, False, False, True], blocked / np.maximum(met, 1e-9), 1)
-    np.testing.assert_allclose(found, wanted * scale[:, None], rtol=1e-6)
+    np.testing.assert_allclose(result, wanted * scale[:, None], rtol=1e-6)
     assert (abs(scale[:2] - 1) > 0.1).all()
 
 
@@ -118,10 +118,10 @@ def test_lobes_gather_what_all_directions_do(corner, power):
     wanted = []
     for x in floor:
         starts = np.tile(corner.ray_origins[x], (len(directions), 1))
-        found = caster.intersect(starts, directions.astype(np.float32))
-        met = np.flatnonzero(found.triangle >= 0)
-        second, third = found.barycentric[met].T.astype(float)
-        a, b, c = corner.vertices[corner.triangles[found.triangle[met]]].transpose(1, 0, 2)
+        result = caster.intersect(starts, directions.astype(np.float32))
+        met = np.flatnonzero(result.triangle >= 0)
+        second, third = result.barycentric[met].T.astype(float)
+        a, b, c = corner.vertices[corner.triangles[result.triangle[met]]].transpose(1, 0, 2)
         place = a + second[:, None] * (b - a) + third[:, None] * (c - a)
         place = corner.to_world(place)
         sent = 1 + 0.7 * place[:, 2] - 0.3 * place[:, 1]
@@ -131,16 +131,16 @@ def test_lobes_gather_what_all_directions_do(corner, power):
     wanted = np.array(wanted)
     for term in range(2):
         weights = lobe(ways, power)[..., term] * np.pi
-        found = (gather_operator(hits, n_points, weights=weights) @ radiance)[floor]
+        result = (gather_operator(hits, n_points, weights=weights) @ radiance)[floor]
         # Four standard deviations of a mean of independent rays, and the texels' own error.
         brought = weights[floor] * np.append(radiance, [0, 0])[ray_ends(hits)[floor]]
         spread = brought.std(axis=1) / np.sqrt(hits.shape[1])
-        assert (np.abs(found - wanted[:, term]) < 4 * spread + 2e-3 * wanted[:, term]).all()
-        assert np.linalg.norm(found - wanted[:, term]) < 0.03 * np.linalg.norm(wanted[:, term])
+        assert (np.abs(result - wanted[:, term]) < 4 * spread + 2e-3 * wanted[:, term]).all()
+        assert np.linalg.norm(result - wanted[:, term]) < 0.03 * np.linalg.norm(wanted[:, term])
     # Weights of their own, not those of another ray.
     turned = np.roll(lobe(ways, power)[..., 1], 1, axis=1) * np.pi
-    found = (gather_operator(hits, n_points, weights=turned) @ radiance)[floor]
-    assert np.linalg.norm(found - wanted[:, 1]) > 0.1 * np.linalg.norm(wanted[:, 1])
+    result = (gather_operator(hits, n_points, weights=turned) @ radiance)[floor]
+    assert np.linalg.norm(result - wanted[:, 1]) > 0.1 * np.linalg.norm(wanted[:, 1])
 
 
 def test_the_share_that_is_blocked_makes_narrow_lobes_better(corner):
@@ -159,8 +159,8 @@ def test_the_share_that_is_blocked_makes_narrow_lobes_better(corner):
     inside = (np.where(hit != MISS, weight, 0).mean(axis=1)).astype(np.float32)
 
     def error(scaled):
-        found = [scaled(hits[turn], weights[turn]) for turn in range(16)]
-        return np.linalg.norm((np.array(found) - truth)[:, floor])
+        result = [scaled(hits[turn], weights[turn]) for turn in range(16)]
+        return np.linalg.norm((np.array(result) - truth)[:, floor])
 
     def plain(some, weight):
         return gather_operator(some, n_points, weights=weight) @ radiance

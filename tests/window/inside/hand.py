@@ -108,11 +108,11 @@ class Hand:
             x = region.x + int(region.width * at)
             for y in range(region.y + region.height - 8, region.y, -9):
                 yield from self.move(x, y)
-                found = self.under_mouse()
-                if found:
-                    seen.append(found)
-                    self._known[found] = x, y
-                if found == name:
+                result = self.under_mouse()
+                if result:
+                    seen.append(result)
+                    self._known[result] = x, y
+                if result == name:
                     return x, y
             yield from self.wheel("WHEELDOWNMOUSE", 6)
         raise AssertionError(f"no button {name} in the sidebar; there are {sorted(set(seen))}")
@@ -127,13 +127,13 @@ class Hand:
     def under_mouse(self):
         """Name of the button under the mouse, or None."""
         manager = bpy.context.window_manager
-        found = None
+        result = None
         with bpy.context.temp_override(window=self.window, area=self.view, region=self.sidebar):
             for ask in (bpy.ops.ui.copy_python_command_button, bpy.ops.ui.copy_data_path_button):
-                if found is None and ask.poll():
+                if result is None and ask.poll():
                     ask()
-                    found = manager.clipboard.removeprefix("bpy.ops.").partition("(")[0]
-        return found
+                    result = manager.clipboard.removeprefix("bpy.ops.").partition("(")[0]
+        return result
 
     def picture(self, name):
         """A picture of the window as it is drawn, NAME.png; it stands in the screen's corner."""

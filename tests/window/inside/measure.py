@@ -57,12 +57,12 @@ def bake(hand, report, caster):
     yield Until("the bake has begun", lambda: status().running, 20)
     start = time.perf_counter()
     yield Until("it is done", lambda: not status().running, 900)
-    found = {"seconds": time.perf_counter() - start, "turns": sorted(part("work").turns)}
-    found["said"] = status().message
+    result = {"seconds": time.perf_counter() - start, "turns": sorted(part("work").turns)}
+    result["said"] = status().message
     path = FOLDER / "prt" / f"{caster}.prt" / "zarr.json"
-    found["stages"] = sum(json.loads(path.read_text())["attributes"]["seconds"].values())
+    result["stages"] = sum(json.loads(path.read_text())["attributes"]["seconds"].values())
     yield Until("the preview has settled", settled)
-    report[caster] = found
+    report[caster] = result
 
 
 def stops(hand, report):

@@ -81,15 +81,15 @@ def settled():
 
 def on_meshes():
     """{object: (n_corners, 3) float32} as Blender has them."""
-    found = {}
+    result = {}
     for item in bpy.context.scene.objects:
         attributes = getattr(item.data, "color_attributes", {})
         if bpy.context.scene.prt.attribute in attributes:
             data = attributes[bpy.context.scene.prt.attribute].data
             values = np.empty(4 * len(data), np.float32)
             data.foreach_get("color", values)
-            found[item.name] = values.reshape(-1, 4)[:, :3]
-    return found
+            result[item.name] = values.reshape(-1, 4)[:, :3]
+    return result
 
 
 def from_api():
@@ -125,16 +125,16 @@ def compare(hand, report, step):
     """Wait for quiet; what differs between the meshes and the API, and how bright they are."""
     yield 0.2
     yield Until(f"the preview has settled ({step})", settled)
-    found, wanted = on_meshes(), from_api()
+    result, wanted = on_meshes(), from_api()
     report["light"][step] = {
-        "objects": [sorted(found), sorted(wanted)],
-        "difference": max(np.abs(found[name] - wanted[name]).max() for name in wanted),
-        "mean": {name: values.mean(axis=0).tolist() for name, values in found.items()},
+        "objects": [sorted(result), sorted(wanted)],
+        "difference": max(np.abs(result[name] - wanted[name]).max() for name in wanted),
+        "mean": {name: values.mean(axis=0).tolist() for name, values in result.items()},
         "message": status().message,
         "failed": status().failed,
     }
     hand.picture(step)
-    return found
+    return result
 
 
 def bake(hand, report):
@@ -167,24 +167,24 @@ def stop_and_go_on(hand, report):
     hand.event("ESC", "PRESS")
     while status().running and time.perf_counter() - start < 30:
         yield 0.005
-    found = {"seconds_to_stop": time.perf_counter() - start, "said": status().message}
+    result = {"seconds_to_stop": time.perf_counter() - start, "said": status().message}
     hand.event("ESC", "RELEASE")
     yield 0.2
     path = FOLDER / "prt" / "Second.prt"
-    found["complete_then"] = prt_core.BakeStore(path).attributes["complete"]
+    result["complete_then"] = prt_core.BakeStore(path).attributes["complete"]
     hand.picture("stopped")
     yield from hand.click("prt.bake")
     yield Until("it has begun again", lambda: status().running, 10)
     yield Until("it is done", lambda: not status().running)
-    found["said_at_the_end"] = status().message
+    result["said_at_the_end"] = status().message
     yield Until("the preview has settled", settled)
     chosen = part("plan").bake_settings(scene)
     prt_core.bake(None, FOLDER / "whole.prt", **vars(chosen))
     one, two = prt_core.BakeStore(path), prt_core.BakeStore(FOLDER / "whole.prt")
-    found["same"] = [
+    result["same"] = [
         bool((one.read(name) == two.read(name)).all()) for name in ("visibility", "gather")
     ]
-    report["stopped"] = found
+    report["stopped"] = result
 
 
 def drag_rotation(hand, report):

@@ -76,8 +76,8 @@ def test_every_method_serves_small_scenes(name, tmp_path):
         assert {trial["method"] for trial in trials} == wanted
         for kind in {trial["method"] for trial in trials}:
             assert min(t["error"] for t in trials if t["method"] == kind) < 0.12, (kind, trials)
-        found = relight_points(load(path), SKY["noise"], form="compressed")
-        assert np.linalg.norm(found - exact) <= 0.2 * np.linalg.norm(exact), method
+        result = relight_points(load(path), SKY["noise"], form="compressed")
+        assert np.linalg.norm(result - exact) <= 0.2 * np.linalg.norm(exact), method
 
 
 def test_points_that_are_all_alike_are_within_reach_of_few_bits(tmp_path):
@@ -140,9 +140,9 @@ def test_methods_that_fail_are_out_with_their_reasons(own, path):
         assert all(trial["error"] is None for trial in own_trials)
         assert sum(line.endswith(f"out: {failure}") for line in lines) == len(own_trials)
     rows = run(bench_compress_steps(load(path), "a", ["pca", *names], _texels(path), [0]))
-    found = {row["method"]: row.get("failure") for row in rows}
-    assert found["pca"] is None
-    assert [found[name] for name in names] == [str(failure) for failure in failures]
+    result = {row["method"]: row.get("failure") for row in rows}
+    assert result["pca"] is None
+    assert [result[name] for name in names] == [str(failure) for failure in failures]
     assert all(row["bytes"] is None for row in rows if row["method"] in names)
 
 
@@ -234,9 +234,9 @@ def test_an_impossible_light_is_named_and_nothing_is_stored(path):
     hot = EnvironmentMap(np.full((2, 4, 3), 9e14, np.float32), "hot")
     attributes = compress(path, tolerance=0.1, lights={"hot": hot})
     assert np.isfinite(attributes["error"]) and attributes["tolerance_met"]
-    found = relight_points(load(path), replace(hot), form="compressed")
+    result = relight_points(load(path), replace(hot), form="compressed")
     exact = relight_points(load(path), replace(hot), form="exact")
-    assert np.linalg.norm(np.float64(found) - exact) <= 0.1 * np.linalg.norm(np.float64(exact))
+    assert np.linalg.norm(np.float64(result) - exact) <= 0.1 * np.linalg.norm(np.float64(exact))
 
 
 def test_a_stair_is_climbed_though_its_edge_is_far():

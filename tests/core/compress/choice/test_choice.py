@@ -149,9 +149,9 @@ def test_samples_are_patches_of_neighbours_or_spread_evenly():
     "error, worst, kept", [(0.01, 0.02, True), (0.0101, 0.02, False), (0.005, 0.0201, False)]
 )
 def test_a_tolerance_is_kept_in_the_mean_and_twice_of_it_in_the_worst_light(error, worst, kept):
-    found = {"error": error, "worst": worst}
-    assert met(Limits(tolerance=0.01), found) is kept
-    assert met(Limits(megabytes=1), found) is None
+    result = {"error": error, "worst": worst}
+    assert met(Limits(tolerance=0.01), result) is kept
+    assert met(Limits(megabytes=1), result) is None
 
 
 @pytest.mark.parametrize("name", ["pca", "cpca"])
@@ -164,5 +164,5 @@ def test_sizes_for_all_points_are_told_from_some(name):
     else:
         # A cluster for so many points each.
         one, all_of_them = ClusteredPCA(3, 4).fit(few), ClusteredPCA(30, 4).fit(many)
-    told = method_named(name).size(one, 600)
-    assert told == pytest.approx(all_of_them.nbytes, rel=0.06)
+    printed = method_named(name).size(one, 600)
+    assert printed == pytest.approx(all_of_them.nbytes, rel=0.06)

@@ -72,15 +72,15 @@ def test_clusters_of_dense_points_serve_all(path):
     # Nearest first: a dense point is its own neighbour.
     places = bake.scene.points.positions
     np.testing.assert_array_equal(places[near[bake.dense, 0]], places[bake.dense])
-    some = np.sort(np.random.default_rng(0).choice(task.n_points, 41, replace=False))
-    part = task.some(some)
-    np.testing.assert_array_equal(some[part.dense], np.intersect1d(some, bake.dense))
+    subset = np.sort(np.random.default_rng(0).choice(task.n_points, 41, replace=False))
+    part = task.some(subset)
+    np.testing.assert_array_equal(subset[part.dense], np.intersect1d(subset, bake.dense))
     attributes = compress(path, method="sparse_cpca:n_clusters=5,n_components=7", tolerance=0.3,
                           lights={"sky": SKY})  # fmt: skip
     assert attributes["tolerance_met"] and attributes["settings"]["n_clusters"] == 5
-    found = relight_points(load(path), SKY, rotation=65, form="compressed")
+    result = relight_points(load(path), SKY, rotation=65, form="compressed")
     exact = relight_points(load(path), SKY, rotation=65, form="exact")
-    assert 0 < np.linalg.norm(found - exact) <= attributes["worst"] * 1.001 * np.linalg.norm(exact)
+    assert 0 < np.linalg.norm(result - exact) <= attributes["worst"] * 1.001 * np.linalg.norm(exact)
 
 
 def test_auto_begins_with_them_where_there_are_any(path):

@@ -36,13 +36,13 @@ def test_the_task_of_an_image_is_its_pixels(path):
     np.testing.assert_array_equal(task.positions[WIDTH + 2], [2, 1, 0])
     light = SKY.to_cube_map(bake.cube_map, 20)
     wanted = bake.image(bake.transport.radiance(light)).reshape(-1, 3)
-    found = task.colours({"a": light, "grey": np.ones_like(light)})
-    np.testing.assert_allclose(found["a"], wanted, rtol=1e-5, atol=1e-6)
+    result = task.colours({"a": light, "grey": np.ones_like(light)})
+    np.testing.assert_allclose(result["a"], wanted, rtol=1e-5, atol=1e-6)
     wanted = bake.image(bake.transport.radiance(np.ones_like(light))).reshape(-1, 3)
-    np.testing.assert_allclose(found["grey"], wanted, rtol=1e-5, atol=1e-6)
-    some = np.array([3, 70, 111])
-    part = task.some(some)
-    np.testing.assert_array_equal(part.rows.features(np.arange(3)), task.rows.features(some))
+    np.testing.assert_allclose(result["grey"], wanted, rtol=1e-5, atol=1e-6)
+    subset = np.array([3, 70, 111])
+    part = task.some(subset)
+    np.testing.assert_array_equal(part.rows.features(np.arange(3)), task.rows.features(subset))
 
 
 def test_an_image_is_first_tried_in_4d_wavelets(path):
@@ -53,12 +53,12 @@ def test_an_image_is_first_tried_in_4d_wavelets(path):
     relighter = Relighter(load(path))
     exact = Relighter(load(path), form="exact")
     for rotation in (65, 305):
-        found = relighter.radiance(SKY, rotation=rotation, of="image")
-        assert relighter.used == "compressed" and found.shape == (HEIGHT, WIDTH, 3)
+        result = relighter.radiance(SKY, rotation=rotation, of="image")
+        assert relighter.used == "compressed" and result.shape == (HEIGHT, WIDTH, 3)
         wanted = exact.radiance(SKY, rotation=rotation, of="image")
-        assert 0 < np.linalg.norm(found - wanted) <= 0.2 * np.linalg.norm(wanted)
+        assert 0 < np.linalg.norm(result - wanted) <= 0.2 * np.linalg.norm(wanted)
     twice = relighter.radiance(SKY, rotation=305, of="image", strength=2)
-    np.testing.assert_allclose(twice, 2 * found, rtol=1e-6)
+    np.testing.assert_allclose(twice, 2 * result, rtol=1e-6)
     # What is asked of the points is exact, and so is the image of other bounces.
     points = relighter.radiance(SKY)
     assert relighter.used == "exact" and "it is of the image" in relighter.why
@@ -87,8 +87,8 @@ def test_methods_of_images(path, method):
     attributes = compress(path, method=method, tolerance=0.3, lights={"sky": SKY})
     assert attributes["of"] == "image" and attributes["tolerance_met"], attributes["error"]
     exact = Relighter(load(path), form="exact").radiance(SKY, rotation=65, of="image")
-    found = Relighter(load(path), form="compressed").radiance(SKY, rotation=65, of="image")
-    error = np.linalg.norm(found - exact) / np.linalg.norm(exact)
+    result = Relighter(load(path), form="compressed").radiance(SKY, rotation=65, of="image")
+    error = np.linalg.norm(result - exact) / np.linalg.norm(exact)
     assert 0 < error <= attributes["worst"] * 1.001
 
 
@@ -107,8 +107,8 @@ def test_a_form_of_points_shows_the_image_as_well(path):
     for more in ({}, {"lamps": lamps, "exposure": 1.5}):
         relighter = Relighter(bake, form="compressed")
         points = relighter.radiance(SKY, rotation=65, **more)
-        found = relighter.radiance(SKY, rotation=65, of="image", **more)
-        np.testing.assert_allclose(found, bake.image(points), rtol=1e-5, atol=1e-6)
+        result = relighter.radiance(SKY, rotation=65, of="image", **more)
+        np.testing.assert_allclose(result, bake.image(points), rtol=1e-5, atol=1e-6)
 
 
 def test_lamps_are_added_to_a_compressed_image(path):

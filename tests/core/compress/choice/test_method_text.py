@@ -71,9 +71,9 @@ def test_what_is_built_is_compressed_stored_relit_and_named(baked, method):
         f"chosen: {attributes['method']}, all that was asked for"
     ]
     assert METHODS[method] in next(iter(compressed_lines(attributes)))
-    found = relight_points(load(baked), SKY, rotation=65, form="compressed")
+    result = relight_points(load(baked), SKY, rotation=65, form="compressed")
     exact = relight_points(load(baked), SKY, rotation=65, form="exact")
-    error = np.linalg.norm(found - exact) / np.linalg.norm(exact)
+    error = np.linalg.norm(result - exact) / np.linalg.norm(exact)
     assert attributes["lights"] == 3 and attributes["error"] < (
         0.5 if method == "irradiance" else 0.12
     )
@@ -133,6 +133,8 @@ def test_what_is_for_images_is_refused_for_points(task):
 
 def test_settings_are_told_in_plain_values(task):
     model = method_named("wavelet4d").budgets(task)[2]
-    told = settings_of(model)
-    assert told["columns"] == "multiwavelet" and told["n_terms"] is None and told["bits"] == 7
+    printed = settings_of(model)
+    assert (
+        printed["columns"] == "multiwavelet" and printed["n_terms"] is None and printed["bits"] == 7
+    )
     assert "columns=multiwavelet" in describe(model) and "seed" not in describe(model)

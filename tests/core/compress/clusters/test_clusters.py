@@ -44,11 +44,11 @@ def test_estimator_conventions(kind):
     rows = RNG.standard_normal((60, 24, 2))
     model = clone(kind).fit(rows)
     assert model.get_params() == kind.get_params()
-    found = model.inverse_transform(model.transform(rows))
+    result = model.inverse_transform(model.transform(rows))
     stored = model.reconstruct(np.arange(60))
-    assert found.shape == stored.shape == rows.shape
+    assert result.shape == stored.shape == rows.shape
     # Assigning anew by the projected distance can only come nearer.
-    assert relative(found, rows) <= relative(stored, rows) + 1e-6
+    assert relative(result, rows) <= relative(stored, rows) + 1e-6
     assert relative(stored, rows) == pytest.approx(model.matrix_error_, abs=1e-4)
     assert model.nbytes > 0
     with pytest.raises(PRTError, match="fit"):
@@ -174,8 +174,8 @@ def test_bright_texels_are_exact(transport, compressed, light):
     sun[100] = 1e5
     direct_only = TransportRows(transport, 0)
     model = ClusteredPCA(2, 0).fit(direct_only)
-    found = ClusterEvaluator(model, transport).product(sun)
-    assert relative(found, transport.product(sun, bounces=0)) < 1e-5
+    result = ClusterEvaluator(model, transport).product(sun)
+    assert relative(result, transport.product(sun, bounces=0)) < 1e-5
 
 
 def test_fewer_terms_cost_what_was_asked_for(transport, compressed, light):
@@ -228,8 +228,8 @@ def test_without_borders_there_is_no_seam():
     labels, pairs = np.zeros(4, int), np.array([[0, 1], [2, 3]])
     assert len(border_pairs(labels, pairs)) == 0
     assert seam(np.ones((4, 3)), np.zeros((4, 3)), border_pairs(labels, pairs))["largest"] == 0
-    found = seam(np.array([[0.0], [2], [0], [0]]), np.ones((4, 1)), pairs)
-    assert found["largest"] == 2 and found["rms"] == pytest.approx(np.sqrt(2))
+    result = seam(np.array([[0.0], [2], [0], [0]]), np.ones((4, 1)), pairs)
+    assert result["largest"] == 2 and result["rms"] == pytest.approx(np.sqrt(2))
 
 
 def test_dense_points_are_enough_for_the_clusters(scene, transport):

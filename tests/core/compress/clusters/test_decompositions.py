@@ -69,8 +69,8 @@ def test_rows_of_a_large_cluster_come_back_as_those_of_a_small_one(monkeypatch):
     monkeypatch.setattr(affine_module, "MOST_ROWS", 500)
     blocked = fit_affine(rows, every, 9)
     for model in (whole, blocked):
-        found = model.mean + model.weights @ model.basis
-        lost = ((matrix.astype(np.float64) - found) ** 2).sum()
+        result = model.mean + model.weights @ model.basis
+        lost = ((matrix.astype(np.float64) - result) ** 2).sum()
         assert lost == pytest.approx((best[9:] ** 2).sum(), rel=2e-3)
         assert lost == pytest.approx(model.error, rel=1e-3)
         # Strongest first, and uncorrelated, so that the weakest can be left out.
@@ -78,8 +78,8 @@ def test_rows_of_a_large_cluster_come_back_as_those_of_a_small_one(monkeypatch):
         gram = model.weights.T.astype(np.float64) @ model.weights
         np.testing.assert_allclose(gram, np.diag(model.energies), atol=1e-3 * gram[0, 0])
     model = PCA(9).fit(rows)
-    found = model.reconstruct(every[::37])[..., 0]
-    lost = np.linalg.norm(found - matrix[::37]) / np.linalg.norm(matrix[::37])
+    result = model.reconstruct(every[::37])[..., 0]
+    lost = np.linalg.norm(result - matrix[::37]) / np.linalg.norm(matrix[::37])
     assert lost == pytest.approx(model.matrix_error_, rel=0.1)
 
 

@@ -97,6 +97,6 @@ def test_sparse_points_find_their_space_whatever_their_neighbours_say():
         rng = np.random.default_rng(seed)
         dense = np.arange(60)
         near = rng.integers(0, 60, (120, 3))
-        found = SparseClusteredPCA(dense, near, 3, 2).fit(rows)
+        result = SparseClusteredPCA(dense, near, 3, 2).fit(rows)
         full = ClusteredPCA(3, 2, method="iterative").fit(rows[dense])
-        assert found.matrix_error_ < 1.5 * full.matrix_error_
+        assert result.matrix_error_ < 1.5 * full.matrix_error_

@@ -52,7 +52,7 @@ def test_nothing_cheaper_leaves_as_little(seed):
         ranks = ranks_within(models, allowed)
         reached = left(models, ranks)
         assert reached <= allowed + 1e-12
-        cheapest = min(cost(models, some) for some in every if left(models, some) <= reached)
+        cheapest = min(cost(models, subset) for subset in every if left(models, subset) <= reached)
         assert cost(models, ranks) == cheapest
         # The last one was needed.
         if ranks.any():
@@ -69,8 +69,8 @@ def test_the_tolerance_is_relative_to_all_of_the_rows():
     rng = np.random.default_rng(3)
     rows = 10 + rng.standard_normal((60, 24)) * 0.7 ** np.arange(24)
     model = PCA(24, tolerance=0.01).fit(rows)
-    found = model.reconstruct(np.arange(60))[..., 0]
-    error = np.linalg.norm(found - rows) / np.linalg.norm(rows)
+    result = model.reconstruct(np.arange(60))[..., 0]
+    error = np.linalg.norm(result - rows) / np.linalg.norm(rows)
     assert error == pytest.approx(model.matrix_error_, rel=1e-3)
     assert 0.007 < error <= 0.01
 
@@ -108,17 +108,17 @@ def test_shares_at_borders_tell_who_knows_a_point_better():
     points, clusters = border_points(labels, pairs)
     shares = dict(zip(model.border_points_[:, 0].tolist(), model.shares_.tolist(), strict=True))
     assert sorted(shares) == points.tolist() and len(points) >= 8
-    found = model.reconstruct(np.arange(70))[..., 0]
+    result = model.reconstruct(np.arange(70))[..., 0]
     wanted = own.copy()
     for point, cluster in zip(points, clusters, strict=True):
         mean, basis = before[cluster]
         row = matrix[point].astype(np.float64)
         other = mean + ((row - mean) @ basis.T) @ basis
-        here, there = ((row - own[point]) ** 2).sum(), ((row - other) ** 2).sum()
-        share = min(0.5, here / (here + there))
+        here, present = ((row - own[point]) ** 2).sum(), ((row - other) ** 2).sum()
+        share = min(0.5, here / (here + present))
         assert shares[int(point)] == pytest.approx(share, abs=1e-4)
         wanted[point] = (1 - share) * own[point] + share * other
-    np.testing.assert_allclose(found, wanted, atol=1e-3)
+    np.testing.assert_allclose(result, wanted, atol=1e-3)
     assert min(shares.values()) < 0.3 and max(shares.values()) == 0.5
 
 
@@ -127,7 +127,7 @@ def test_neighbours_are_near_alike_and_of_one_object():
     positions, turn = rng.random((40, 3)), rng.uniform(-1.5, 1.5, 40)
     normals = np.column_stack([np.sin(turn), np.zeros(40), np.cos(turn)])
     groups = rng.integers(0, 2, 40)
-    found = {tuple(pair) for pair in neighbour_pairs(positions, normals, groups, k=5).tolist()}
+    result = {tuple(pair) for pair in neighbour_pairs(positions, normals, groups, k=5).tolist()}
     wanted = set()
     for a in range(40):
         nearest = np.argsort(np.linalg.norm(positions - positions[a], axis=1))[1:6]
@@ -135,7 +135,7 @@ def test_neighbours_are_near_alike_and_of_one_object():
             alike = np.degrees(np.arccos(np.clip(normals[a] @ normals[b], -1, 1))) < 60
             if alike and groups[a] == groups[b]:
                 wanted.add((min(a, int(b)), max(a, int(b))))
-    assert found == wanted and 20 < len(wanted)
+    assert result == wanted and 20 < len(wanted)
     every = {tuple(pair) for pair in neighbour_pairs(positions, k=5).tolist()}
     assert wanted < every
 
@@ -149,7 +149,7 @@ def test_seams_are_jumps_of_the_error_relative_to_the_mean_of_the_truth():
     for a, b in pairs:
         jumps.append(np.sqrt((((colours[a] - truth[a]) - (colours[b] - truth[b])) ** 2).sum()))
     size = np.mean([np.sqrt((row**2).sum()) for row in truth])
-    found = seam(colours, truth, pairs)
-    assert found["largest"] == pytest.approx(max(jumps) / size)
-    assert found["rms"] == pytest.approx(np.sqrt(np.mean(np.square(jumps))) / size)
+    result = seam(colours, truth, pairs)
+    assert result["largest"] == pytest.approx(max(jumps) / size)
+    assert result["rms"] == pytest.approx(np.sqrt(np.mean(np.square(jumps))) / size)
     assert seam(truth, truth, pairs) == {"largest": 0, "rms": 0}

@@ -58,8 +58,8 @@ def test_the_texels_that_are_looked_up_are_those_of_most_power(transport):
     rest, one = light.copy(), np.zeros_like(light)
     rest[large], one[large] = 0, light[large]
     wanted = model.product(rest) + transport.product(one, bounces=0)
-    found = ClusterEvaluator(model, transport, None, 0, n_exact=1).product(light)
-    np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * wanted.max())
+    result = ClusterEvaluator(model, transport, None, 0, n_exact=1).product(light)
+    np.testing.assert_allclose(result, wanted, rtol=1e-4, atol=1e-5 * wanted.max())
     # None of them is looked up where it is not bright.
     even = np.ones_like(light)
     dim = ClusterEvaluator(model, transport, None, 0, n_exact=16, bright=0.01)

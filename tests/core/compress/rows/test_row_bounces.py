@@ -15,17 +15,17 @@ from tests.core.compress.conftest import relative
 def test_rows_are_those_of_as_many_bounces(transport, bounces):
     transport = replace(transport, bounces=bounces)
     rows = TransportRows(transport, rank=60)
-    some = np.array([3, 50, 7, 120, 180])
-    direct = transport.rows(some, False)
-    found = rows.block(some) * transport.albedo[some, None]
-    wanted = transport.rows(some)
+    subset = np.array([3, 50, 7, 120, 180])
+    direct = transport.rows(subset, False)
+    result = rows.block(subset) * transport.albedo[subset, None]
+    wanted = transport.rows(subset)
     if bounces == 0:
-        assert relative(found, direct) < 1e-6
+        assert relative(result, direct) < 1e-6
     else:
         # What bounces alone, which is a small part of the whole.
-        assert relative(found - direct, wanted - direct) < 0.05
-    under = transport.rows(some).sum(axis=1)
-    np.testing.assert_allclose(found.sum(axis=1), under, rtol=0.01)
+        assert relative(result - direct, wanted - direct) < 0.05
+    under = transport.rows(subset).sum(axis=1)
+    np.testing.assert_allclose(result.sum(axis=1), under, rtol=0.01)
 
 
 @pytest.mark.parametrize("bounces", [1, 3, None])

@@ -14,8 +14,8 @@ def test_rows_of_a_transport_are_its_rows(transport, light, natural):
     rows = TransportRows(transport, rank=200, natural=natural)
     points = np.array([3, 50, 7, 200])
     truth = transport.rows(points)
-    found = rows.block(points) * transport.albedo[points, None]
-    assert relative(found, truth) < 5e-3
+    result = rows.block(points) * transport.albedo[points, None]
+    assert relative(result, truth) < 5e-3
     under = rows.code.products(rows.features(points), rows.code.light(light))
     assert relative(under, transport.product(light)[points]) < 5e-3
 
@@ -23,8 +23,8 @@ def test_rows_of_a_transport_are_its_rows(transport, light, natural):
 def test_direct_rows_are_exact(transport):
     rows = TransportRows(transport, rank=0)
     points = np.arange(0, rows.n_points, 9)
-    found = rows.block(points) * transport.albedo[points, None]
-    assert relative(found, transport.rows(points, False)) < 1e-6
+    result = rows.block(points) * transport.albedo[points, None]
+    assert relative(result, transport.rows(points, False)) < 1e-6
 
 
 def test_more_rank_is_never_worse(transport):
@@ -55,8 +55,8 @@ def test_code_of_arrays_can_be_undone(resolution, n_channels):
     np.testing.assert_allclose(rows.code.decode(features), array, atol=1e-5)
     light = RNG.standard_normal((24, n_channels))
     truth = np.einsum("ndc,dc->nc", array, light)
-    found = rows.code.products(features, rows.code.light(light))
-    np.testing.assert_allclose(found, truth, rtol=1e-5, atol=1e-5)
+    result = rows.code.products(features, rows.code.light(light))
+    np.testing.assert_allclose(result, truth, rtol=1e-5, atol=1e-5)
 
 
 def test_wrong_rows_are_refused():

@@ -16,13 +16,13 @@ LINE = np.arange(40)[:, None] * np.eye(1, 3)
 
 def costs_of(transform, column, limit):
     """error + limit x terms after each number of steps, coefficient by coefficient."""
-    found, work = [], column[None].astype(np.float64)
+    result, work = [], column[None].astype(np.float64)
     for depth in range(transform.depth + 1):
         if depth:
             transform.forward_step(work, depth - 1)
         squares = work[0] ** 2 * transform.weights(depth)
-        found.append(sum(limit if square > limit else square for square in squares))
-    return np.array(found)
+        result.append(sum(limit if square > limit else square for square in squares))
+    return np.array(result)
 
 
 def test_a_step_that_costs_is_taken_where_those_after_it_pay():
@@ -63,17 +63,17 @@ def test_no_depth_has_a_smaller_cost(transform):
     allowed = {"least": 0, "most": transform.depth}, {"least": 1, "most": transform.depth - 1}
     beyond = 0
     for limits in allowed:
-        found = columns.copy()
-        depths, costs = transform_to_best(transform, found, LIMIT, **limits)
+        result = columns.copy()
+        depths, costs = transform_to_best(transform, result, LIMIT, **limits)
         for column, depth, cost in zip(columns, depths, costs, strict=True):
             wanted = costs_of(transform, column, LIMIT)
-            some = wanted[limits["least"] : limits["most"] + 1]
+            subset = wanted[limits["least"] : limits["most"] + 1]
             assert limits["least"] <= depth <= limits["most"]
-            assert cost == pytest.approx(some.min(), rel=1e-3)
-            assert wanted[depth] == pytest.approx(some.min(), rel=1e-3)
-            falls = np.append(np.diff(some) < 0, False)
-            beyond += some[falls.argmin()] > 1.01 * some.min()
-        np.testing.assert_allclose(invert_from(transform, found, depths), columns, atol=1e-4)
+            assert cost == pytest.approx(subset.min(), rel=1e-3)
+            assert wanted[depth] == pytest.approx(subset.min(), rel=1e-3)
+            falls = np.append(np.diff(subset) < 0, False)
+            beyond += subset[falls.argmin()] > 1.01 * subset.min()
+        np.testing.assert_allclose(invert_from(transform, result, depths), columns, atol=1e-4)
     # Of some the best depth is beyond a step that costs.
     assert beyond or not transform.orthonormal
 

@@ -56,9 +56,9 @@ def test_weights_of_area_and_transport_choose_better(transport, haar):
         shares = rng.random((transport.n_directions, 1), np.float32) ** 12 * 9
         light = shares * np.ones(3, np.float32)
         every = haar.product(light)
-        for name, found in errors.items():
-            found.append(relative(haar.products(*haar.terms(light, 40, name)), every))
-    mean = {name: np.mean(found) for name, found in errors.items()}
+        for name, result in errors.items():
+            result.append(relative(haar.products(*haar.terms(light, 40, name)), every))
+    mean = {name: np.mean(result) for name, result in errors.items()}
     assert mean["transport"] < mean["area"] < 0.8 * mean["unweighted"]
 
 
@@ -112,7 +112,7 @@ def test_irradiance_of_an_open_plate_is_right(transport, rows):
     model = Irradiance().fit(rows)
     up = transport.normals[:, 2] > 0.999
     # pi (A_0 / pi + A_1 / pi cos), seen from a point that looks up.
-    found = model.product(light)[up]
-    np.testing.assert_allclose(found, 1 + 2 / 3, rtol=5e-3)
+    result = model.product(light)[up]
+    np.testing.assert_allclose(result, 1 + 2 / 3, rtol=5e-3)
     again = Irradiance.from_state(model.state())
     np.testing.assert_array_equal(again.product(light), model.product(light))

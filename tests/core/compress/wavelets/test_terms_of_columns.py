@@ -16,8 +16,8 @@ def test_terms_are_kept_by_the_energy_they_stand_for(wavelet):
     columns = np.cumsum(rng.standard_normal((3, 512)), axis=1).astype(np.float32)
     coder = ColumnCoder(transform, 2, 2, None, "root", False, 1 << 29, 0)
     limit = 4.0
-    found = coder.encode([5, 6, 7], columns.copy(), limit)
-    for column, one in zip(columns, found, strict=True):
+    result = coder.encode([5, 6, 7], columns.copy(), limit)
+    for column, one in zip(columns, result, strict=True):
         coefficients = transform.forward(column[None], 2)[0]
         energies = coefficients**2 * transform.weights(2)
         sure = np.abs(energies / limit - 1) > 1e-3
@@ -42,14 +42,14 @@ def test_a_column_takes_the_words_that_are_shortest_for_it(bits, n_rows):
             assert size == 0
             continue
         sizes = {}
-        for some in (12, 16, 24):
-            low = some - (bits or 0)
+        for subset in (12, 16, 24):
+            low = subset - (bits or 0)
             if low <= 0:
                 continue
             # Name, count and size; a bit for each term and for each bucket; words in pairs.
             high = -(-(count + (n_rows - 1) // 2**low + 1) // 8)
-            pairs = -(-count // 2) * 2 * some // 8
-            sizes[some] = 12 + high + pairs + (4 * count if bits is None else 0)
+            pairs = -(-count // 2) * 2 * subset // 8
+            sizes[subset] = 12 + high + pairs + (4 * count if bits is None else 0)
         assert size == min(sizes.values()) == sizes[word]
 
 
@@ -82,11 +82,11 @@ def test_levels_of_points_are_those_of_the_quantiser():
     transform = PointHaar(np.random.default_rng(2).random((64, 3)))
     coder = ColumnCoder(transform, 6, 6, 8, "levels", False, 1 << 29, 0)
     column = np.random.default_rng(3).standard_normal((1, 64)).astype(np.float32)
-    (found,) = coder.encode([0], column.copy(), 1e-9)
+    (result,) = coder.encode([0], column.copy(), 1e-9)
     coefficients = transform.forward(column[:, np.argsort(transform.order)], 6)[0]
     levels = transform.scales(6)
     largest = np.abs(np.ldexp(coefficients, levels)).max()
-    assert found.size == pytest.approx(largest / 127, rel=1e-4)
+    assert result.size == pytest.approx(largest / 127, rel=1e-4)
 
 
 def test_a_light_is_cut_to_the_wavelets_that_weigh_most_in_its_colours():

@@ -80,8 +80,8 @@ def test_the_error_of_images_is_the_true_one(wavelet):
     rows = ArrayRows(matrix.astype(np.float32), 2)
     model = Wavelet4D(ImageWavelet((16, 16), wavelet), error=0.03).fit(rows)
     assert 0.025 < model.matrix_error_ <= 0.03
-    found = restored(model)[..., 0]
-    assert relative(found, matrix) == pytest.approx(model.matrix_error_, rel=1e-3)
+    result = restored(model)[..., 0]
+    assert relative(result, matrix) == pytest.approx(model.matrix_error_, rel=1e-3)
     assert model.depths_.max() > 0
 
 
@@ -105,8 +105,8 @@ def test_a_budget_is_kept_and_used(grey, hierarchy):
 @pytest.mark.parametrize("scaling", ["levels", "none"])
 def test_other_scalings_keep_the_error_too(grey, hierarchy, scaling):
     model = Wavelet4D(hierarchy, error=0.05, scaling=scaling, dither=True).fit(grey)
-    found = relative(restored(model)[..., 0], grey.array[..., 0])
-    assert found == pytest.approx(model.matrix_error_, rel=1e-3) and found <= 0.0501
+    result = relative(restored(model)[..., 0], grey.array[..., 0])
+    assert result == pytest.approx(model.matrix_error_, rel=1e-3) and result <= 0.0501
 
 
 def test_too_few_bits_are_said(grey, hierarchy):
@@ -139,12 +139,12 @@ def test_what_quantising_leaves_of_a_large_term_is_kept_too(wavelet):
     column = RNG.uniform(-30, 30, 256).astype(np.float32)
     column[:20] *= 1e3
     coder = ColumnCoder(transform, 0, 0, 9, "root", False, 1 << 29, 0)
-    (found,) = coder.encode([0], column[None].copy(), 1.0)
-    assert found.lost <= (column * column > 1).sum() * 1.01 + (column[column**2 <= 1] ** 2).sum()
-    assert len(found.places) > len(np.unique(found.places)) == (column * column > 1).sum()
+    (result,) = coder.encode([0], column[None].copy(), 1.0)
+    assert result.lost <= (column * column > 1).sum() * 1.01 + (column[column**2 <= 1] ** 2).sum()
+    assert len(result.places) > len(np.unique(result.places)) == (column * column > 1).sum()
     said = np.zeros(256, np.float32)
-    np.add.at(said, found.places, dequantise(found.values, None, found.size, "root"))
-    assert ((said - column) ** 2).sum() == pytest.approx(found.lost, rel=1e-3)
+    np.add.at(said, result.places, dequantise(result.values, None, result.size, "root"))
+    assert ((said - column) ** 2).sum() == pytest.approx(result.lost, rel=1e-3)
 
 
 @pytest.mark.parametrize("wavelet", [None, "5/3"])
@@ -199,9 +199,9 @@ def test_its_state_makes_it_again(rows, hierarchy, matrix, light, columns):
         transform = hierarchy if columns == "points" else PointHaar.from_order(hierarchy.order)
         model = Wavelet4D(transform, error=0.05).fit(rows)
     else:
-        some = np.ascontiguousarray(matrix[:64])
+        subset = np.ascontiguousarray(matrix[:64])
         model = Wavelet4D(ImageWavelet((8, 8), "5/3"), error=0.05, bits=None)
-        model.fit(ArrayRows(some, 8))
+        model.fit(ArrayRows(subset, 8))
     state = model.state()
     again = Wavelet4D.from_state(state)
     np.testing.assert_array_equal(again.product(light), model.product(light))
@@ -298,10 +298,10 @@ def test_each_column_takes_the_transform_that_is_better_for_it(scene, light):
     lit = np.maximum(0.8 + 0.3 * normals @ RNG.standard_normal((3, 4)), 0).T
     steps = np.sign(RNG.standard_normal((4, -(-n // 8)))).repeat(8, axis=1)[:, :n]
     columns = np.concatenate([lit, steps]).astype(np.float32)
-    found = columns.copy()
-    depths = transform_to_better(transform, transform.haar, found, 1e-3)
+    result = columns.copy()
+    depths = transform_to_better(transform, transform.haar, result, 1e-3)
     assert (depths[:4] > 0).all() and (depths[4:] < 0).all()
-    for one, depth, column in zip(found, depths, columns, strict=True):
+    for one, depth, column in zip(result, depths, columns, strict=True):
         kind = transform if depth > 0 else transform.haar
         back = invert_from(kind, one[None].copy(), np.abs(depth)[None])
         np.testing.assert_allclose(back[0], column, atol=1e-5)
@@ -323,12 +323,12 @@ def test_packed_columns_are_what_was_packed(n_rows, bits):
             [places[i] for i in mine], [values[i].astype(np.float32) for i in mine],
         )  # fmt: skip
         assert packed.nbytes == nbytes[mine].sum()
-        for some in (np.arange(len(mine)), np.arange(len(mine))[1::2]):
-            found = packed.matrix(some).toarray()
-            wanted = np.zeros((n_rows, len(some)), np.float32)
-            for k, i in enumerate(mine[some]):
+        for subset in (np.arange(len(mine)), np.arange(len(mine))[1::2]):
+            result = packed.matrix(subset).toarray()
+            wanted = np.zeros((n_rows, len(subset)), np.float32)
+            for k, i in enumerate(mine[subset]):
                 np.add.at(wanted[:, k], places[i], values[i])
-            np.testing.assert_array_equal(found, wanted)
+            np.testing.assert_array_equal(result, wanted)
 
 
 def test_quantised_values_are_within_a_step_and_dithered_ones_right_on_average():

@@ -36,9 +36,9 @@ def lights(bake):
 
 
 def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
-    made = {}
+    built = {}
     names = candidate_names()
-    rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], evaluators=made))
+    rows = run(bench_compress_steps(bake, "ball", names, lights, [0, 1], evaluators=built))
     assert [row["method"] for row in rows[:3]] == ["dense", "exact", "irradiance"]
     assert all(KEYS <= set(row) for row in rows)
     for name in names:
@@ -54,7 +54,7 @@ def test_every_method_and_budget_is_a_row(bake, lights, tmp_path):
     assert rows[0]["bytes"] == 4 * entries and rows[0]["bits_a_coefficient"] == 32
     caster = bake.make_caster()
     first = next(iter(lights.items()))
-    report = compress_report(bake, caster, rows, made, *first, len(lights))
+    report = compress_report(bake, caster, rows, built, *first, len(lights))
     page = write_report(tmp_path / "report", report)
     assert json.loads((tmp_path / "report" / "rows.json").read_text()) == rows
     assert (tmp_path / "report" / "error.png").read_bytes()[:4] == b"\x89PNG"
@@ -70,8 +70,8 @@ def test_white_lights_measure_the_matrix(bake, lights, monkeypatch):
     every = np.arange(transport.n_points)
     wanted = transport.rows(every)
     model = PCA(12).fit(rows)
-    found = model.reconstruct(every) * transport.albedo[:, None]
-    error = np.linalg.norm(found - wanted) / np.linalg.norm(wanted)
+    result = model.reconstruct(every) * transport.albedo[:, None]
+    error = np.linalg.norm(result - wanted) / np.linalg.norm(wanted)
 
     class Task:
         n_points = transport.n_points

@@ -62,13 +62,13 @@ def test_errors_are_those_of_the_matrix(measured):
     np.testing.assert_array_equal(results["exhaustive"].bits, truth)
     for row in rows:
         mine = scene.points.object_index == ["ball", "plane"].index(row["object"])
-        found = results[row["label"]]
+        result = results[row["label"]]
         points = np.flatnonzero(mine)
         d = [
             Transport(cube_map, bits, None, scene.points.normals, scene.points.albedo).direct(
                 points
             )
-            for bits in (found.bits, truth)
+            for bits in (result.bits, truth)
         ]
         wanted = np.linalg.norm(d[0] - d[1]) / np.linalg.norm(d[1])
         assert row["matrix_l2"] == pytest.approx(wanted, abs=1e-6)
@@ -145,10 +145,10 @@ def test_the_report_is_whole_in_one_page(measured, tmp_path):
 
 def test_methods_by_text():
     assert parse_method("huang") == Method("huang", {})
-    found = parse_method("huang:features=200,radius=0.1,reconstruction=least_squares")
-    assert found.settings == {"features": 200, "radius": 0.1, "reconstruction": "least_squares"}
-    assert found.label == "huang (features 200, radius 0.1, reconstruction least_squares)"
-    assert found.made_settings(7).seed == 7
+    result = parse_method("huang:features=200,radius=0.1,reconstruction=least_squares")
+    assert result.settings == {"features": 200, "radius": 0.1, "reconstruction": "least_squares"}
+    assert result.label == "huang (features 200, radius 0.1, reconstruction least_squares)"
+    assert result.made_settings(7).seed == 7
     assert parse_method("huang:seed=3").made_settings(7).seed == 3
     for text, message in (
         ("huang:features", "key=value"),

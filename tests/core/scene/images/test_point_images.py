@@ -35,19 +35,19 @@ def test_pixels_lie_where_the_camera_looks_and_edges_are_shares():
     scene = Scene.from_meshes([plane(3)])
     n = len(scene.points)
     # Sees x and y from -2 to 2: the plane is the middle of the picture.
-    found = with_camera_image(scene, caster_of(scene), camera(4.0, 0.5), 10, 10, 2)
-    image = found.image
-    world = found.to_world(found.points.positions[image.point])
+    result = with_camera_image(scene, caster_of(scene), camera(4.0, 0.5), 10, 10, 2)
+    image = result.image
+    world = result.to_world(result.points.positions[image.point])
     row, column = np.divmod(image.pixel, 10)
     assert np.abs(world[:, 2]).max() < 1e-6
     assert np.abs(world[:, 0] - (column + 0.5 - 5) * 0.4).max() < 0.21
     assert np.abs(world[:, 1] - (5 - row - 0.5) * 0.4).max() < 0.21
-    np.testing.assert_allclose(found.points.normals[n:], [[0, 0, 1]] * (len(found.points) - n))
-    white = image.pixels(np.ones((len(found.points), 1), np.float32))[..., 0]
+    np.testing.assert_allclose(result.points.normals[n:], [[0, 0, 1]] * (len(result.points) - n))
+    white = image.pixels(np.ones((len(result.points), 1), np.float32))[..., 0]
     assert white[5, 5] == 1 and white[0, 0] == 0 and white[2, 5] == 0.5
     # The points of the meshes are what they were.
-    np.testing.assert_array_equal(found.points.positions[:n], scene.points.positions)
-    assert found.fingerprint() != scene.fingerprint()
+    np.testing.assert_array_equal(result.points.positions[:n], scene.points.positions)
+    assert result.fingerprint() != scene.fingerprint()
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
@@ -68,16 +68,16 @@ def test_texels_cover_the_layout_and_what_is_beside_it():
     scene = Scene.from_meshes([sphere(4, 0.3, (0, 0, 2), name="ball"), mesh])
     layout = geometry_layout(mesh)
     caster = BruteForceCaster(layout.vertices, layout.triangles)
-    found = with_geometry_image(scene, caster, layout, 8)
-    image = found.image
+    result = with_geometry_image(scene, caster, layout, 8)
+    image = result.image
     assert (image.pixel == np.arange(64)).all()
-    world = found.to_world(found.points.positions[image.point]).reshape(8, 8, 3)
+    world = result.to_world(result.points.positions[image.point]).reshape(8, 8, 3)
     # A quarter of the image is the plane, upside up; the rest shows the nearest texel of it.
-    assert len(found.points) - len(scene.points) == 16
+    assert len(result.points) - len(scene.points) == 16
     np.testing.assert_allclose(world[2, 2], [-0.75, 0.75, 0], atol=1e-5)
     np.testing.assert_allclose(world[5, 2], [-0.75, -0.75, 0], atol=1e-5)
     np.testing.assert_allclose(world[0, 0], world[2, 2])
-    assert (found.points.object_index[len(scene.points) :] == 1).all()
+    assert (result.points.object_index[len(scene.points) :] == 1).all()
     with pytest.raises(PRTError, match="UV map"):
         geometry_layout(plane(), "uv")
 
@@ -101,11 +101,11 @@ def sky(bake):
 def test_the_image_of_a_bake_is_what_its_camera_sees(bake):
     assert bake.scene.image is not None and "image of 16 x 12" in " ".join(bake.report["messages"])
     radiance = bake.transport.radiance(sky(bake))
-    found = bake.image(radiance)
+    result = bake.image(radiance)
     caster = caster_of(bake.scene)
     truth = CameraRays(bake.scene, caster, camera(4.0, 0.2), 16, 12, 2).picture(radiance)
-    assert found.shape == (12, 16, 3)
-    assert np.linalg.norm(found - truth) < 0.05 * np.linalg.norm(truth)
+    assert result.shape == (12, 16, 3)
+    assert np.linalg.norm(result - truth) < 0.05 * np.linalg.norm(truth)
     with pytest.raises(PRTError, match="holds none"):
         replace(bake, scene=replace(bake.scene, image=None)).image(radiance)
 
@@ -114,9 +114,9 @@ def test_rows_of_pixels_are_compressed_as_an_image(bake):
     rows = ImageRows(TransportRows(bake.transport, 200), bake.scene.image, bake.transport.albedo)
     light = sky(bake)
     truth = bake.image(bake.transport.radiance(light)).reshape(-1, 3)
-    some = np.array([0, 5, 100, 191])
-    found = np.einsum("pdc,dc->pc", rows.block(some), light)
-    np.testing.assert_allclose(found, truth[some], rtol=5e-3, atol=5e-3)
+    subset = np.array([0, 5, 100, 191])
+    result = np.einsum("pdc,dc->pc", rows.block(subset), light)
+    np.testing.assert_allclose(result, truth[subset], rtol=5e-3, atol=5e-3)
     model = Wavelet4D(ImageWavelet((12, 16), "5/3"), error=0.02).fit(rows)
     assert model.matrix_error_ <= 0.02 and model.depths_.max() > 0
     assert np.linalg.norm(model.product(light) - truth) < 0.02 * np.linalg.norm(truth)

@@ -203,8 +203,8 @@ def test_texels_lie_on_the_surface_and_neighbours_across_the_border_too():
     layout = geometry_layout(mesh)
     assert layout.round and "stretch efficiency of 9" in layout.message
     caster = BruteForceCaster(layout.vertices, layout.triangles)
-    found = with_geometry_image(scene, caster, layout, 16)
-    place = found.to_world(found.points.positions[found.image.point]) - [30, 0, 1]
+    result = with_geometry_image(scene, caster, layout, 16)
+    place = result.to_world(result.points.positions[result.image.point]) - [30, 0, 1]
     assert np.abs(np.linalg.norm(place, axis=1) - 2).max() < 0.03
     picture = place.reshape(16, 16, 3)
     # Texels 2 pi / 16 of a half circle apart, about; across the border as well.
@@ -231,11 +231,11 @@ def test_filled_holes_show_what_is_beside_them(tmp_path):
     bowl = replace(ball, triangle_corners=triangles[height < 0.8])
     scene = Scene.from_meshes([bowl])
     steps = image_steps(scene, [bowl], None, "auto", ImageSettings(None, 2, ("bowl", 12), "sphere"))
-    made = run(steps)
-    assert any("1 holes filled" in message for message in made.messages)
-    n_new = len(made.points) - len(scene.points)
+    built = run(steps)
+    assert any("1 holes filled" in message for message in built.messages)
+    n_new = len(built.points) - len(scene.points)
     assert 0.8 * 144 < n_new < 144
-    run(bake_steps(made, tmp_path / "b.prt", BakeSettings(resolution=4, tolerance=0.1)))
+    run(bake_steps(built, tmp_path / "b.prt", BakeSettings(resolution=4, tolerance=0.1)))
     bake = load(tmp_path / "b.prt")
     picture = bake.image(bake.transport.radiance(np.ones((96, 3), np.float32)))
     assert picture.min() > 0

@@ -55,7 +55,13 @@ class Quantity:
         return self.least - _ROUNDING * abs(self.least)
 
     def highest(self, bounced=False):
-        """The largest value that rounding makes of means: of what is shown, or of what bounces."""
+        """The largest value that rounding makes of means.
+
+        Parameters
+        ----------
+        bounced : bool
+            Of those by which light bounces.
+        """
         most = self.most_bounced if bounced and self.most_bounced is not None else self.most
         return most + _ROUNDING * abs(most)
 

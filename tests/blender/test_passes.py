@@ -400,6 +400,27 @@ def test_light_path_nodes_tell_what_is_shown_from_what_is_met():
     assert "Is Shadow Ray" in sockets
 
 
+def test_between_two_texels_colours_change_as_the_file_encodes_them():
+    image = bpy.data.images.new("steps", 4, 1)
+    image.pixels.foreach_set(np.repeat(np.float32([0, 1, 1, 0]), 4))
+    image.pack()
+
+    def shown(tree):
+        return add(tree, "TexImage", Vector=coordinates(tree, "UV"))
+
+    def build(tree, shader):
+        base(shown)(tree, shader)
+        tree.nodes["Image Texture"].image = image
+
+    item = plate("page", build)
+    # From the middle of the first texel to that of the second.
+    uv = np.float32([1 / 8, 0.5, 3 / 8, 0.5, 3 / 8, 0.5, 1 / 8, 0.5])
+    item.data.uv_layers[0].data.foreach_set("uv", uv)
+    paint = read()[0]["page"].paint
+    halfway = paint.at(np.array([[0, 1, 2]]), np.array([[0.5, 0.5, 0]]))["albedo"][0]
+    np.testing.assert_allclose(halfway, 0.214, atol=0.01)
+
+
 def test_a_chequer_that_follows_the_mesh_is_not_blurred():
     """Where four checks meet the faces across are alike, those beside are not."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=2)

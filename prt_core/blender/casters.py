@@ -125,16 +125,7 @@ class BlenderCaster:
 
     def close(self):
         """Remove every data-block that was made; another cast makes them again."""
-        remove = {
-            bpy.types.Scene: bpy.data.scenes,
-            bpy.types.Mesh: bpy.data.meshes,
-            bpy.types.Object: bpy.data.objects,
-            bpy.types.GeometryNodeTree: bpy.data.node_groups,
-        }
-        order = (bpy.types.Scene, bpy.types.Object, bpy.types.Mesh, bpy.types.GeometryNodeTree)
-        for kind in order:
-            for block in [b for b in self._made if isinstance(b, kind)]:
-                remove[kind].remove(block)
+        remove_blocks(self._made)
         self._made = []
 
 
@@ -203,9 +194,12 @@ def release_all():
 def remove_left_over():
     """Remove casters' data-blocks that an undo step or a crash's file has brought back."""
     kinds = bpy.data.scenes, bpy.data.objects, bpy.data.meshes, bpy.data.cameras
-    for kind in (*kinds, bpy.data.node_groups):
-        for block in [b for b in kind if is_temporary(b)]:
-            kind.remove(block)
+    remove_blocks([b for kind in (*kinds, bpy.data.node_groups) for b in kind if is_temporary(b)])
+
+
+def remove_blocks(blocks):
+    """Remove data-blocks; `bpy.data.scenes.remove` crashes where there is no window (4.3)."""
+    bpy.data.batch_remove(blocks)
 
 
 def register():

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 import bpy
 from bpy.app.handlers import persistent
 
-from prt_core.blender.casters import is_temporary, mark_temporary
+from prt_core.blender.casters import is_temporary, mark_temporary, remove_blocks
 from prt_core.blender.stand_ins import originals_render
 from prt_core.errors import PRTError
 
@@ -87,7 +87,7 @@ def as_rendered(scene, read):
         # The operator evaluates the scene that it is called from, before and after.
         start = scene
         if target != scene:
-            start = undo.enter_context(_temporary(bpy.data.scenes, bpy.data.scenes.new("prt idle")))
+            start = undo.enter_context(_temporary(bpy.data.scenes.new("prt idle")))
             # It also renders the frame of that scene.
             start.frame_set(scene.frame_current)
         _READING.update((target.session_uid, start.session_uid))
@@ -165,13 +165,13 @@ def rendered_layer(scene):
 
 
 @contextmanager
-def _temporary(blocks, block):
+def _temporary(block):
     """A data-block that is removed again."""
     mark_temporary(block)
     try:
         yield block
     finally:
-        blocks.remove(block)
+        remove_blocks([block])
 
 
 @contextmanager
@@ -181,7 +181,7 @@ def _renderable(scene, engine):
         if scene.rigidbody_world is None:
             target = scene.copy()
             target.name = "prt render"
-            undo.enter_context(_temporary(bpy.data.scenes, target))
+            undo.enter_context(_temporary(target))
         else:
             # Of a copy Blender would begin the simulation anew.
             target = scene
@@ -194,9 +194,9 @@ def _renderable(scene, engine):
                 settings.append((layer, "use_grease_pencil", False))
         if target.camera is None:
             camera = bpy.data.cameras.new("prt render")
-            undo.enter_context(_temporary(bpy.data.cameras, camera))
+            undo.enter_context(_temporary(camera))
             item = bpy.data.objects.new("prt render", camera)
-            undo.enter_context(_temporary(bpy.data.objects, item))
+            undo.enter_context(_temporary(item))
             settings.append((target, "camera", item))
         for holder, name, value in settings:
             if target == scene:

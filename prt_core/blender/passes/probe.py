@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from prt_core.blender.casters import mark_temporary
+from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.passes.openexr import read_channels
 from prt_core.blender.passes.traces import no_handlers, no_output, same_images, switched
@@ -283,11 +283,11 @@ def probe(scene, objects, centre, size, samples=1):
                 stack.enter_context(switched(item.data.attributes, "default_color_name", before))
         own_layer = rendered_layer(scene)[0].name
         temporary = scene.copy()
-        stack.callback(bpy.data.scenes.remove, temporary)
+        stack.callback(remove_blocks, [temporary])
         temporary.name = "prt passes"
         mark_temporary(temporary)
         idle = bpy.data.scenes.new("prt idle")
-        stack.callback(bpy.data.scenes.remove, idle)
+        stack.callback(remove_blocks, [idle])
         mark_temporary(idle)
         idle.frame_current = scene.frame_current
         _settings(temporary, own_layer, samples)

@@ -9,6 +9,7 @@ import time
 import bpy
 import numpy as np
 
+import prt_core
 from tests.benchmarks import cycles_truth
 from tests.conformance.golden import error
 
@@ -40,7 +41,7 @@ ROUND, PATIENCE = 64, 12
 def open_asset(path):
     """Open or import a file into an empty one, without its lamps and on a ground."""
     if path.suffix.lower() == ".blend":
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+        prt_core.open_blend(path)
     else:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         IMPORTERS[path.suffix.lower()](str(path))

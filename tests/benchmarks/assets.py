@@ -144,7 +144,7 @@ def picture(bake, ours, truth, path):
     shown = {"Cycles": truth, "ours": {name: ours[name] for name in truth}}
     shown["4 x difference"] = {name: 4 * np.abs(ours[name] - truth[name]) for name in truth}
     seen = [
-        bake.scene.points.positions[item.corner_point[item.corner_point >= 0]]
+        bake.scene.to_world(bake.scene.points.positions[item.corner_point[item.corner_point >= 0]])
         for item in bake.scene.objects
         if item.name in truth and item.name != asset_scene.GROUND
     ]
@@ -189,7 +189,7 @@ def rows(path, result):
     """Lines of the table for an asset."""
     for word in ("skipped", "refused", "crashed"):
         if word in result:
-            return [f"| {path.name} | | | | | | | | {word}: {result[word]} |"]
+            return [f"| {path.name} | | | | | | | | | {word}: {result[word]} |"]
     said = (
         [f"{len(result['messages'])} said: {result['messages'][0]}"] if result["messages"] else []
     )
@@ -197,7 +197,7 @@ def rows(path, result):
     said += [f"not compared: {len(left)} ({'; '.join(sorted(set(left.values())))})"] if left else []
     head = f"| {path.name} | {result['points']:,} | {result['seconds']:.0f} | "
     if not result["lights"]:
-        return [f"{head}| | | | | {'; '.join(['nothing to compare', *said])} |"]
+        return [f"{head}| | | | | | {'; '.join(['nothing to compare', *said])} |"]
     lines = []
     for light, figures in result["lights"].items():
         total = f"{figures['error']:.2%}"
@@ -205,7 +205,7 @@ def rows(path, result):
         ground = "" if ground is None else f"{ground:.2%}"
         total = f"**{total}**" if figures["error"] <= BOUND else total
         lines.append(
-            f"{head}{light}: {total} | {figures['albedo']:.2%} | {figures['light']:.2%} | "
+            f"{head}{light}: {total} | {own} | {figures['albedo']:.2%} | {figures['light']:.2%} | "
             f"{ground} | {figures['noise']:.2%} | {'; '.join(said)} |"
         )
         head, said = "| | | | ", []
@@ -215,9 +215,9 @@ def rows(path, result):
 def table(files, lights=LIGHTS, pictures=None, each=None):
     """The lines of a section; `each` is called with a file and its result as they come."""
     lines = [
-        "| asset | points | bake s | error | diffuse colour | light | ground "
+        "| asset | points | bake s | error | without the noise | diffuse colour | light | ground "
         "| Cycles' noise | remarks |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for path in files:
         result = in_own_process(path, lights, pictures)

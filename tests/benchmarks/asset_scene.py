@@ -102,6 +102,8 @@ def set_world(light):
     scene.world = bpy.data.worlds.new(light)
     scene.world.use_nodes = True
     cycles_truth.set_light(scene, light)
+    for layer in scene.view_layers:
+        layer.use_sky = True
 
 
 def targets(colours):

@@ -134,7 +134,7 @@ def compared(ours, albedo, true):
         "light": error(np.where(diffuse > 1e-6, light, truth), truth),
         "noise": true["noise"],
         "samples": true["samples"],
-        "dark": bool(truth.mean() < DARK),
+        "dark": bool(np.nanmean(truth) < DARK),
         "objects": {name: error(ours[name], each) for name, each in true["colours"].items()},
     }
 
@@ -160,7 +160,7 @@ def picture(bake, ours, truth, path):
         for item in bake.scene.objects:
             if item.name in colours:
                 used = item.corner_point >= 0
-                points[item.corner_point[used]] = colours[item.name][used]
+                points[item.corner_point[used]] = np.nan_to_num(colours[item.name][used])
         images.append(rays.picture(points))
     stops = -np.log2(max(np.percentile(images[0].max(axis=-1), 97), 1e-6))
     sheet = contact_sheet([to_srgb(image, stops) for image in images], list(shown), 3)
@@ -190,17 +190,20 @@ def rows(path, result):
     for word in ("skipped", "refused", "crashed"):
         if word in result:
             return [f"| {path.name} | | | | | | | | | {word}: {result[word]} |"]
-    said = (
-        [f"{len(result['messages'])} said: {result['messages'][0]}"] if result["messages"] else []
-    )
-    left = result["left"]
-    said += [f"not compared: {len(left)} ({'; '.join(sorted(set(left.values())))})"] if left else []
+    messages, left, said = result["messages"], result["left"], []
+    if messages:
+        said.append(f"{len(messages)} said: {messages[0]}")
+    if left:
+        said.append(f"not compared: {len(left)} ({', '.join(sorted(set(left.values())))})")
     head = f"| {path.name} | {result['points']:,} | {result['seconds']:.0f} | "
     if not result["lights"]:
         return [f"{head}| | | | | | {'; '.join(['nothing to compare', *said])} |"]
     lines = []
     for light, figures in result["lights"].items():
-        total = f"{figures['error']:.2%}"
+        said += ["Cycles bakes it black"] if figures["dark"] else []
+        # Both are independent: their squares add up to that of the error.
+        own = max(figures["error"] ** 2 - figures["noise"] ** 2, 0.0) ** 0.5
+        total, own = f"{figures['error']:.2%}", f"{own:.2%}"
         ground = figures["objects"].get(asset_scene.GROUND)
         ground = "" if ground is None else f"{ground:.2%}"
         total = f"**{total}**" if figures["error"] <= BOUND else total

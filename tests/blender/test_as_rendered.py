@@ -526,3 +526,22 @@ def test_a_render_without_a_window_reads_the_scene_before_its_frames(baked_floor
     assert set(refused) == {1, 2} and len(list(tmp_path.glob("frame*"))) == 2
     assert "the scene is not the one that was baked (ball" in capsys.readouterr().out
     read_meshes(scene)
+
+
+def test_a_scene_whose_output_is_a_movie_is_read(scene):
+    cube("box")
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "VIDEO"
+    settings.file_format = "FFMPEG"
+    assert "box" in read()[0]
+    assert settings.file_format == "FFMPEG"
+
+
+def test_a_view_layer_without_environment_or_surfaces_is_said(scene):
+    cube("box")
+    layer = bpy.context.view_layer
+    layer.use_sky = layer.use_solid = False
+    said = [line for line in read()[1] if line.startswith(f"view layer '{layer.name}'")]
+    assert ["Environment" in line for line in said] == [True, False]
+    assert ["Surfaces" in line for line in said] == [False, True]

@@ -84,8 +84,6 @@ def layer_remarks(layer, others):
         yield f"view layer '{layer.name}': is off in renders, as all are; it is baked all the same"
     if not layer.use_sky:
         yield f"view layer '{layer.name}': its Environment is off, so that the world gives no light"
-    if not layer.use_solid:
-        yield f"view layer '{layer.name}': its Surfaces are off; they are baked all the same"
     if others:
         names = ", ".join(map(repr, others[:3])) + (" …" if len(others) > 3 else "")
         yield f"view layer '{layer.name}' is baked; {names} render as well and are not"

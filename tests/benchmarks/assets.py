@@ -42,6 +42,8 @@ BOUND = 0.04
 SECONDS, MOST_CORNERS, MOST_SAMPLES = 180, 200_000, 2048
 # Objects of a file that are compared: those with the most corners.
 MOST_OBJECTS = 40
+# Radiance that is none.
+ENDLESS = 1e6
 FORMAT = 1
 
 
@@ -73,7 +75,10 @@ def measure(path, lights, pictures=None):
         for each `error`, `albedo`, `light`, `noise`, `samples` and `objects` ({name: error}).
     """
     with tempfile.TemporaryDirectory() as folder:
-        asset_scene.open_asset(path)
+        try:
+            asset_scene.open_asset(path)
+        except prt_core.PRTError as refused:
+            return {"refused": str(refused)}
         asset_scene.set_world(lights[0] if lights else LIGHTS[0])
         corners = sum(len(item.data.loops) for item in bpy.data.objects if item.type == "MESH")
         if corners > MOST_CORNERS:
@@ -127,6 +132,8 @@ def compared(ours, albedo, true):
         return np.concatenate([values[name] for name in names]).astype(np.float64)
 
     colours, diffuse, truth = all_of(ours), all_of(albedo), all_of(true["colours"])
+    # Where a diffuse colour is above 1 light grows without end as it bounces, in Cycles too.
+    truth = np.where(np.abs(truth) < ENDLESS, truth, np.nan)
     light = colours / np.maximum(diffuse, 1e-6) * all_of(true["albedo"])
     return {
         "error": error(colours, truth),
@@ -160,7 +167,7 @@ def picture(bake, ours, truth, path):
         for item in bake.scene.objects:
             if item.name in colours:
                 used = item.corner_point >= 0
-                points[item.corner_point[used]] = np.nan_to_num(colours[item.name][used])
+                points[item.corner_point[used]] = np.nan_to_num(colours[item.name][used], posinf=0)
         images.append(rays.picture(points))
     stops = -np.log2(max(np.percentile(images[0].max(axis=-1), 97), 1e-6))
     sheet = contact_sheet([to_srgb(image, stops) for image in images], list(shown), 3)

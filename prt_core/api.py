@@ -121,10 +121,11 @@ def bake_blend_steps(
     if restart != "changed":
         expect_flag("restart", restart)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
+    messages = []
     if blend is None:
         import_bpy()
     else:
-        open_blend(blend)
+        messages += open_blend(blend)
     from prt_core.blender.camera import read_camera
     from prt_core.blender.depsgraph import read_meshes_steps, say_copies
     from prt_core.blender.identity import origin_of, scene_of
@@ -133,7 +134,6 @@ def bake_blend_steps(
     from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
-    messages = []
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     camera, seen = read_camera(scene, messages), []

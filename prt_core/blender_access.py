@@ -30,6 +30,11 @@ def open_blend(path):
     ----------
     path : str or Path
 
+    Returns
+    -------
+    list of str
+        What Blender could not read of a file that it opened all the same.
+
     Raises
     ------
     PRTError
@@ -37,11 +42,23 @@ def open_blend(path):
     """
     path = expect_blend(path)
     bpy = import_bpy()
+    opened = []
+
+    @bpy.app.handlers.persistent
+    def note(*_):
+        opened.append(True)
+
+    bpy.app.handlers.load_post.append(note)
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
     except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise PRTError(f"{path}: Blender cannot open it ({reason})") from error
+        # Blender also raises where it read the file but for a part of it.
+        reason = " ".join(str(error).removeprefix("Error: ").split())
+        expect(opened, f"{path}: Blender cannot open it ({reason})")
+        return [f"{path.name}: Blender opened it, but reports: {reason}"]
+    finally:
+        bpy.app.handlers.load_post.remove(note)
+    return []
 
 
 def expect_blend(path):

@@ -13,6 +13,7 @@ from prt_core.blender.left_out import (
     culling_remarks,
     layer_remarks,
     material_remarks,
+    missing_remarks,
     plain_colour,
     surface_kind,
 )
@@ -135,6 +136,7 @@ def _say_left_out(scene, messages):
         )
     messages += layer_remarks(*rendered_layer(scene))
     messages += culling_remarks(scene)
+    messages += missing_remarks()
 
 
 @dataclass

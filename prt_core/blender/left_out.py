@@ -1,6 +1,7 @@
 """What renders but is not baked, or not in full: volumes, true displacement, view layers, hair's
-materials; a line each."""
+materials, what linked libraries do not give; a line each."""
 
+import bpy
 import numpy as np
 
 from prt_core.blender.compat import has_nodes
@@ -81,6 +82,8 @@ def layer_remarks(layer, others):
     """
     if not layer.use:
         yield f"view layer '{layer.name}': is off in renders, as all are; it is baked all the same"
+    if not layer.use_sky:
+        yield f"view layer '{layer.name}': its Environment is off, so that the world gives no light"
     if others:
         names = ", ".join(map(repr, others[:3])) + (" …" if len(others) > 3 else "")
         yield f"view layer '{layer.name}' is baked; {names} render as well and are not"
@@ -97,6 +100,20 @@ def culling_remarks(scene):
         for item in scene.objects:
             if getattr(getattr(item, "cycles", None), f"use_{kind}_cull", False):
                 yield f"{item.name}: is baked, though renders may cull it by {kind}"
+
+
+def missing_remarks():
+    """Lines on what is linked into the open file from libraries that do not give it."""
+    for library in bpy.data.libraries:
+        if library.is_missing:
+            yield (
+                f"library '{library.name}': its file '{bpy.path.abspath(library.filepath)}' is "
+                "missing; what is linked from it is left out, as in a render"
+            )
+    for linked in (bpy.data.objects, bpy.data.collections, bpy.data.meshes, bpy.data.materials):
+        for item in linked:
+            if item.is_missing and not item.library.is_missing:
+                yield f"{item.name}: is linked, but not in library '{item.library.name}' any more"
 
 
 def _output(material):

@@ -18,8 +18,9 @@ from prt_core.errors import PRTError
 _RESULT = "Render Result"
 # What a render would do besides evaluating the scene.
 _RENDER = {
-    "resolution_x": 4,
-    "resolution_y": 4,
+    # No smaller: where a scene's output is a movie, Blender refuses to render.
+    "resolution_x": 16,
+    "resolution_y": 16,
     "resolution_percentage": 100,
     "use_border": False,
     "use_compositing": False,
@@ -176,7 +177,7 @@ def _temporary(block):
 
 @contextmanager
 def _renderable(scene, engine):
-    """A scene that shows what `scene` does and renders four by four pixels with an engine."""
+    """A scene that shows what `scene` does and renders a few pixels with an engine."""
     with ExitStack() as undo:
         if scene.rigidbody_world is None:
             target = scene.copy()

@@ -10,6 +10,7 @@ from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import has_known_colours, pixels_of
 from prt_core.blender.lamps import read_lamps
 from prt_core.blender.node_trees import all_nodes, linked_to, tree_signature
+from prt_core.blender.render_scene import rendered_layer
 from prt_core.blender.world_image import world_image
 from prt_core.errors import expect
 from prt_core.light.environment import EnvironmentMap
@@ -106,7 +107,7 @@ def read_environment(scene=None, messages=None):
     """
     scene = scene or bpy.context.scene
     world = scene.world
-    if world is None or not world.cycles_visibility.diffuse:
+    if world is None or not world.cycles_visibility.diffuse or not rendered_layer(scene)[0].use_sky:
         return None
     what = f"world '{world.name}'"
     if not has_nodes(world):

@@ -3,7 +3,7 @@
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
 Each part (rays, bake, large, sampling, compression, irradiance, clusters, wavelets, filters,
-figures, truth) replaces its own sections.
+figures, truth, assets) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -29,6 +29,7 @@ from prt_core.blender.colours import corners_to_vertices  # noqa: E402
 from prt_core.evaluate import colour_error, contact_sheet, to_srgb, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
 from tests.benchmarks import (  # noqa: E402
+    assets,
     compress_tables,
     irradiance,
     object_clusters,
@@ -204,6 +205,7 @@ PARTS = {
     "filters": (wavelet4d_filters.PAGE, wavelet4d_filters.SECTIONS),
     "figures": (wavelet4d_figures.PAGE, wavelet4d_figures.SECTIONS),
     "truth": ("cycles", {"Vertex colours": truth_table}),
+    "assets": (assets.PAGE, assets.SECTIONS),
 }
 
 

@@ -526,3 +526,21 @@ def test_a_render_without_a_window_reads_the_scene_before_its_frames(baked_floor
     assert set(refused) == {1, 2} and len(list(tmp_path.glob("frame*"))) == 2
     assert "the scene is not the one that was baked (ball" in capsys.readouterr().out
     read_meshes(scene)
+
+
+def test_a_scene_whose_output_is_a_movie_is_read(scene):
+    cube("box", scene.collection)
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "VIDEO"
+    settings.file_format = "FFMPEG"
+    assert "box" in read()[0]
+    assert settings.file_format == "FFMPEG"
+
+
+def test_a_view_layer_without_environment_is_said(scene):
+    cube("box", scene.collection)
+    assert not any("Environment" in line for line in read()[1])
+    bpy.context.view_layer.use_sky = False
+    (line,) = (line for line in read()[1] if "Environment" in line)
+    assert line.startswith("view layer 'View") and "the world gives no light" in line

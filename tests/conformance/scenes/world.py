@@ -47,6 +47,15 @@ def no_world(on):
     bpy.context.scene.world = None
 
 
+@scene(light="all", quick=True)
+def environment_off_in_the_view_layer(on):
+    ground()
+    box(location=(0, 0, 0.5))
+    lamp("lamp", "POINT", (1, 1, 1.5), 60)
+    world(strength=2.0)
+    bpy.context.view_layer.use_sky = not on
+
+
 # ---- sky textures
 
 

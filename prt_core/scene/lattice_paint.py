@@ -62,6 +62,15 @@ class LatticePaint:
             values[name] = result
         return values
 
+    def alike(self, corners):
+        """See `Paint`."""
+        row = self._rows(corners)
+        alone = -1 - np.arange(len(row))
+        if not len(self._keys):
+            return alone
+        lattice = self._starts * (int(self._levels.max()) + 1) + self._levels
+        return np.where(row >= 0, lattice[row], alone)
+
     def texels(self, corners):
         """See `Paint`."""
         row = self._rows(corners)

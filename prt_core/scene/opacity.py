@@ -3,6 +3,10 @@
 Kept with the bake, so that lamps shine through cut-outs without Blender. A triangle is cut into
 n x n cells of one shape, as finely as its paint has texels; each holds the opacity of its middle.
 Triangles that are painted alike, as instances are, share their cells.
+
+A cut-out has cells that are opaque or clear, and on its rim some in between. Those are made one or
+the other, by a threshold that runs through a sequence of low discrepancy over the triangle, so that
+as much light passes as before, and rays need not ask what they meet.
 """
 
 import hashlib
@@ -17,8 +21,11 @@ _SLOPING = 16
 _PIECES = 8
 _BLOCK = 1 << 19
 _OPAQUE = 65535
-# Share of a triangle that lets part of the light pass, not all or nothing, before it is said.
+# Share of a triangle that lets part of the light pass, not all or nothing, above which it is no
+# cut-out, and is said.
 _MUCH = 0.2
+# Of the plastic number, for the two axes of cells (Roberts 2018).
+_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 @dataclass(frozen=True)
@@ -44,6 +51,11 @@ class Opacity:
 
     # Of cells that nothing passes.
     opaque = _OPAQUE
+
+    @property
+    def first_of_back(self):
+        """(n_triangles,) int32: where the cells begin for rays that meet the back."""
+        return self.first if self.back is None else self.back
 
     @property
     def passing(self):
@@ -147,20 +159,24 @@ def _opacity_of(surfaces, backs):
     for n in np.unique(along[candidates]):
         members = candidates[along[candidates] == n]
         places = _middles(int(n))
+        alike = np.stack([side.alike(members) for side in sides])
+        _, first, kind = np.unique(alike, axis=1, return_index=True, return_inverse=True)
+        begins = np.full((len(sides), len(first)), -1, np.int64)
         each = max(1, _BLOCK // len(places))
-        for start in range(0, len(members), each):
-            part = members[start : start + each]
+        for start in range(0, len(first), each):
+            part = members[first[start : start + each]]
             where = np.repeat(part, len(places)), np.tile(places, (len(part), 1))
             rows = np.stack([side.at(*where).opacity.reshape(len(part), -1) for side in sides])
-            rows = np.rint(rows * _OPAQUE).astype(np.uint16)
-            for triangle in np.flatnonzero((rows < _OPAQUE).any(axis=(0, 2))):
-                for side, row in enumerate(rows[:, triangle]):
+            rows = _cut_out(np.rint(rows * _OPAQUE).astype(np.uint16), int(n))
+            for one in np.flatnonzero((rows < _OPAQUE).any(axis=(0, 2))):
+                for side, row in enumerate(rows[:, one]):
                     key = row.tobytes()
                     if key not in known:
                         known[key] = end
                         parts.append(row)
                         end += len(places)
-                    begin[side, part[triangle]] = known[key]
+                    begins[side, start + one] = known[key]
+        begin[:, members] = begins[:, kind.ravel()]
     if not parts:
         return None
     along[begin[0] < 0] = 1
@@ -181,6 +197,16 @@ def dimming(scene):
             f"{len(names)} objects let part of the light through ({shown}); a hard sun in an image "
             "is noisy behind them: relight with --sharp-sun, or use a sun lamp"
         )
+
+
+def _cut_out(rows, n):
+    """(..., n^2) uint16 cells, of cut-outs opaque or clear; all others as they are."""
+    between = (rows > 0) & (rows < _OPAQUE)
+    share = between.mean(axis=-1, keepdims=True)
+    threshold = (np.rint(_middles(n) * n * 3) @ _STEPS + 0.5) % 1 * _OPAQUE
+    return np.where(
+        between & (share <= _MUCH), np.where(rows > threshold, _OPAQUE, 0), rows
+    ).astype(np.uint16)
 
 
 def _cell(n, barycentric):

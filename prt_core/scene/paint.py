@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy import sparse
 
 from prt_core.reflectance import QUANTITIES, Materials
-from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits
+from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice_size
 
 # Samples along an edge of a lattice cell, and of all cells together, at most.
 _ALONG, _ALL = 32, 1 << 23
@@ -31,6 +32,10 @@ class Paint(Protocol):
             Of a face.
         weights : (m, 3) float
         """
+
+    def alike(self, corners):
+        """(m,) int: equal where what is painted between three corners follows from the weights
+        alike."""
 
     def texels(self, corners):
         """(m,) float: about how many different colours lie between each three corners."""
@@ -120,8 +125,13 @@ class Surfaces:
         self.corner_materials = materials
         self.bounced = self.back = self.shadow = self
         self._object = stacked["triangle_object"].astype(np.int64)
-        self._paints, self._first = paints, first_corner
-        self.painted = np.array([paint is not None for paint in paints], bool)[self._object]
+        self._first = np.asarray(first_corner, np.int64)
+        # Instances have one paint.
+        known = {id(paint): paint for paint in paints if paint is not None}
+        self._paints, number = list(known.values()), {name: i for i, name in enumerate(known)}
+        paint_of = np.array([number.get(id(paint), -1) for paint in paints], np.int64)
+        self._paint = paint_of[self._object]
+        self.painted = self._paint >= 0
 
     def at(self, triangle, barycentric):
         """`Materials` at places: (m,) triangles, (m, 2) weights of the 2nd and 3rd corner."""
@@ -129,10 +139,10 @@ class Surfaces:
         weights = np.stack([1 - second - third, second, third], axis=1)
         corners = self._corners[triangle]
         materials = self.corner_materials.between(corners, weights)
-        owners = self._object[triangle]
-        for owner in np.unique(owners[self.painted[triangle]]):
-            mine = owners == owner
-            painted = self._paints[owner].at(corners[mine] - self._first[owner], weights[mine])
+        paints = self._paint[triangle]
+        for paint in np.unique(paints[paints >= 0]):
+            mine = np.flatnonzero(paints == paint)
+            painted = self._paints[paint].at(self._local(triangle[mine]), weights[mine])
             for name, values in painted.items():
                 getattr(materials, name)[mine] = QUANTITIES[name].settled(values)
         return materials
@@ -205,22 +215,15 @@ class Surfaces:
         along = self._samples_along(painted, levels[painted])
         total = np.zeros(len(materials))
         sums = materials.map(lambda _, values: np.zeros(values.shape))
-        for level, count in np.unique(np.stack([levels[painted], along], axis=1), axis=0):
-            alike = painted[(levels[painted] == level) & (along == count)]
-            places = _centroids(int(level * count))
-            cell, weights = lattice_of_hits(np.full(len(places), level), places)
-            each = max(1, _BLOCK // len(places))
-            for first in range(0, len(alike), each):
-                part = alike[first : first + each]
-                sampled = self.at(np.repeat(part, len(places)), np.tile(places, (len(part), 1)))
-                points = lattice[lattice_start[part][:, None, None] + cell]
-                share = np.broadcast_to(weights, points.shape).ravel().astype(np.float64)
-                total += np.bincount(points.ravel(), share, len(total))
-                for name, values in sampled.arrays().items():
-                    for channel, column in enumerate(values.T):
-                        value = np.repeat(column, 3) * share
-                        summed = np.bincount(points.ravel(), value, len(total))
-                        getattr(sums, name)[:, channel] += summed
+        groups = np.stack([self._paint[painted], levels[painted], along], axis=1)
+        for group in np.unique(groups, axis=0):
+            mine = painted[(groups == group).all(axis=1)]
+            grid = _Grid(int(group[1]), int(group[2]))
+            points = lattice[lattice_start[mine][:, None] + np.arange(len(grid.share))].ravel()
+            total += np.bincount(points, np.tile(grid.share, len(mine)), len(total))
+            for name, values in self._sums(mine, grid):
+                for channel, column in enumerate(values.reshape(len(points), -1).T):
+                    getattr(sums, name)[:, channel] += np.bincount(points, column, len(total))
         means = sums.map(
             lambda quantity, summed: quantity.settled(summed / np.maximum(total, 1e-30)[:, None])
         )
@@ -230,6 +233,43 @@ class Surfaces:
                 for name, values in materials.arrays().items()
             }
         )
+
+    def alike(self, triangles):
+        """(n,) int64: equal for painted triangles that look alike at equal weights."""
+        paints = self._paint[triangles]
+        numbers = np.arange(len(triangles))
+        for paint in np.unique(paints[paints >= 0]):
+            mine = np.flatnonzero(paints == paint)
+            kinds = self._paints[paint].alike(self._local(triangles[mine]))
+            _, first, kind = np.unique(kinds, return_index=True, return_inverse=True)
+            numbers[mine] = mine[first[kind.ravel()]]
+        return numbers
+
+    def _local(self, triangles):
+        """(n, 3) int64 corners of triangles as their own mesh counts them."""
+        return self._corners[triangles] - self._first[self._object[triangles]][:, None]
+
+    def _sums(self, triangles, grid):
+        """Each quantity's name and (n, n_nodes, n_channels) sums, of triangles of one paint."""
+        _, first, kind = np.unique(self.alike(triangles), return_index=True, return_inverse=True)
+        painted, each = {}, max(1, _BLOCK // len(grid.places))
+        for start in range(0, len(first), each):
+            corners = self._local(triangles[first[start : start + each]])
+            weights = np.tile(grid.weights, (len(corners), 1))
+            values = self._paints[self._paint[triangles[0]]].at(
+                np.repeat(corners, len(grid.places), axis=0), weights
+            )
+            for name, column in values.items():
+                settled = QUANTITIES[name].settled(column)
+                painted.setdefault(name, []).append(grid.sums(settled, len(corners)))
+        for name, values in self.corner_materials.arrays().items():
+            if name in painted:
+                yield name, np.concatenate(painted[name])[kind.ravel()]
+            else:
+                yield (
+                    name,
+                    np.einsum("sk,nkc->nsc", grid.of_corners, values[self._corners[triangles]]),
+                )
 
     def opacity_cells(self, sloping):
         """Into how many cells along an edge opacity asks triangles to be cut.
@@ -249,22 +289,20 @@ class Surfaces:
         even, clear = np.ptp(corners, axis=1) == 0, (corners < 1).any(axis=1)
         cells = np.where(clear, np.where(even, 1, sloping), 0)
         cells = np.array(np.broadcast_to(cells, len(self._corners)))
-        for owner in np.unique(self._object[self.painted]):
-            mine = np.flatnonzero(self._object == owner)
-            paint, one = self._paints[owner], self._corners[mine[:1]] - self._first[owner]
+        for number, paint in enumerate(self._paints):
+            mine = np.flatnonzero(self._paint == number)
             # What paint does not say of one place it says of none.
-            if "opacity" in paint.at(one, np.full((1, 3), 1 / 3)):
+            if len(mine) and "opacity" in paint.at(self._local(mine[:1]), np.full((1, 3), 1 / 3)):
                 cells[mine] = np.ceil(np.sqrt(2 * np.maximum(self._texels(mine), 1)))
         return cells
 
     def _texels(self, triangles):
         """(n,) float: about how many colours lie in each painted triangle."""
         texels = np.zeros(len(triangles))
-        owners = self._object[triangles]
-        for owner in np.unique(owners):
-            mine = owners == owner
-            corners = self._corners[triangles[mine]] - self._first[owner]
-            texels[mine] = self._paints[owner].texels(corners)
+        paints = self._paint[triangles]
+        for paint in np.unique(paints):
+            mine = paints == paint
+            texels[mine] = self._paints[paint].texels(self._local(triangles[mine]))
         return texels
 
     def _samples_along(self, triangles, levels):
@@ -274,6 +312,35 @@ class Surfaces:
         along = 2 * np.sqrt(2 * np.maximum(texels, 0)) / levels
         fewer = np.sqrt(max(1.0, float(((levels * np.minimum(along, _ALONG)) ** 2).sum()) / _ALL))
         return np.clip(np.ceil(along / fewer), 1, _ALONG).astype(np.int64)
+
+
+class _Grid:
+    """Places that cover a triangle evenly, and how they share themselves out to its lattice.
+
+    Parameters
+    ----------
+    level : int
+        Of the triangle.
+    count : int
+        Places along an edge of a cell of its lattice.
+    """
+
+    def __init__(self, level, count):
+        self.places = _centroids(level * count)
+        self.weights = np.column_stack([1 - self.places.sum(axis=1), self.places])
+        cell, shares = lattice_of_hits(np.full(len(self.places), level), self.places)
+        columns = np.repeat(np.arange(len(self.places)), 3)
+        shares = shares.ravel().astype(np.float64)
+        shape = lattice_size(level), len(self.places)
+        self._to_nodes = sparse.csr_array((shares, (cell.ravel(), columns)), shape)
+        self.share = self._to_nodes.sum(axis=1)
+        self.of_corners = self._to_nodes @ self.weights
+
+    def sums(self, values, n):
+        """(n, n_nodes, n_channels) of values (n n_places, n_channels), a triangle at a time."""
+        values = values.reshape(n, len(self.places), -1)
+        flat = np.moveaxis(values, 0, 1).reshape(len(self.places), -1)
+        return np.moveaxis((self._to_nodes @ flat).reshape(len(self.share), n, -1), 1, 0)
 
 
 def _centroids(count):

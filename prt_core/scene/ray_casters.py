@@ -25,6 +25,8 @@ def caster_of(scene, name, rays, resolution, objects=None):
         return _caster_over(scene, name, met)
     pieces = pieces_of(opacity, np.flatnonzero(passing))
     opaque = _caster_over(scene, name, met & ~passing, pieces, pieces.is_opaque)
+    if pieces.is_opaque.all():
+        return opaque
     try:
         others = _caster_over(scene, name, np.zeros_like(met), pieces, ~pieces.is_opaque)
     except BaseException:

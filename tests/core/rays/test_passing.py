@@ -27,6 +27,9 @@ class Checker:
         dark = np.floor(place / self.side).sum(axis=1) % 2
         return {"albedo": 0.7 * dark[:, None] * np.ones(3), "opacity": dark[:, None]}
 
+    def alike(self, corners):
+        return np.arange(len(corners))
+
     def texels(self, corners):
         return np.full(len(corners), 512.0)
 

@@ -92,6 +92,9 @@ def test_what_is_painted_is_told_in_part(roughness):
         def at(self, corners, weights):
             return {"roughness": np.full((len(corners), 1), 0.9)}
 
+        def alike(self, corners):
+            return np.arange(len(corners))
+
         def texels(self, corners):
             return np.ones(len(corners))
 

@@ -105,3 +105,30 @@ def test_what_is_painted_belongs_to_the_digest_and_the_store(tmp_path):
     plain = Scene.from_meshes([quad(), plane(7, z=0.5, albedo=0.6)])
     run(bake_steps(plain, tmp_path / "plain.prt", settings))
     assert load(tmp_path / "plain.prt").transport.mean_albedo is None
+
+
+class Kinds(Stripes):
+    """Stripes that say which faces they paint alike."""
+
+    asked = 0
+
+    def alike(self, corners):
+        return np.zeros(len(corners), int)
+
+    def at(self, corners, weights):
+        Kinds.asked += len(corners)
+        return {"albedo": 0.1 + 0.8 * weights}
+
+
+def test_faces_that_are_painted_alike_are_sampled_once():
+    means = []
+    for kind in (Kinds, type("Alone", (Kinds,), {"alike": Stripes.alike})):
+        mesh = plane(5)
+        mesh.paint, Kinds.asked = kind(mesh), 0
+        points = Scene.from_meshes([mesh], max_hidden=0).points
+        means.append((points.mean_albedo, Kinds.asked))
+    (once, few), (each, many) = means
+    np.testing.assert_allclose(once, each, atol=1e-6)
+    assert many > 25 * few
+    # Corners of other weights differ, so it is no mean of everything.
+    assert np.ptp(once, axis=0).min() > 0.1

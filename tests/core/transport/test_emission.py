@@ -144,6 +144,9 @@ class Screen:
         x = (self._x[corners] * weights).sum(axis=1)
         return {"emission": np.where(x < 0, 5.0, 0.0)[:, None] * [1.0, 0.5, 0.1]}
 
+    def alike(self, corners):
+        return np.arange(len(corners))
+
     def texels(self, corners):
         return np.full(len(corners), 400.0)
 

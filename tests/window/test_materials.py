@@ -1,0 +1,43 @@
+"""Six materials, an image and a sun in a real window (see inside/materials_story.py)."""
+
+import numpy as np
+import pytest
+
+OBJECTS = {"floor", "wall", "chrome", "gold", "glass", "lacquer", "tube"}
+
+
+@pytest.fixture(scope="module")
+def report(blender):
+    result = blender.play("materials_story")
+    print(f"Blender {blender.version}: pictures and report.json in {blender.folder}")
+    assert result["error"] is None, result["error"] + result["said_all"]
+    return result
+
+
+def test_nothing_is_black_that_is_not(report):
+    baked = {name: np.mean(colour) for name, colour in report["baked"].items()}
+    assert set(baked) == OBJECTS
+    # Chrome is as bright as what it reflects, gold keeps its colour.
+    assert min(baked.values()) > 0.15 * baked["floor"], baked
+    red, _, blue = report["baked"]["gold"]
+    assert red > 1.5 * blue
+
+
+def test_what_is_only_near_is_said_in_few_lines(report):
+    said = " ".join(report["notes"])
+    for word in ("chrome", "glass"):
+        assert word in said, report["notes"]
+    assert len(report["notes"]) < 8, report["notes"]
+
+
+def test_the_neon_changes_while_one_watches(report):
+    assert all(report["delays"]) and max(map(max, report["delays"])) < 0.3, report["delays"]
+    before, after = report["baked"], report["recoloured"]
+    # Pink became green, on the tube and on the wall behind it.
+    for name in ("tube", "wall"):
+        gain = np.subtract(after[name], before[name])
+        assert gain[1] > 0 and gain[1] > gain[2], (name, gain)
+
+
+def test_cycles_rendered_the_same_file(report):
+    assert report["rendered"]

@@ -1,4 +1,4 @@
-"""Cut-outs as geometry: pieces lie where opacity says, and rims let as much light pass as before."""
+"""Cut-outs as geometry: pieces lie where opacity says, rims let as much light pass."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.meshes import plane
 
 
 def discs(n, radii):
-    """An `Opacity` of triangles of n^2 cells with round holes; every second one shares its cells."""
+    """An `Opacity` of triangles of n^2 cells with round holes, two triangles alike."""
     middles = Opacity.middles(n)
     rows = [np.where(np.hypot(*(middles - 0.3).T) > radius, 65535, 0) for radius in radii]
     first = np.repeat(np.arange(len(radii)), 2).astype(np.int32) * n * n

@@ -22,8 +22,8 @@ def story(hand, report):
     yield from to_panel(hand)
     hand.view.spaces.active.region_3d.view_perspective = "CAMERA"
     yield 0.5
-    yield from press(hand, "prt.bake", status)
-    yield Until("the preview has settled", settled)
+    yield from press(hand, "prt.bake", status, seconds=400)
+    yield Until("the preview has settled", settled, 200)
     report["notes"] = status().notes.splitlines()
     report["said"] = status().message
     report["baked"] = brightness()

@@ -70,9 +70,9 @@ def to_panel(hand):
     yield 0.5
 
 
-def press(hand, button, status, at=0.45):
-    """Press a button and wait until its work is done."""
+def press(hand, button, status, at=0.45, seconds=120):
+    """Press a button and wait until its work is done; after so many seconds it is an error."""
     yield from hand.click(button, at)
     yield 0.3
-    yield Until(f"{button} is done", lambda: not status().running, 120)
+    yield Until(f"{button} is done", lambda: not status().running, seconds)
     yield 0.5

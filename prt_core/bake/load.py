@@ -62,7 +62,7 @@ def load(path):
         settings.series,
         settings.bounces,
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
-        scene.opposite if points.materials.translucency.any() else None,
+        scene.opposite if points.materials.through.any() else None,
     )
     parts = lamps, world, camera, asdict(settings), report, source, path, origin
     emission = read_emission(store, scene, rounds, transport.bounced_albedo)

@@ -83,6 +83,9 @@ QUANTITIES = {
     "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
     # Share of the light on the back that leaves the front evenly to all sides.
     "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
+    # Share of the light that glass lets through, bent. Rays go straight through it, as `opacity` says;
+    # this is how glass is shown, until views are: as if half of it left evenly to either side.
+    "transmission": Quantity(3, 0, 1, step=1 / 32, default=0.0),
     # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
     "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),
 }
@@ -102,7 +105,7 @@ class Materials:
     ----------
     albedo : (n, 3) array
     opacity : (n, 1) array
-    translucency : (n, 3) array
+    translucency, transmission : (n, 3) array
 
     Raises
     ------
@@ -137,6 +140,18 @@ class Materials:
 
     def __getitem__(self, places):
         return self.map(lambda _, values: values[places])
+
+    @property
+    def front(self):
+        """(n, 3): share of the light on the front that leaves the front, as it is shown."""
+        return self.albedo + self.transmission / 2 if self.transmission.any() else self.albedo
+
+    @property
+    def through(self):
+        """(n, 3): share of the light on the back that leaves the front, as it is shown."""
+        if self.transmission.any():
+            return self.translucency + self.transmission / 2
+        return self.translucency
 
     def arrays(self):
         """Name -> array of each quantity."""
@@ -234,7 +249,7 @@ class Materials:
         all that arrive. No surface bounces more than arrives. The same object where nothing of
         that concerns it.
         """
-        if (self.opacity == 1).all() and (self.albedo <= 1).all():
+        if (self.opacity == 1).all() and (self.albedo <= 1).all() and not self.transmission.any():
             return self
         share = np.asarray(self.opacity, np.float64)
 
@@ -242,7 +257,11 @@ class Materials:
             part = np.where(share > 0, values / np.maximum(share, 1e-12), 0)
             return np.clip(part, 0, 1).astype(values.dtype)
 
-        return self.replaced(albedo=given(self.albedo), translucency=given(self.translucency))
+        return self.replaced(
+            albedo=given(self.albedo),
+            translucency=given(self.translucency),
+            transmission=np.zeros_like(self.transmission),
+        )
 
     def equals(self, other):
         """Whether all quantities are those of `other`, value by value."""

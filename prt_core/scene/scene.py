@@ -245,9 +245,9 @@ class Scene:
         messages.extend(dimming(scene))
         # Known already; of a scene that was read they are found when they are asked for.
         scene.frames = frames
-        # What is translucent shows the light of its back.
-        through = scene.points.materials.translucency.any(axis=1)
-        through |= scene.points.mean_materials.translucency.any(axis=1)
+        # What is translucent, or glass, shows the light of its back.
+        through = scene.points.materials.through.any(axis=1)
+        through |= scene.points.mean_materials.through.any(axis=1)
         through = through[scene.lattice]
         through = np.logical_or.reduceat(through, scene.lattice_start)
         return with_backs(scene, through | stacked["two_sided"][scene.triangle_object])

@@ -50,9 +50,9 @@ class Sent:
 
 def sent_of(materials, opposite):
     """`Sent` of `Materials` and opposites; the albedo alone where nothing shines through."""
-    if opposite is None or not materials.translucency.any():
-        return materials.albedo
-    return Sent(materials.albedo, materials.translucency, opposite)
+    if opposite is None or not materials.through.any():
+        return materials.front
+    return Sent(materials.front, materials.through, opposite)
 
 
 def of_channels(sends, channels):

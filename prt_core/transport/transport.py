@@ -355,9 +355,9 @@ class Transport:
 
     def _same_channel(self, channel):
         """An earlier channel in which every albedo is the same, or None."""
-        both = [self.albedo, self.bounced_albedo]
+        both = [self.materials.front, self.bounced_albedo]
         if isinstance(self.sends, Sent):
-            both += [self.materials.translucency, self.bounced_materials.translucency]
+            both += [self.materials.through, self.bounced_materials.through]
         for other in range(channel):
             if all((albedo[:, other] == albedo[:, channel]).all() for albedo in both):
                 return other

@@ -79,7 +79,7 @@ class Evaluation:
         return [self._surface(i, *of_corner[i], lattices) for i in range(len(self._meshes))]
 
     def _read(self, places):
-        """(n, 13) values at a list of places (triangles, weights), whole and noted."""
+        """(n, n_columns) values at a list of places (triangles, weights), whole and noted."""
         triangle = np.concatenate([t for t, _ in places])
         weights = np.concatenate([w for _, w in places])
         values, signs = yield from self._reader.values(triangle, weights)
@@ -142,7 +142,7 @@ class Evaluation:
         return values
 
     def _surface(self, index, used, values, lattices):
-        """The `Surface` of a mesh from the values (n, 13) of its used corners."""
+        """The `Surface` of a mesh from the values (n, n_columns) of its used corners."""
         mesh, record = self._meshes[index], self._records[index]
         corners = np.zeros((len(mesh.corner_vertex), N_COLUMNS), np.float32)
         corners[:, COLUMNS["albedo"]], corners[:, COLUMNS["opacity"]] = _GREY, 1

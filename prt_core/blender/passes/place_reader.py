@@ -75,7 +75,7 @@ class PlaceReader:
 
         Returns
         -------
-        values : (n, 14) float32
+        values : (n, n_columns) float32
             See `COLUMNS`; NaN where Cycles did not see the place.
         signs : dict of str -> (n,) bool
         """

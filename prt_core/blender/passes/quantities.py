@@ -14,10 +14,11 @@ COLUMNS = {
     "emission": slice(3, 6),
     "opacity": slice(6, 7),
     "translucency": slice(7, 10),
-    "normal": slice(10, 13),
-    "bump": slice(13, 14),
+    "transmission": slice(10, 13),
+    "normal": slice(13, 16),
+    "bump": slice(16, 17),
 }
-N_COLUMNS = 14
+N_COLUMNS = 17
 # Colourless specular reflection seen from straight on, over a diffuse colour and over none: as a
 # dielectric may have it, and for certain more.
 _OVER, _BARE = (0.2, 0.3), (0.085, 0.1)
@@ -29,7 +30,8 @@ _STEPS = 4096
 LINES = {
     "metal": "metal; until gloss is baked, its specular reflection counts as diffuse",
     "specular": "specular reflection is ignored, the diffuse colour is baked",
-    "glass": "glass is taken as thin; light goes straight through, as grey as its colour",
+    "glass": "glass is taken as thin; light goes straight through, as grey as its colour, and is "
+    "shown as a glow of that colour",
     "tinted": "coloured transparency lets light of all colours through alike",
     "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
     "scatters": "subsurface scattering counts as diffuse",
@@ -45,7 +47,7 @@ LINES = {
 
 
 def quantities_of(passes, plain=None):
-    """(n, 14) float32 of what was rendered, by `COLUMNS`.
+    """(n, 17) float32 of what was rendered, by `COLUMNS`.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def quantities_of(passes, plain=None):
 
     Returns
     -------
-    values : (n, 14) float32
+    values : (n, 17) float32
     signs : dict of str -> (n,) bool
         Where there is metal, specular reflection and glass, by the keys of `LINES`.
     """
@@ -69,6 +71,7 @@ def quantities_of(passes, plain=None):
     values[:, COLUMNS["albedo"]] = diffuse - translucency + metal
     values[:, COLUMNS["translucency"]] = translucency
     values[:, COLUMNS["opacity"]] = (passes["share"] - through.mean(axis=1))[:, None]
+    values[:, COLUMNS["transmission"]] = through
     values[:, COLUMNS["normal"]] = passes["normal"]
     steps = np.round(values * _STEPS) / _STEPS
     emission = np.maximum(np.nan_to_num(passes["emission"], posinf=0), 0)
@@ -106,7 +109,7 @@ def settled(values):
     """`values` within their ranges, and whether an albedo was not."""
     albedo = values[:, COLUMNS["albedo"]]
     outside = bool((albedo > QUANTITIES["albedo"].most).any() or (albedo < -1e-3).any())
-    for name in ("albedo", "opacity", "translucency"):
+    for name in ("albedo", "opacity", "translucency", "transmission"):
         part = values[:, COLUMNS[name]]
         np.clip(part, 0, QUANTITIES[name].most, out=part)
     return values, outside

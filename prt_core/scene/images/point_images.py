@@ -173,7 +173,7 @@ def surface_points(scene, triangle, barycentric, back, any_side=False):
 def extended(scene, points, image):
     """The scene with more bake points, and an image that shows them."""
     expect(len(points), "image: nothing of the scene is in it")
-    through = np.flatnonzero(points.materials.translucency.any(axis=1))
+    through = np.flatnonzero(points.materials.through.any(axis=1))
     if len(through):
         # Light on the other side is shown as well.
         points = joined(points, backs_of(points, through))

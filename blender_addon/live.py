@@ -240,6 +240,8 @@ def _relight_steps(scene, draft):
         if scene is None:
             return
     full = request(scene)
+    # Where the lamps stay as they are, the first colours are the last.
+    draft = draft and not held.relighter.has_lamps(full.lighting)
     asked = request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
     shown = held.shown

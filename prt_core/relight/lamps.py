@@ -56,6 +56,13 @@ class LampLight:
         self._kept = {**{key: self._kept[key] for key in kept[-len(lamps) :]}, **parts}
         return list(parts.values())
 
+    def has(self, lamps, n_samples):
+        """Whether what points receive of these lamps is known, of so many shadow rays each."""
+        return all(
+            (index, n_samples, lamp_signature(lamp)) in self._kept
+            for index, lamp in enumerate(lamps)
+        )
+
     def _rays(self, lamp):
         """The caster over what is in the lamp's way, one for all lamps that share it."""
         key = self._blocking(lamp)

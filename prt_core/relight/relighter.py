@@ -140,6 +140,22 @@ class Relighter:
             radiance = shining if radiance is None else shining + radiance
         return subject.shaped(_exposed(radiance, lighting))
 
+    def has_lamps(self, lighting):
+        """Whether the lamps of a `Lighting` need no shadow rays, having been asked for before.
+
+        Parameters
+        ----------
+        lighting : Lighting
+
+        Returns
+        -------
+        bool
+            False where a sun of the image has rays of its own.
+        """
+        expect_kind("lighting", lighting, Lighting)
+        lamps = chosen_lamps(self.bake, lighting)
+        return not lighting.sharp_sun and self._lamps.has(lamps, lighting.lamp_samples)
+
     def sky(self, lighting):
         """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.
 

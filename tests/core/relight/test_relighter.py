@@ -1,11 +1,14 @@
 """What relighting refuses before its work, and colours that float32 cannot hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, load, run
 from prt_core.api import compress, relight_points
 from prt_core.light import EnvironmentMap
+from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from tests.meshes import plane, wall
 
@@ -69,3 +72,20 @@ def test_the_notes_of_the_last_image_are_kept(bake):
     assert relighter.notes == ("read is A, not B",)
     relighter.radiance(SKY)
     assert relighter.notes == ()
+
+
+def test_lamps_that_stay_are_known(bake):
+    relighter, lamp = (
+        Relighter(bake, "brute"),
+        Lamp("point", (5, 5, 5), (0.2, 0.1, 1.5), radius=0.1),
+    )
+    lighting = Lighting(lamps=[lamp], lamp_samples=3)
+    assert not relighter.has_lamps(lighting)
+    relighter.radiance(lighting)
+    assert relighter.has_lamps(lighting)
+    # Emission, strength and exposure ask for no other rays; more of them, or a moved lamp, do.
+    assert relighter.has_lamps(replace(lighting, lamp_strength=3.0, exposure=1.0))
+    assert not relighter.has_lamps(replace(lighting, lamp_samples=5))
+    assert not relighter.has_lamps(replace(lighting, lamps=[replace(lamp, radius=0.2)]))
+    assert Relighter(bake, "brute").has_lamps(Lighting(SKY))
+    assert not Relighter(bake, "brute").has_lamps(Lighting(SKY, sharp_sun=True))

@@ -83,8 +83,8 @@ QUANTITIES = {
     "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
     # Share of the light on the back that leaves the front evenly to all sides.
     "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
-    # Share of the light that glass lets through, bent. Rays go straight through it, as `opacity` says;
-    # this is how glass is shown, until views are: as if half of it left evenly to either side.
+    # Share of the light that glass lets through, bent. Rays go straight through it, as `opacity`
+    # says; glass is shown by this, as long as views are not: half of it leaves evenly either way.
     "transmission": Quantity(3, 0, 1, step=1 / 32, default=0.0),
     # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
     "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),

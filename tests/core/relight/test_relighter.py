@@ -75,10 +75,8 @@ def test_the_notes_of_the_last_image_are_kept(bake):
 
 
 def test_lamps_that_stay_are_known(bake):
-    relighter, lamp = (
-        Relighter(bake, "brute"),
-        Lamp("point", (5, 5, 5), (0.2, 0.1, 1.5), radius=0.1),
-    )
+    lamp = Lamp("point", (5, 5, 5), (0.2, 0.1, 1.5), radius=0.1)
+    relighter = Relighter(bake, "brute")
     lighting = Lighting(lamps=[lamp], lamp_samples=3)
     assert not relighter.has_lamps(lighting)
     relighter.radiance(lighting)

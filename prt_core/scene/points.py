@@ -159,7 +159,13 @@ def make_points(stacked, levels, frames, surfaces):
     np.minimum.at(bend, columns.ravel(), np.where(leads, along.ravel(), 1))
     inward = np.where((bend > _FLAT)[:, None], middle - positions, 0)
     lifts = ray_lifts(frames.local(vertices, stacked["triangles"].astype(np.int64)), face_normal)
-    lift, sideways = (_largest(of_triangle, columns, n_points) for of_triangle in lifts)
+    place = columns
+    if len(frames) > 1:
+        # Beside a point's own faces may be others of a coarser frame.
+        _, place = np.unique(corner_position, axis=0, return_inverse=True)
+        place = place.reshape(-1)[corners]
+    lift, sideways = np.empty((2, n_points))
+    lift[columns], sideways[columns] = (_largest(each, place)[place] for each in lifts)
     points = {
         "positions": positions,
         "normals": normals,
@@ -198,9 +204,9 @@ def make_points(stacked, levels, frames, surfaces):
     )
 
 
-def _largest(of_triangle, columns, n_points):
-    """(n_points,) the largest value of the triangles around each point."""
-    result = np.zeros(n_points)
+def _largest(of_triangle, columns):
+    """(n,) the largest value of the triangles that have each number in their `columns`."""
+    result = np.zeros(columns.max() + 1)
     np.maximum.at(result, columns.ravel(), np.repeat(of_triangle, 3))
     return result
 

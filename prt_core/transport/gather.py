@@ -179,6 +179,7 @@ class _Rays:
             wanted.reshape(-1)[self._representative] = True
         self._wanted = wanted
         self.pick = rng.random(np.count_nonzero(wanted), np.float32)
+        self._below = scene.own_faces.below(points, directions, rng)
         self.directions = directions[wanted]
         self.origins = np.repeat(starts, np.count_nonzero(wanted, axis=1), axis=0)
 
@@ -186,6 +187,8 @@ class _Rays:
         """`Gathered` from their `Hits` and where these were handed."""
         hits = self._hits
         hits[self._wanted] = ends
+        # Those that met nothing still do: what is in the way is what the visibility says.
+        hits[self._below & (hits >= 0)] = DARK
         represented = self._represented != self._representative
         hits.reshape(-1)[self._represented[represented]] = (
             REPRESENTED - self._representative[represented] % ROUND

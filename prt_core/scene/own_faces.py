@@ -8,8 +8,6 @@ belongs to a face that is chosen at random among those around its point.
 
 import numpy as np
 
-from prt_core.scene.lattice import lattice_index
-
 # Cosine between a face and its point's geometric normal below which a point is bent: 20 degrees.
 # The loss grows with the square of the angle, and of points that bend less it is below the error
 # that bounces are allowed; between the corners, where the light that they send is too, it is less.
@@ -26,7 +24,7 @@ class OwnFaces:
 
     def __init__(self, scene):
         points = scene.points
-        point, normal = _corners(scene)
+        point, normal = _sides(scene)
         along = np.einsum("ix,ix->i", normal, points.geometric_normals[point])
         self._bent = np.zeros(len(points), bool)
         self._bent[point[along < _BENT]] = True
@@ -60,12 +58,9 @@ class OwnFaces:
         return result
 
 
-def _corners(scene):
-    """(m,) points at the corners of triangles, on both sides, and (m, 3) the normals there."""
-    level = scene.triangle_level.astype(np.int64)
-    places = [lattice_index(level, i * level, j * level) for i, j in ((0, 0), (1, 0), (0, 1))]
-    slots = scene.lattice_start[:, None] + np.stack(places, axis=1)
-    normals = np.repeat(scene.triangle_normals, 3, axis=0)
-    front, back = scene.lattice[slots].ravel(), scene.lattice_back[slots].ravel()
-    sided = back >= 0
-    return np.append(front, back[sided]), np.concatenate([normals, -normals[sided]])
+def _sides(scene):
+    """(m,) points of triangles, of both sides, and (m, 3) the normals of the sides."""
+    normals = np.repeat(scene.triangle_normals, scene.lattice_sizes, axis=0)
+    sided = scene.lattice_back >= 0
+    points = np.append(scene.lattice, scene.lattice_back[sided])
+    return points, np.concatenate([normals, -normals[sided]])

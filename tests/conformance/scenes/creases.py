@@ -9,21 +9,22 @@ from tests.conformance.scene import scene
 BRIGHT = (0.8, 0.8, 0.8)
 
 
-def heights_on_a_grid(name, heights, size, smooth=False):
+def heights_on_a_grid(name, heights, size):
     """A square of quads whose vertices are at these heights (rows, columns)."""
     rows, columns = heights.shape
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, columns), np.linspace(-0.5, 0.5, rows))
     vertices = np.column_stack([size * x.ravel(), size * y.ravel(), heights.ravel()])
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     faces = np.column_stack([first, first + 1, first + columns + 1, first + columns])
-    return mesh_object(name, vertices, faces, plain(name, BRIGHT), smooth)
+    return mesh_object(name, vertices, faces, plain(name, BRIGHT))
 
 
 def sky_from_one_side():
     """Bright towards +x, dark towards -x."""
 
     def surface(tree):
-        way = add(tree, "ShaderNodeSeparateXYZ", [(0, add(tree, "ShaderNodeTexCoord").outputs[0])])
+        way = add(tree, "ShaderNodeTexCoord").outputs["Generated"]
+        way = add(tree, "ShaderNodeSeparateXYZ", {0: way})
         side = {0: way.outputs[0], "From Min": -1, "To Max": 2}
         strength = add(tree, "ShaderNodeMapRange", side).outputs[0]
         return add(tree, "ShaderNodeBackground", {"Strength": strength}).outputs[0]
@@ -56,7 +57,7 @@ def head_of_500_flat_faces(on):
 
 @scene(light="lamps", targets=("ground", "head"), bound=0.05)
 def head_of_500_smooth_faces(on):
-    # Of a plain sky Cycles takes away what is below a corner's face, of lamps and images it does not.
+    # Cycles takes what is below a corner's face from the light of a plain sky, not from lamps'.
     lamp("sun", "SUN", (0, 0, 3), 3, rotation=(0.7, 0.3, 0))
     lamp("other sun", "SUN", (0, 0, 3), 3, rotation=(-0.4, -0.9, 0))
     _head(smooth=on)

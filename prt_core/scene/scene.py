@@ -154,7 +154,8 @@ class Scene:
         ----------
         meshes : sequence of Mesh
         max_hidden : int, optional
-            Most hidden points to add; default: half of the others, at least 2,000.
+            Most hidden points to add in large triangles; default: half of the others, at least
+            2,000.
 
         Returns
         -------

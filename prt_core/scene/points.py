@@ -1,4 +1,9 @@
-"""Bake points: where light is received, one per distinct corner normal and material."""
+"""Bake points: where light is received, one per distinct corner normal and material.
+
+A bent quad that is shaded flat has two normals, those of its triangles. The corners that both have
+show the first, as they do in Cycles' bakes, whose rays start there a little inside of the face;
+the second triangle has points of its own there, which only bounce.
+"""
 
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
@@ -15,6 +20,8 @@ NORMAL_STEP = 1e-3
 MATERIALS = {"materials": "", "mean_materials": "mean_"}
 # Cosine between face normals above which the surface around a point counts as flat.
 _FLAT = 0.9999
+# And below which a triangle does not share the point of its corner: 10 degrees.
+_BENT = 0.985
 
 
 @dataclass
@@ -125,34 +132,40 @@ def make_points(stacked, levels, frames, surfaces):
     doubled = np.linalg.norm(cross, axis=1, keepdims=True)
     face_normal = cross / doubled
     normal = _usable_normals(stacked["corner_normal"], corners, face_normal)
+    flat = stacked["flat"][stacked["triangle_object"].astype(np.int64)]
+    # The first triangle that has a corner comes last.
+    normal[corners[flat][::-1]] = face_normal[flat][::-1, None]
+    shading = normal[corners]
+    shading[flat] = face_normal[flat][:, None]
 
     looks = {id(s): s.corner_materials for s in (surfaces, surfaces.bounced, surfaces.back)}
-    corner_point, n_points = _merge_corners(stacked, corners, normal, looks.values())
-    columns = corner_point[corners]
-    angle = _corner_angles(a, b, c)
+    corner_point, n_shown = _merge_corners(stacked, corners, normal, looks.values())
+    alike = np.einsum("tkx,tkx->tk", shading, normal[corners])
+    columns, n_points = _bent_apart(corner_point[corners], n_shown, shading, alike)
+    leads = ((alike > _FLAT) | (alike < _BENT)).ravel()
     share = np.repeat(doubled / 6, 3, axis=1)
     summed = _Sums(n_points, columns.ravel())
-    weight = np.maximum(angle, 1e-9).ravel()
+    weight = np.where(leads, np.maximum(_corner_angles(a, b, c), 1e-9).ravel(), 0)
     of_corner = corners.ravel()
-    shading = normal[corners]
-    flat = stacked["flat"][stacked["triangle_object"].astype(np.int64)]
-    shading[flat] = face_normal[flat][:, None]
     positions = summed.mean(corner_position[of_corner], weight)
     normals = _unit(summed.mean(shading.reshape(-1, 3), weight))
     geometric = summed.mean(np.repeat(face_normal, 3, axis=0), weight)
     geometric = _unit(
         np.where(np.linalg.norm(geometric, axis=1, keepdims=True) > 1e-6, geometric, normals)
     )
-    middle = summed.mean(np.repeat((a + b + c) / 3, 3, axis=0), share.ravel())
+    middle = summed.mean(np.repeat((a + b + c) / 3, 3, axis=0), share.ravel() * leads)
     bend = np.full(n_points, 1.0)
-    np.minimum.at(
-        bend,
-        columns.ravel(),
-        np.einsum("tx,tkx->tk", face_normal, geometric[columns]).ravel(),
-    )
+    along = np.einsum("tx,tkx->tk", face_normal, geometric[columns])
+    np.minimum.at(bend, columns.ravel(), np.where(leads, along.ravel(), 1))
     inward = np.where((bend > _FLAT)[:, None], middle - positions, 0)
     lifts = ray_lifts(frames.local(vertices, stacked["triangles"].astype(np.int64)), face_normal)
-    lift, sideways = (_largest(of_triangle, columns, n_points) for of_triangle in lifts)
+    place = columns
+    if len(frames) > 1:
+        # Beside a point's own faces may be others of a coarser frame.
+        _, place = np.unique(corner_position, axis=0, return_inverse=True)
+        place = place.reshape(-1)[corners]
+    lift, sideways = np.empty((2, n_points))
+    lift[columns], sideways[columns] = (_largest(each, place)[place] for each in lifts)
     points = {
         "positions": positions,
         "normals": normals,
@@ -166,7 +179,7 @@ def make_points(stacked, levels, frames, surfaces):
         "visible": np.zeros(n_points, bool),
     }
     points["object_index"][columns] = stacked["triangle_object"].astype(np.int64)[:, None]
-    points["visible"] = stacked["receives"][points["object_index"]]
+    points["visible"][:n_shown] = stacked["receives"][points["object_index"][:n_shown]]
 
     start, lattice, hidden = _lattices(
         columns, levels, face_normal, doubled[:, 0], points, surfaces, shading, lifts
@@ -191,9 +204,9 @@ def make_points(stacked, levels, frames, surfaces):
     )
 
 
-def _largest(of_triangle, columns, n_points):
-    """(n_points,) the largest value of the triangles around each point."""
-    result = np.zeros(n_points)
+def _largest(of_triangle, columns):
+    """(n,) the largest value of the triangles that have each number in their `columns`."""
+    result = np.zeros(columns.max() + 1)
     np.maximum.at(result, columns.ravel(), np.repeat(of_triangle, 3))
     return result
 
@@ -233,6 +246,33 @@ def _merge_corners(stacked, corners, normal, looks):
     corner_point = np.full(len(stacked["corner_vertex"]), -1, np.int64)
     corner_point[used[order]] = np.cumsum(new) - 1
     return corner_point, int(new.sum())
+
+
+def _bent_apart(columns, n_points, shading, alike):
+    """Points of the corners of triangles, with more where one is shaded unlike its point.
+
+    Parameters
+    ----------
+    columns : (n_triangles, 3) int64
+    n_points : int
+    shading : (n_triangles, 3, 3) float64
+        Normals of the triangles' corners.
+    alike : (n_triangles, 3) float64
+        Cosines between these and the normals of the points.
+
+    Returns
+    -------
+    columns : (n_triangles, 3) int64
+    n_points : int
+    """
+    apart = alike < _BENT
+    if apart.any():
+        key = np.column_stack([columns[apart], np.rint(shading[apart] / NORMAL_STEP)])
+        new, which = np.unique(key, axis=0, return_inverse=True)
+        columns = columns.copy()
+        columns[apart] = n_points + which.reshape(-1)
+        n_points += len(new)
+    return columns, n_points
 
 
 class _Sums:

@@ -8,18 +8,21 @@ Measured with Embree's and Blender's tests on planes of any place, size and tilt
 factors leave no ray that meets its own plane. So a contact is resolved down to a tenth of a
 millimetre in a scene of a kilometre, and what lies nearer than that to a large plane far away does
 not matter to what stands elsewhere.
+
+A start above a corner may lie below another face of a sharp crease. So it also goes along its own
+face, by so much more that only faces which are less than three degrees apart would be in its way.
 """
 
 import numpy as np
 
 _STEP = 2.0**-24
-_ALONG, _OVERALL, _SIDEWAYS = 8 * _STEP, 4 * _STEP, 16 * _STEP
+_ALONG, _OVERALL, _SIDEWAYS = 8 * _STEP, 4 * _STEP, 256 * _STEP
 # The longest offset of a scene, in its frame: there no coordinate is larger than 1.
 MOST_OFFSET = 3**0.5 * _ALONG + _OVERALL + _SIDEWAYS
 
 
 def ray_lifts(corners, normals):
-    """Start of rays above triangles, and how far to the side rounding may bring it.
+    """Start of rays above triangles, and how far inside of their rim.
 
     Parameters
     ----------
@@ -31,7 +34,7 @@ def ray_lifts(corners, normals):
     Returns
     -------
     lift, sideways : (n,) float64
-        Along the normal, and at right angles to it.
+        Along the normal, and along the triangle.
     """
     largest = np.abs(corners).max(axis=1)
     overall = largest.max(axis=1)

@@ -28,6 +28,7 @@ from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_lev
 from prt_core.scene.mesh import RAYS, Mesh
 from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
+from prt_core.scene.own_faces import OwnFaces
 from prt_core.scene.paint import Surfaces, surfaces_of
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
@@ -153,7 +154,8 @@ class Scene:
         ----------
         meshes : sequence of Mesh
         max_hidden : int, optional
-            Most hidden points to add; default: half of the others, at least 2,000.
+            Most hidden points to add in large triangles; default: half of the others, at least
+            2,000.
 
         Returns
         -------
@@ -309,6 +311,11 @@ class Scene:
     def opposite(self):
         """(n_points,) int32: the point on the other side of the same place, -1 where none is."""
         return opposites(self)
+
+    @cached_property
+    def own_faces(self):
+        """The `OwnFaces` of the points of bent surfaces."""
+        return OwnFaces(self)
 
     @cached_property
     def open_points(self):

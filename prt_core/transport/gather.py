@@ -5,7 +5,8 @@ it, chosen with the probability of its barycentric weight among those that it se
 `transport.sharing`). Where the visibility says that rays will meet nothing, one of them is cast
 for many: unbiased as well, for any of them may be the one. Hits keep the order of their rays, so
 that each still has its direction (`gather_directions`), and any term of a reflectance can weigh
-them (`transport.operator`).
+them (`transport.operator`). A ray of a point that several faces share leaves one of them, and what
+it meets below that counts as dark (see `OwnFaces`).
 """
 
 from dataclasses import dataclass
@@ -43,7 +44,8 @@ class Gathered:
     ----------
     hits : (n, ROUND) int32
         Bake points, in the order of the rays; MISS where the ray left the scene, DARK where it
-        met a side without light, REPRESENTED - s where the ray in slot s of the row stands for it.
+        met a side without light or lay below its face, REPRESENTED - s where the ray in slot s of
+        the row stands for it.
     n_back : (n_objects,) int64
         Hits on back sides that return no light, by object.
     n_hidden : int
@@ -179,6 +181,7 @@ class _Rays:
             wanted.reshape(-1)[self._representative] = True
         self._wanted = wanted
         self.pick = rng.random(np.count_nonzero(wanted), np.float32)
+        self._below = scene.own_faces.below(points, directions, rng)
         self.directions = directions[wanted]
         self.origins = np.repeat(starts, np.count_nonzero(wanted, axis=1), axis=0)
 
@@ -186,6 +189,8 @@ class _Rays:
         """`Gathered` from their `Hits` and where these were handed."""
         hits = self._hits
         hits[self._wanted] = ends
+        # Those that met nothing still do: what is in the way is what the visibility says.
+        hits[self._below & (hits >= 0)] = DARK
         represented = self._represented != self._representative
         hits.reshape(-1)[self._represented[represented]] = (
             REPRESENTED - self._representative[represented] % ROUND

@@ -159,6 +159,56 @@ def test_points_of_a_flat_part_start_towards_its_middle():
     assert (outwards.sum(axis=1) > 0).all()
 
 
+def bent_quad(rise, **settings):
+    """A flat-shaded quad whose last corner is lifted; its normals are those of the whole quad."""
+    corners = np.array([(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, rise)], float)
+    normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
+    normals = np.tile(normal / np.linalg.norm(normal), (4, 1))
+    triangles = np.array([(0, 1, 2), (0, 2, 3)])
+    albedo = np.full((4, 3), 0.5)
+    return Mesh("quad", corners, np.arange(4), normals, triangles, albedo, flat=True, **settings)
+
+
+def test_corners_of_a_bent_quad_are_points_of_its_first_triangle():
+    scene = Scene.from_meshes([bent_quad(1.0)], max_hidden=0)
+    points, (first, second) = scene.points, scene.triangle_normals
+    assert first @ second < 0.95
+    np.testing.assert_array_equal(scene.objects[0].corner_point, [0, 1, 2, 3])
+    for values in (points.normals, points.geometric_normals):
+        np.testing.assert_allclose(values[:3], [first] * 3, atol=1e-6)
+        np.testing.assert_allclose(values[3:], [second] * 3, atol=1e-6)
+    # The second triangle has points of its own where both meet, which are not shown.
+    assert len(points) == 6 and points.visible.tolist() == [True] * 4 + [False] * 2
+    np.testing.assert_allclose(points.positions[4:], points.positions[[0, 2]])
+    around, _ = scene.hit_points(np.array([0, 1]), np.full((2, 2), 0.3), np.zeros(2, bool))
+    assert set(around[0]) == {0, 1, 2} and set(around[1]) == {3, 4, 5}
+    area = np.linalg.norm(np.cross((2, 2, 0), (0, 2, 1))) / 2
+    shares = points.areas[[0, 1, 2, 3, 4, 5]] * scene.size**2
+    np.testing.assert_allclose(shares, np.array([2, 2, 2, area, area, area]) / 3, rtol=1e-5)
+
+
+def test_a_quad_that_bends_little_has_a_point_a_corner():
+    scene = Scene.from_meshes([bent_quad(0.2)], max_hidden=0)
+    assert len(scene.points) == 4 and scene.points.visible.all()
+    first, second = scene.triangle_normals
+    assert first @ second < 0.999
+    np.testing.assert_allclose(scene.points.normals, [first] * 3 + [second], atol=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [6, 30, 60])
+@pytest.mark.parametrize("rise", [0.0, -1.0])
+def test_rays_of_a_sharp_crease_start_between_its_faces(degrees, rise):
+    angle = np.deg2rad(degrees)
+    tip = (0, 2 * np.cos(angle), 2 * np.sin(angle))
+    roof = mesh([(0, 0, 0), tip, (2, 0, 0)], [(0, 1, 2)], name="roof")
+    scene = Scene.from_meshes([bent_quad(rise), roof], max_hidden=0)
+    corner = scene.objects[0].corner_point[0]
+    start = scene.ray_origins[corner] - scene.points.positions[corner]
+    for triangle in (0, 2):
+        above = start @ scene.triangle_normals[triangle].astype(float)
+        assert above > scene.triangle_lifts[triangle] / 2
+
+
 def test_hidden_points_lie_evenly_in_their_triangle():
     corners = np.array([(0, 0, 0), (3, 0, 0), (0, 2, 0.0)])
     leaning = np.array([(0, 0, 1.0), (0.6, 0, 0.8), (0, 0.6, 0.8)])

@@ -30,6 +30,7 @@ class Stage(IntEnum):
     EMISSION_RAYS = 21
     EMISSION_SAMPLES = 22
     EMISSION_SIDES = 23
+    LIGHT_FIELD = 31
 
 
 def generator(seed, stage, *key):

@@ -1,10 +1,11 @@
 """The capture of a surface light field: radiance of points in all directions, into NAME.slf.
 
-Who renders is a camera: anything with `name`, `lights` and `shoot(points, angles, samples, seed)`,
-such as Cycles with a shader for a camera, or the transport of a bake. Points are shot in blocks;
-a block depends on nothing but its number and the settings, so that what was stopped goes on bit by
-bit. A few points, the pilot, are shot first, with two seeds: they tell the noise, and whether a
-light field that goes on is of the same scene, whatever of it has changed.
+Who renders is a camera: anything with `name`, `lights`, `most_points` of a block, and
+`shoot(points, angles, samples, seed)`, such as Cycles with a shader for a camera, or the transport
+of a bake. Points are shot in blocks; a block depends on nothing but its number and the settings, so
+that what was stopped goes on bit by bit. A few points, the pilot, are shot first, with two seeds:
+they tell the noise, and whether a light field that goes on is of the same scene, whatever of it has
+changed.
 """
 
 import time
@@ -61,7 +62,7 @@ class LightFieldSettings:
     samples : int or None
         Paths of each direction; None: as many as the tolerance takes.
     tolerance : float
-        Relative L2 between what two seeds give, as error of one, where samples are not given.
+        Where samples are not given: the relative L2 of one seed's field, as two of them tell.
     denoise : bool
         Whether Open Image Denoise is asked for; its result is used where it keeps the energy.
     seed : int
@@ -127,7 +128,9 @@ def capture_light_field(
     settings = LightFieldSettings() if settings is None else settings
     expect_kind("settings", settings, LightFieldSettings)
     expect_kind("scene", scene, Scene)
-    expect_offers("camera", camera, ("name", "lights", "shoot"), "a camera of light fields")
+    expect_offers(
+        "camera", camera, ("name", "lights", "most_points", "shoot"), "a camera of light fields"
+    )
     path = expect_path("light field", path)
     expect_flag("restart", restart)
     view = None if view is None else expect_camera(view)
@@ -240,7 +243,8 @@ class _Capture:
             more = np.clip((noise / settings.tolerance) ** 2, 2, _STEP)
             samples = int(min(np.ceil(samples * more), MOST_SAMPLES))
         return {
-            "samples": samples, "noise": noise, "tolerance_met": bool(met),
+            "samples": samples, "noise": noise,
+            "tolerance_met": None if settings.samples else bool(met),
             "look": digest(*(np.ascontiguousarray(half) for half in halves)),
         }  # fmt: skip
 
@@ -253,8 +257,7 @@ class _Capture:
             what == "block" or missed.mean() < _MOST_MISSED,
             f"light field: {missed.mean():.0%} of the rays met something else than their points; "
             "the surface is moved when it is rendered (true displacement, adaptive subdivision: "
-            "apply them as modifiers), or the camera's tables cannot be read in "
-            "the folder for temporary files",
+            "apply them as modifiers), or something lies in the same place",
         )
         return shot
 
@@ -262,7 +265,9 @@ class _Capture:
         cells, n_lights = self.cells, len(self.lights)
         by_paths = _PATHS // (cells * samples)
         by_bytes = _BLOCK_BYTES // (12 * cells * (n_lights + 3))
-        return max(1, min(by_paths, by_bytes, _CHUNK_BYTES // (12 * cells), len(self.points)))
+        by_chunk = _CHUNK_BYTES // (12 * cells)
+        most = self.camera.most_points
+        return max(1, min(by_paths, by_bytes, by_chunk, most, len(self.points)))
 
     def _blocks(self, store, samples):
         """Shoot what is not there yet; returns the share of rays that missed, of each point."""

@@ -36,6 +36,7 @@ class TransportCamera:
     """
 
     name = "transport"
+    most_points = 1 << 16
 
     def __init__(self, bake, each=False, caster="auto", samples=256):
         self._scene = bake.scene

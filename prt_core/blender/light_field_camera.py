@@ -19,9 +19,8 @@ from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import custom_camera_missing
 from prt_core.blender.identity import objects_by_place, scene_of
-from prt_core.blender.light_field_shader import GRAZING, SHADER, TABLES
+from prt_core.blender.light_field_shader import MOST_POINTS, shader_source
 from prt_core.blender.light_groups import grouped_lights
-from prt_core.blender.passes.openexr import write_colours
 from prt_core.blender.passes.traces import same_images, switched
 from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
@@ -62,6 +61,7 @@ class LightFieldCamera:
     """
 
     name = "cycles"
+    most_points = MOST_POINTS
 
     def __init__(self, scene, objects, lights=()):
         expect_custom_camera()
@@ -77,18 +77,21 @@ class LightFieldCamera:
         """Names of the lights that there is a field of; empty where there is one of all."""
         return tuple(light.name for light in self._lights)
 
-    def shoot(self, points, angles, samples, seed):
+    def shoot(self, points, angles, samples, seed, spread=1.0):
         """Radiance of points from all directions.
 
         Parameters
         ----------
         points : FieldPoints
+            At most `most_points`.
         angles : (int, int)
             Rows and columns of the hemisphere's square.
         samples : int
             Of each direction, spread over its cell.
         seed : int
             Of Cycles, 31 bits.
+        spread : float
+            Share of its cell that a direction is spread over, 0 to 1: 0 is its middle alone.
 
         Returns
         -------
@@ -107,7 +110,7 @@ class LightFieldCamera:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="prt-field-"))
             # A change of the camera's shader asks the engine of the scene it is made in for more.
             with bpy.context.temp_override(scene=idle, view_layer=idle.view_layers[0]):
-                self._add_camera(stack, copy, Path(folder), points, tiles)
+                self._add_camera(stack, copy, Path(folder), points, tiles, spread)
             channels = render_channels(copy, idle, _WHAT)
         whole = tiles.read(channels, "Combined", "RGB")
         missed = _missed(points, tiles.read(channels, "Position", "XYZ"))
@@ -148,7 +151,7 @@ class LightFieldCamera:
         groups = stack.enter_context(grouped_lights(copy, self._lights))
         return copy, idle, groups
 
-    def _add_camera(self, stack, copy, folder, points, tiles):
+    def _add_camera(self, stack, copy, folder, points, tiles, spread):
         data = bpy.data.cameras.new("prt light field")
         made = [data]
         stack.callback(remove_blocks, made)
@@ -160,20 +163,8 @@ class LightFieldCamera:
         copy.camera = item
         data.clip_start, data.clip_end = _NEAR, _FAR
         data.type, data.custom_mode = "CUSTOM", "EXTERNAL"
-        data.custom_filepath = str(_compiled(folder))
-        values = {
-            "across": tiles.across, "down": tiles.down, "count": tiles.count,
-            "rows": tiles.rows, "columns": tiles.columns, "grazing": float(GRAZING),
-        }  # fmt: skip
-        tables = (points.positions, points.frames[:, 2], points.frames[:, 0], points.above)
-        for name, table in zip(TABLES, tables, strict=True):
-            # Cycles keeps textures by their name: that of another block must not be it.
-            mark = hashlib.blake2b(np.ascontiguousarray(table).tobytes(), digest_size=8)
-            path = folder / f"{name}-{mark.hexdigest()}.exr"
-            write_colours(path, tiles.table(table))
-            values[name] = str(path)
-        for name, value in values.items():
-            data.cycles_custom[name] = value
+        grid = tiles.across, tiles.down, (tiles.rows, tiles.columns)
+        data.custom_filepath = str(_compiled(folder, shader_source(points, *grid, spread)))
         copy.render.resolution_x = tiles.across * tiles.columns
         copy.render.resolution_y = tiles.down * tiles.rows
 
@@ -189,14 +180,6 @@ class _Tiles:
         self.across = max(self.across, -(-4 // self.columns))
         self.down = max(-(-count // self.across), -(-4 // self.rows))
 
-    def table(self, values):
-        """(2 down, across, 3): a texel a point, the rows in either order."""
-        table = np.zeros((self.down * self.across, 3), np.float32)
-        table[: self.count] = values
-        table[self.count :, 2] = 1
-        table = table.reshape(self.down, self.across, 3)
-        return np.concatenate([table, table[::-1]])
-
     def read(self, channels, name, axes):
         """(count, rows, columns, 3) float32 of a pass."""
         try:
@@ -209,14 +192,15 @@ class _Tiles:
         return np.ascontiguousarray(tiles[: self.count], np.float32)
 
 
-def _compiled(folder):
-    """The path of the compiled shader."""
+def _compiled(folder, source):
+    """The path of a compiled shader: its name tells it from those of other blocks."""
     from _cycles import osl_compile
 
-    source, compiled = folder / "prt_light_field.osl", folder / "prt_light_field.oso"
-    source.write_text(SHADER)
+    name = f"prt_light_field_{hashlib.blake2b(source.encode(), digest_size=8).hexdigest()}"
+    text, compiled = folder / f"{name}.osl", folder / f"{name}.oso"
+    text.write_text(source)
     expect(
-        osl_compile(str(source), str(compiled)) and compiled.is_file(),
+        osl_compile(str(text), str(compiled)) and compiled.is_file(),
         f"{_WHAT}: Blender cannot compile the camera's shader; its build lacks parts of OSL",
     )
     return compiled

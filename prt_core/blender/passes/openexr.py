@@ -1,4 +1,4 @@
-"""Uncompressed OpenEXR files: layers that Blender writes of a render, and tables for its cameras.
+"""The layers of an uncompressed OpenEXR file, as Blender writes what it rendered.
 
 Read here rather than by a library: the program Blender may hold another OpenEXR than the Python
 module brings, and two of them in one process can crash. Source: "OpenEXR file layout", openexr.com.
@@ -91,31 +91,3 @@ def _channel_types(data, width):
         fields.append((name, _TYPES[kind], (width,)))
         place += 16
     return [name for name, _, _ in fields], np.dtype(fields)
-
-
-def write_colours(path, pixels):
-    """Write (height, width, 3) floats as an uncompressed file of channels R, G, B, as they are."""
-    rows = np.ascontiguousarray(np.moveaxis(pixels, 2, 1)[:, ::-1], "<f4")
-    height, width = rows.shape[0], rows.shape[2]
-    kind, box = (
-        struct.pack("<iB3xii", 2, 0, 1, 1),
-        struct.pack("<4i", 0, 0, width - 1, height - 1),
-    )
-    channels = b"".join(name + b"\0" + kind for name in (b"B", b"G", b"R")) + b"\0"
-    header = struct.pack("<ii", _MAGIC, 2)
-    for name, of, value in (
-        (b"channels", b"chlist", channels),
-        (b"compression", b"compression", b"\0"),
-        (b"dataWindow", b"box2i", box),
-        (b"displayWindow", b"box2i", box),
-        (b"lineOrder", b"lineOrder", b"\0"),
-        (b"pixelAspectRatio", b"float", struct.pack("<f", 1)),
-        (b"screenWindowCenter", b"v2f", struct.pack("<2f", 0, 0)),
-        (b"screenWindowWidth", b"float", struct.pack("<f", 1)),
-    ):
-        header += name + b"\0" + of + b"\0" + struct.pack("<i", len(value)) + value
-    header += b"\0"
-    size, first = 8 + rows[0].nbytes, len(header) + 8 * height
-    blocks = [struct.pack("<ii", y, rows[y].nbytes) + rows[y].tobytes() for y in range(height)]
-    table = np.arange(height, dtype="<u8") * size + first
-    Path(path).write_bytes(header + table.tobytes() + b"".join(blocks))

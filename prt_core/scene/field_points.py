@@ -13,8 +13,9 @@ import numpy as np
 _INWARD = 0.02
 # How far above that they start at least, as a share of the same way.
 _ABOVE = 1e-3
-# What float32 can tell apart, as a share of a coordinate.
-_GRAIN = 4e-6
+# What float32 can tell apart, as a share of a coordinate; and in units, what Cycles skips before a
+# camera, which is where none can be nearer.
+_GRAIN, _NEAR = 4e-6, 4e-6
 # How far from its place a ray may end, in ways to the middle of the facets, and in heights above.
 _REACH, _SLANT = 1.0, 20.0
 
@@ -68,7 +69,7 @@ def field_points(scene, point, frames):
     sunk = np.einsum("nx,nx->n", points.positions[point] - positions, geometric)
     places = scene.to_world(positions)
     lift = np.maximum(_ABOVE * way[point], np.linalg.norm(points.ray_offset[point], axis=1))
-    lift = np.maximum(lift * scene.size, _GRAIN * np.abs(places).max(axis=1))
+    lift = np.maximum(lift * scene.size, _GRAIN * np.abs(places).max(axis=1) + _NEAR)
     height = np.maximum(sunk, 0) * scene.size + lift
     return FieldPoints(
         np.asarray(point, np.int32),

@@ -52,7 +52,8 @@ def scene_with(mesh=None, roughness=0.3):
         item.location.z -= float((item.matrix_world @ Matrix.Translation(low)).translation.z)
     bpy.ops.object.shade_smooth()
     material = bpy.data.materials.new("glossy")
-    material.use_nodes = True
+    if material.node_tree is None:
+        material.use_nodes = True
     shader = material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Base Color"].default_value = (0.6, 0.35, 0.2, 1)
     shader.inputs["Roughness"].default_value = roughness
@@ -66,7 +67,8 @@ def scene_with(mesh=None, roughness=0.3):
     holder.location = (0.5, -0.5, 4)
     scene.collection.objects.link(holder)
     world = bpy.data.worlds.new("sky")
-    world.use_nodes = True
+    if world.node_tree is None:
+        world.use_nodes = True
     world.node_tree.nodes["Background"].inputs[0].default_value = (0.2, 0.3, 0.5, 1)
     scene.world = world
     return scene
@@ -178,7 +180,8 @@ def main(paths):
         print(
             f"{path.stem if path else 'sphere'}: {n_rays} rays, ours {apart:.2%}, two seeds "
             f"{seeds:.2%}, ratio {apart / seeds:.2f}; k paths a CPU second {ours[0] / 1e3:.0f} of "
-            f"{plain[0] / 1e3:.0f} ({ours[0] / plain[0]:.2f}), by the clock {ours[1] / plain[1]:.2f}"
+            f"{plain[0] / 1e3:.0f} ({ours[0] / plain[0]:.2f}), by the clock "
+            f"{ours[1] / plain[1]:.2f}"
         )
 
 

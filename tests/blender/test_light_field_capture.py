@@ -12,6 +12,7 @@ from prt_core.api import light_field
 from prt_core.bake.light_field import points_of
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
+from prt_core.blender.passes.openexr import read_channels, write_channels
 from prt_core.errors import PRTError
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
@@ -294,3 +295,28 @@ def test_an_older_blender_says_what_to_do(tmp_path):
     material(ball(), "Emission")
     with pytest.raises(PRTError, match=r"needs Blender 4.5 or later .* 'prt lightfield bake NAME"):
         light_field(None, tmp_path / "a.slf", angles=ANGLES)
+
+
+@needs_camera
+def test_denoised_light_is_nearer_the_truth_and_lamps_stay_apart():
+    material(ball(segments=16), "BsdfDiffuse", Color=(0.6, 0.5, 0.4, 1))
+    lamp("left", (-2, 0, 2)).data.shadow_soft_size = 1.5
+    lamp("right", (2, 0, 2), colour=(0.2, 0.4, 1)).data.shadow_soft_size = 1.5
+    bpy.context.scene.cycles.max_bounces = 0
+    points, camera, (noisy, _, _) = shot(["ball"], (8, 7), samples=2, lamps=True)
+    truth = camera.shoot(points, (8, 7), 512, 5)[0]
+    clean = camera.denoise(noisy, points, 2)
+    assert clean.shape == noisy.shape and (clean >= 0).all()
+    for before, after, right in zip(noisy, clean, truth, strict=True):
+        assert np.linalg.norm(after - right) < 0.7 * np.linalg.norm(before - right)
+        assert after.sum() == pytest.approx(before.sum(), rel=0.05)
+
+
+def test_files_of_layers_are_read_as_they_were_written(tmp_path):
+    rng = np.random.default_rng(4)
+    names = ("a.Combined.R", "a.Combined.G", "a name that is longer than thirty-one letters.R")
+    channels = {name: rng.normal(size=(5, 7)).astype(np.float32) for name in names}
+    write_channels(tmp_path / "a.exr", channels, {"cycles.a.samples": "3"})
+    back = read_channels(tmp_path / "a.exr")
+    assert set(back) == set(names)
+    assert all((back[name] == channels[name]).all() for name in names)

@@ -7,7 +7,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+from prt_core import bake
 from prt_core.api import light_field
 from prt_core.bake.light_field import points_of
 from prt_core.bake.light_field_load import load_light_field
@@ -320,3 +322,35 @@ def test_files_of_layers_are_read_as_they_were_written(tmp_path):
     back = read_channels(tmp_path / "a.exr")
     assert set(back) == set(names)
     assert all((back[name] == channels[name]).all() for name in names)
+
+
+@needs_camera
+def test_cycles_and_the_products_own_transport_agree_on_a_diffuse_scene(tmp_path):
+    material(ball(segments=24), "BsdfDiffuse", Color=(0.7, 0.5, 0.3, 1))
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=9, y_subdivisions=9, size=4)
+    material(bpy.context.object, "BsdfDiffuse", Color=(0.4, 0.6, 0.5, 1))
+    sky((0.3, 0.4, 0.6))
+    lamp("lamp", (1.5, -1, 3), energy=300)
+    bake(None, tmp_path / "a.prt", resolution=16, tolerance=0.02, caster="blender")
+    keywords = {"angles": (4, 3), "lamps": True}
+    light_field(tmp_path / "a.prt", tmp_path / "own.slf", **keywords)
+    light_field(None, tmp_path / "cycles.slf", samples=64, hidden=0, **keywords)
+    own, cycles = (load_light_field(tmp_path / name) for name in ("own.slf", "cycles.slf"))
+    assert set(own.lights) == set(cycles.lights) == {"lamp", "world"}
+
+    def key(field):
+        points = field.scene.points
+        positions = field.scene.to_world(points.positions[field.point])
+        return np.concatenate([positions, points.normals[field.point]], axis=1)
+
+    distance, same = cKDTree(key(own)).query(key(cycles))
+    # The backs of the sheet have points in a bake only where they are seen.
+    good = (distance < 1e-3) & (cycles.frames[:, 2, 2] > 0)
+    assert good.sum() > 100
+    for light in own.lights:
+        ours = own.radiance[own.lights.index(light)][same[good]]
+        theirs = cycles.radiance[cycles.lights.index(light)][good]
+        assert np.ptp(ours, axis=(1, 2)).max() == 0
+        mean = theirs.mean(axis=(1, 2))
+        error = np.linalg.norm(ours[:, 0, 0] - mean) / np.linalg.norm(mean)
+        assert error < 0.05, (light, error)

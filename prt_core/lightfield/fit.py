@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.lightfield.clustering import cluster_hrdfs_steps
+from prt_core.lightfield.code import compressed
 from prt_core.lightfield.field_error import decibels
 from prt_core.lightfield.goals import last_that_holds_steps
 from prt_core.lightfield.hrdf import FROM_YCBCR, TO_YCBCR
@@ -22,6 +23,8 @@ _SAMPLE, _WRITTEN, _SPARED = 2048, 4, 0.05
 _FIRST = 0.4
 # What the chosen number of clusters is at most, and the points a cluster has at least.
 _MOST_CLUSTERS, _LEAST_POINTS = 64, 64
+# Bytes of a light's text beside its arrays, about.
+_TEXT = 1200
 
 
 @dataclass
@@ -67,20 +70,29 @@ def fit_lights_steps(field, lights, peak):
         trained, threshold = yield from _smallest_steps(field, lights, peak)
     error = yield from _write_steps(lights, trained, threshold)
     for _ in range(_WRITTEN - 1 if goal.is_searched else 0):
-        if goal.psnr is not None:
-            beyond = decibels(peak, error) - goal.psnr
-            # The error goes about with the threshold.
-            factor = 10 ** ((beyond - _SPARED / 2) / 20)
-            if 0 <= beyond <= _SPARED or not np.isfinite(beyond):
-                break
-        else:
-            # So many numbers go about with its inverse.
-            factor = 1.01 * _nbytes(trained) / (1e6 * goal.megabytes)
-            if 0.97 <= factor <= 1.01:
-                break
+        factor = _correction(goal, decibels(peak, error), _nbytes(trained))
+        # Where the sample was all there is, a threshold that holds is the best one.
+        if factor == 1 or (factor > 1) == (goal.psnr is not None) and _is_all(trained):
+            break
         threshold *= factor
         error = yield from _write_steps(lights, trained, threshold)
     return [(light.labels, light.models) for light in trained]
+
+
+def _correction(goal, psnr, nbytes):
+    """The factor of the threshold that brings a field to its goal; 1 where it is there."""
+    if goal.psnr is not None:
+        # The error goes about with the threshold.
+        beyond = psnr - goal.psnr
+        near = 0 <= beyond <= _SPARED or not np.isfinite(beyond)
+        return 1 if near else 10 ** ((beyond - _SPARED / 2) / 20)
+    # The number of coefficients goes about with its inverse.
+    share = nbytes / (1e6 * goal.megabytes)
+    return 1 if 0.97 <= share <= 1 else 1.015 * share
+
+
+def _is_all(trained):
+    return all(len(light.sample) == len(light.labels) for light in trained)
 
 
 def _channel(rgb, c):
@@ -124,7 +136,7 @@ def _threshold_steps(goal, trained, peak):
 
 def _sampled(trained, threshold, with_size=True):
     """The error and the bytes that a threshold leads to, by the samples."""
-    error, nbytes = 0.0, 0.0
+    error, nbytes = 0.0, _others(trained)
     for light in trained:
         models = light.trials(threshold)
         error += _rgb_error(models, light.sample, slice(None))
@@ -158,7 +170,13 @@ def _write_steps(lights, trained, threshold):
 
 
 def _nbytes(trained):
-    return sum(model.coded_nbytes for light in trained for model in light.models)
+    models = sum(model.coded_nbytes for light in trained for model in light.models)
+    return models + _others(trained)
+
+
+def _others(trained):
+    """Bytes of clusters, and of what is said of the arrays."""
+    return sum(_TEXT + len(compressed(light.labels.astype(np.uint8))) for light in trained)
 
 
 def _smallest_steps(field, lights, peak):

@@ -59,7 +59,7 @@ class HRDFLayout:
 
     @cached_property
     def directions(self):
-        """(n_cells, 3) float64: the middle of each cell in the tangent frame, z along the normal."""
+        """(n_cells, 3) float64: the middles of cells in the tangent frame, z along the normal."""
         u = (np.arange(self.columns) + 0.5) / self.columns
         v = (np.arange(self.rows) + 0.5) / self.rows
         return hemisphere_directions(*np.meshgrid(u, v)).reshape(-1, 3)
@@ -136,7 +136,8 @@ class HRDFLayout:
             Sum to 1.
         """
         (row, up), (column, right) = (
-            split_places(place, n) for place, n in zip(self.places(directions), self.shape)
+            split_places(place, count)
+            for place, count in zip(self.places(directions), self.shape, strict=True)
         )
         first = row * self.columns + column
         beside, below = int(self.columns > 1), self.columns * int(self.rows > 1)
@@ -190,7 +191,7 @@ def to_ycbcr(rgb):
 
 
 def to_rgb(ycbcr):
-    """(..., 3) float32 linear Rec.709 radiance: undo `to_ycbcr`."""
+    """(..., 3) float32 linear Rec.709 radiance of (..., 3) `ycbcr`: undo `to_ycbcr`."""
     ycbcr = expect_numbers("ycbcr", ycbcr)
     ycbcr = expect_array("ycbcr", ycbcr, (*(None,) * max(ycbcr.ndim - 1, 0), 3), np.float32)
     return ycbcr @ FROM_YCBCR.astype(np.float32)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.errors import PRTError
 from prt_core.lightfield.clustering import cluster_hrdfs_steps
 from prt_core.lightfield.code import compressed
 from prt_core.lightfield.field_error import decibels
@@ -52,7 +53,7 @@ def fit_lights_steps(field, lights, peak):
     field : SurfaceLightField
         Its parameters.
     lights : iterable of (n_points, m1, m2, 3) float32
-        Iterated over several times.
+        With `n_points`; iterated over several times.
     peak : float
 
     Returns
@@ -100,12 +101,14 @@ def _channel(rgb, c):
     return rgb @ TO_YCBCR[:, c].astype(np.float32)
 
 
-def _train_steps(field, lights, n_clusters):
-    """Clusters and dictionaries of all lights."""
+def _train_steps(field, lights, n_clusters, n_halvings=0):
+    """Clusters and dictionaries of all lights, these halved so many times."""
     goal, result = field.goal(), []
     # The dictionaries do not hang on the threshold; any will do until it is known.
     threshold = None if goal.n_coefficients else goal.threshold or 1.0
     model = field.compressor(n_coefficients=goal.n_coefficients, threshold=threshold)
+    for _ in range(n_halvings):
+        model = model.halved()
     for rgb in lights:
         luma = _channel(rgb, 0)
         labels = yield from cluster_hrdfs_steps(luma, n_clusters, field.seed)
@@ -123,15 +126,30 @@ def _train_steps(field, lights, n_clusters):
 def _threshold_steps(goal, trained, peak):
     """The largest threshold that reaches an error, or the smallest that reaches a size."""
 
+    last = {}
+
     def holds(threshold):
         error, nbytes = _sampled(trained, threshold, goal.megabytes is not None)
-        return goal.reached(decibels(peak, error), nbytes)
+        last.update(psnr=decibels(peak, error), nbytes=nbytes)
+        return goal.reached(last["psnr"], nbytes)
 
     energy = sum(np.square(light.sample, dtype=np.float64).mean() for light in trained)
     first = np.sqrt(energy)
     if goal.psnr is not None:
         first = peak * 10 ** (-goal.psnr / 20)
-    return (yield from last_that_holds_steps(holds, _FIRST * first or 1.0, goal.psnr is not None))
+    rising = goal.psnr is not None
+    threshold = yield from last_that_holds_steps(holds, _FIRST * first or 1.0, rising)
+    if threshold is None and rising:
+        raise PRTError(
+            f"psnr: {goal.psnr:g} dB are out of reach of this method and dictionary, which end at "
+            f"{last['psnr']:.1f}; ask for less, or choose another method"
+        )
+    if threshold is None:
+        raise PRTError(
+            f"megabytes: {goal.megabytes:g} are too few, for dictionaries and indices alone take "
+            f"{last['nbytes'] / 1e6:.3g}; give more, or a smaller dictionary"
+        )
+    return threshold
 
 
 def _sampled(trained, threshold, with_size=True):
@@ -180,28 +198,38 @@ def _others(trained):
 
 
 def _smallest_steps(field, lights, peak):
-    """Clusters, as many as make the field smallest at its error, or nearest at its size."""
-    goal, best, n_clusters = field.goal(), None, 1
-    while best is None or n_clusters <= min(_MOST_CLUSTERS, len(best[1][0].labels) / _LEAST_POINTS):
-        trained = yield from _train_steps(field, lights, n_clusters)
-        threshold = goal.threshold
-        if goal.is_searched:
-            threshold = yield from _threshold_steps(goal, trained, peak)
-        error, nbytes = _sampled(trained, threshold)
-        if goal.megabytes is not None:
-            cost = error
-        elif goal.psnr is not None:
-            cost = nbytes
-        else:
-            # In squared error, a number costs threshold^2 and takes about so many bytes.
-            numbers = sum(
-                model.n_numbers_ for light in trained for model in light.trials(threshold)
-            )
-            each = len(trained[0].sample) * nbytes / len(trained[0].labels) / max(numbers, 1)
-            n_hrdfs = 3 * len(trained[0].labels)
-            cost = error * n_hrdfs / threshold**2 * each + nbytes
-        if best is not None and cost >= best[0]:
+    """Clusters and dictionaries that make a field smallest at its error, or nearest at its size.
+
+    First more clusters, as long as they pay for their dictionaries, then smaller dictionaries.
+    """
+    best, n_clusters, n_halvings = (yield from _attempt_steps(field, lights, peak, 1, 0)), 1, 0
+    while 2 * n_clusters <= min(_MOST_CLUSTERS, lights.n_points / _LEAST_POINTS):
+        other = yield from _attempt_steps(field, lights, peak, 2 * n_clusters, 0)
+        if other[0] >= best[0]:
             break
-        best = cost, trained, threshold
-        n_clusters *= 2
+        best, n_clusters = other, 2 * n_clusters
+    while best[1][0].models[0].halved() is not None:
+        other = yield from _attempt_steps(field, lights, peak, n_clusters, n_halvings + 1)
+        if other[0] >= best[0]:
+            break
+        best, n_halvings = other, n_halvings + 1
     return best[1], best[2]
+
+
+def _attempt_steps(field, lights, peak, n_clusters, n_halvings):
+    """What a number of clusters costs, the trained lights, and the threshold."""
+    goal = field.goal()
+    trained = yield from _train_steps(field, lights, n_clusters, n_halvings)
+    threshold = goal.threshold
+    if goal.is_searched:
+        threshold = yield from _threshold_steps(goal, trained, peak)
+    error, nbytes = _sampled(trained, threshold)
+    if goal.megabytes is not None:
+        return error, trained, threshold
+    if goal.psnr is not None:
+        return nbytes, trained, threshold
+    # A number that saves threshold^2 is worth its bytes: so many bytes is an error worth.
+    numbers = sum(model.n_numbers_ for light in trained for model in light.trials(threshold))
+    n_bytes_each = nbytes * len(trained[0].sample) / lights.n_points / max(numbers, 1)
+    squared = error * 3 * lights.n_points
+    return squared / threshold**2 * n_bytes_each + nbytes, trained, threshold

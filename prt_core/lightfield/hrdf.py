@@ -14,7 +14,7 @@ from prt_core.errors import expect_array, expect_numbers, expect_whole
 from prt_core.sphere import hemisphere_directions, hemisphere_solid_angle
 
 # Rows or columns, at most.
-MOST = 1024
+MOST = 256
 # Luma of Rec.709 and the scales of its chroma (ITU-R BT.709), of linear radiance of any size.
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 _BLUE, _RED = 2 * (1 - _LUMA[2]), 2 * (1 - _LUMA[0])
@@ -32,7 +32,7 @@ class HRDFLayout:
     Parameters
     ----------
     rows, columns : int
-        m1 and m2 of the paper, 1 to 1024 each.
+        m1 and m2 of the paper, 1 to 256 each.
     """
 
     rows: int = 32

@@ -56,7 +56,8 @@ class SurfaceLightField(Parameters):
     megabytes : float, optional
         10^6 bytes of the entropy-coded field that are not exceeded.
     n_clusters : int, optional
-        Of each light's points; None: as many as make the field smallest.
+        Of each light's points; None: as many, and with as few pairs or atoms, as make the field
+        smallest, or nearest at its size.
     peak : float, optional
         Radiance of the brightest lamp, from which decibels are counted; default: the largest
         radiance of the field.

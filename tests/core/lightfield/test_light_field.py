@@ -64,15 +64,28 @@ def test_chroma_has_half_the_coefficients(field):
     assert model.compressors_[0][1].rows_.counts.max() <= 5
 
 
-def test_the_number_of_clusters_is_that_of_the_smallest_field(field, monkeypatch):
+def test_clusters_and_pairs_are_those_of_the_smallest_field(field, monkeypatch):
     radiance, frames, _ = field
-    monkeypatch.setattr("prt_core.lightfield.fit._LEAST_POINTS", 8)
+    monkeypatch.setattr("prt_core.lightfield.fit._LEAST_POINTS", 16)
     sizes = {}
-    for n_clusters in (1, 2, 4, None):
+    for n_clusters in (1, 2, None):
         model = SurfaceLightField("cpca", psnr=25.0, peak=PEAK, n_clusters=n_clusters)
-        model.fit(radiance[0], frames)
-        sizes[n_clusters] = model.coded_nbytes
-    assert sizes[None] <= 1.02 * min(sizes[1], sizes[2]), sizes
+        sizes[n_clusters] = model.fit(radiance[0], frames).coded_nbytes
+        assert model.error(radiance[0]).psnr >= 25
+    assert sizes[None] == min(sizes[1], sizes[2])
+    # 61 points do not pay for eight pairs of bases.
+    model = SurfaceLightField("ceob:n_pairs=8", threshold=0.1, n_clusters=None)
+    assert model.fit(radiance[0], frames).compressors_[0][0].n_pairs < 8
+
+
+def test_what_cannot_be_reached_is_said(field):
+    radiance, frames, _ = field
+    for method, goal, message in (
+        ("ksvd:n_atoms=5", {"psnr": 60.0}, "psnr: 60 dB are out of reach"),
+        ("ceob:n_pairs=8", {"megabytes": 0.001}, "megabytes: 0.001 are too few"),
+    ):
+        with pytest.raises(PRTError, match=message):
+            SurfaceLightField(method, **goal, peak=PEAK).fit(radiance[0], frames)
 
 
 def test_lights_add_up_and_can_be_dimmed_and_coloured(field, fitted):

@@ -37,6 +37,10 @@ def load(path):
     store = BakeStore(path)
     attributes = store.attributes
     expect(
+        attributes.get("kind") is None,
+        f"{path}: is a {attributes.get('kind')!s:.20}, not a bake; see 'prt lightfield --help'",
+    )
+    expect(
         store.is_complete,
         f"{path}: the bake is not finished; run the same 'prt bake' again and it goes on",
     )

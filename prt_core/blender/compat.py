@@ -38,3 +38,15 @@ def fcurve_of(block, path):
             if curve is not None:
                 return curve
     return None
+
+
+def custom_camera_missing():
+    """What this Blender lacks for cameras that are shaders, and what to do; None where nothing."""
+    if bpy.app.version < (4, 5, 0):
+        version = ".".join(map(str, bpy.app.version[:2]))
+        return f"needs Blender 4.5 or later for its camera, this is {version}; take a newer one"
+    import _cycles
+
+    if not _cycles.with_osl:
+        return "this build of Blender has no OSL; take one from blender.org"
+    return None

@@ -64,7 +64,14 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
 
 
 def read_meshes_steps(
-    uid, receivers=None, two_sided=(), messages=None, strict=True, pace=None, read_too=None
+    uid,
+    receivers=None,
+    two_sided=(),
+    messages=None,
+    strict=True,
+    pace=None,
+    read_too=None,
+    materials=True,
 ):
     """`read_meshes` as a generator of `Progress`.
 
@@ -81,6 +88,8 @@ def read_meshes_steps(
         Seconds a step may take; an object is never cut.
     read_too : callable(depsgraph), optional
         Reads more from the same evaluation (see `as_rendered`).
+    materials : bool
+        Whether Cycles is asked for materials; else all have that of surfaces without one.
     """
     messages = [] if messages is None else messages
     start = time.perf_counter()
@@ -116,7 +125,8 @@ def read_meshes_steps(
             yield Progress("scene", number, len(reading.parts))
             start = time.perf_counter()
         reading.place(number)
-    yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages, pace)
+    if materials:
+        yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages, pace)
     return reading.whole()
 
 

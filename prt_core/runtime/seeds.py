@@ -30,6 +30,13 @@ class Stage(IntEnum):
     EMISSION_RAYS = 21
     EMISSION_SAMPLES = 22
     EMISSION_SIDES = 23
+    EXEMPLARS = 24
+    HRDF_CLUSTERS = 25
+    HRDF_TRAINING = 26
+    ATOMS = 27
+    POWER_ITERATION = 28
+    HRDF_SAMPLE = 29
+    LIGHT_FIELD = 31
 
 
 def generator(seed, stage, *key):

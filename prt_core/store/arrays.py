@@ -35,6 +35,11 @@ class BakeArray:
     def __len__(self):
         return self.shape[0]
 
+    @property
+    def chunks(self):
+        """(n_axes,) tuple of int: the shape of a chunk."""
+        return self._layout.chunks
+
     def __getitem__(self, selection):
         """A part of the array.
 

@@ -686,7 +686,7 @@ def test_nothing_of_the_file_is_changed_even_after_an_error(monkeypatch):
     try:
         meshes, _ = read()
         np.testing.assert_allclose(meshes["shy"].materials.albedo[0], [0.3, 0.2, 0.05], atol=2e-3)
-        monkeypatch.setattr("prt_core.blender.passes.probe.read_channels", lambda path: 1 / 0)
+        monkeypatch.setattr("prt_core.blender.quiet_render.read_channels", lambda path: 1 / 0)
         bpy.data.materials[0].node_tree.nodes["Diffuse BSDF"].inputs[0].default_value[0] = 0.1
         with pytest.raises(ZeroDivisionError):
             read()

@@ -16,7 +16,7 @@ FLOORS = [
     {"light", "scene"},
     {"transport", "store", "blender"},
     {"sampling", "compress"},
-    {"evaluate"},
+    {"evaluate", "lightfield"},
     {"relight"},
     {"bake", "blender_access"},
     {"api"},

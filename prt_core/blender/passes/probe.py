@@ -6,24 +6,18 @@ objects are evaluated with all the coordinates and attributes that they have. Po
 transparent, hence passes hold the first surface behind them, and rays are still camera rays.
 """
 
-import tempfile
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
 import bpy
 import numpy as np
 
-from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
-from prt_core.blender.passes.openexr import read_channels
-from prt_core.blender.passes.traces import no_handlers, no_output, same_images, switched
+from prt_core.blender.passes.traces import same_images, switched
 from prt_core.blender.preview_look import PREVIEW
-from prt_core.blender.render_scene import is_rendering, reading, rendered_layer
-from prt_core.errors import PRTError
+from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
 
 # Places of one render: a second or less of a slow machine.
 MOST_PLACES = 1 << 16
-_LAYER = "prt"
 # An attribute that only the plate has.
 _PLATE = "prt plate"
 # The names of passes before 5.0, and since.
@@ -35,19 +29,12 @@ _PASSES = {
     "normal": ("Normal", "Normal"),
     "position": ("Position", "Position"),
 }
-_SWITCHES = (
-    "diffuse_color glossy_color transmission_color emit normal position cryptomatte_object "
-    "cryptomatte_material".split()
+_SWITCHES = set(
+    "combined diffuse_color glossy_color transmission_color emit normal position "
+    "cryptomatte_object cryptomatte_material".split()
 )
 # How often Cycles lets a ray pass what is transparent: through the portal, and no further.
 _THROUGH_PORTAL = 2 if bpy.app.version >= (5, 0, 0) else 1
-# Of objects: that rays of the camera meet their own surfaces.
-_SEEN = {
-    "hide_render": False,
-    "visible_camera": True,
-    "is_holdout": False,
-    "is_shadow_catcher": False,
-}
 
 
 class Probe:
@@ -114,7 +101,7 @@ class Probe:
                 bpy.data.images.remove(image)
 
         def values(name, axes):
-            planes = [channels[f"{_LAYER}.{name}.{axis}"][::-1].ravel()[:n] for axis in axes]
+            planes = [channels[f"{LAYER}.{name}.{axis}"][::-1].ravel()[:n] for axis in axes]
             return np.stack(planes, axis=-1)
 
         since_5 = bpy.app.version >= (5, 0, 0)
@@ -183,29 +170,8 @@ class Probe:
         return image
 
     def _render(self, side):
-        if is_rendering():
-            raise PRTError("materials: a render is under way; wait for its end")
         self.scene.render.resolution_x = self.scene.render.resolution_y = side
-        with tempfile.TemporaryDirectory(prefix="prt-passes-") as folder:
-            path = Path(folder) / "passes.exr"
-            self.scene.render.filepath = str(path)
-            try:
-                here = {"scene": self._idle, "view_layer": self._idle.view_layers[0]}
-                with (
-                    no_handlers(),
-                    no_output(),
-                    reading(self.scene, self._idle),
-                    bpy.context.temp_override(**here),
-                ):
-                    bpy.ops.render.render(write_still=True, scene=self.scene.name)
-            except RuntimeError as error:
-                raise PRTError(f"materials: Cycles did not evaluate them: {error}") from error
-            if not path.is_file():
-                raise PRTError(
-                    "materials: Cycles did not evaluate them; is a render running? "
-                    "Wait for its end, then try again"
-                )
-            return read_channels(path)
+        return render_channels(self.scene, self._idle, "materials")
 
     def remove(self):
         """Take away all that was made."""
@@ -273,7 +239,7 @@ def probe(scene, objects, centre, size, samples=1):
     with ExitStack() as stack:
         stack.enter_context(same_images())
         for item in objects:
-            for name, value in _SEEN.items():
+            for name, value in SEEN.items():
                 stack.enter_context(switched(item, name, value))
             # The preview's material covers the object's own.
             if PREVIEW in item.modifiers:
@@ -281,68 +247,22 @@ def probe(scene, objects, centre, size, samples=1):
             before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
             if before is not None:
                 stack.enter_context(switched(item.data.attributes, "default_color_name", before))
-        own_layer = rendered_layer(scene)[0].name
-        temporary = scene.copy()
-        stack.callback(remove_blocks, [temporary])
-        temporary.name = "prt passes"
-        mark_temporary(temporary)
-        idle = bpy.data.scenes.new("prt idle")
-        stack.callback(remove_blocks, [idle])
-        mark_temporary(idle)
-        idle.frame_current = scene.frame_current
-        _settings(temporary, own_layer, samples)
+        temporary, idle = stack.enter_context(copied_scene(scene, "prt passes"))
+        _settings(temporary, scene, samples)
         built = Probe(temporary, idle, centre, size, samples)
         stack.callback(built.remove)
         built.show_only([item for item, own in objects.items() if own])
         yield built
 
 
-def _settings(scene, own_layer, samples):
-    """Everything about the render of places that the user's scene may have otherwise."""
-    scene.animation_data_clear()
+def _settings(scene, own, samples):
+    """Everything about the render of places that the user's `own` scene may have otherwise."""
     for child in list(scene.collection.children):
         scene.collection.children.unlink(child)
     scene.world = None
-    render = scene.render
-    try:
-        render.engine = "CYCLES"
-    except TypeError as error:
-        raise PRTError(
-            "materials: Cycles evaluates them and is switched off; enable the add-on "
-            "'Cycles Render Engine' in the preferences"
-        ) from error
-    for name in ("use_compositing use_sequencer use_border use_motion_blur use_multiview "
-                 "use_freestyle use_stamp use_persistent_data use_placeholder "
-                 "use_lock_interface").split():  # fmt: skip
-        setattr(render, name, False)
-    render.use_overwrite, render.film_transparent = True, True
-    render.resolution_percentage = 100
-    render.pixel_aspect_x = render.pixel_aspect_y = 1
-    picture = render.image_settings
-    if hasattr(picture, "media_type"):
-        picture.media_type = "MULTI_LAYER_IMAGE"
-    picture.file_format, picture.color_depth = "OPEN_EXR_MULTILAYER", "32"
-    picture.exr_codec, picture.color_management = "NONE", "FOLLOW_SCENE"
-    for name, value in {
-        "device": "CPU", "samples": samples, "use_adaptive_sampling": False, "use_denoising": False,
-        "pixel_filter_type": "BOX", "filter_width": 0.01, "film_exposure": 1.0,
-        "max_bounces": 0, "min_transparent_bounces": 0, "sample_clamp_direct": 0,
-        "sample_clamp_indirect": 0, "blur_glossy": 0, "use_auto_tile": False, "time_limit": 0,
-        "use_camera_cull": False, "use_distance_cull": False, "sample_offset": 0,
-        "use_sample_subset": False, "use_guiding": False, "seed": 0,
-    }.items():  # fmt: skip
-        if hasattr(scene.cycles, name):
-            setattr(scene.cycles, name, value)
-    for layer in list(scene.view_layers):
-        if layer.name != own_layer:
-            scene.view_layers.remove(layer)
+    cycles = {"samples": samples, "max_bounces": 0, "min_transparent_bounces": 0}
+    settle(scene, own, "materials", _SWITCHES, cycles)
+    scene.render.film_transparent = True
     layer = scene.view_layers[0]
-    layer.name, layer.use, layer.samples = _LAYER, True, 0
-    for name in [p.identifier for p in layer.bl_rna.properties]:
-        if name.startswith("use_pass_"):
-            setattr(layer, name, name[len("use_pass_") :] in {*_SWITCHES, "combined"})
-    layer.cycles.denoising_store_passes = False
-    for aov in list(layer.aovs):
-        layer.aovs.remove(aov)
     # Above that of portals, or they would be what is looked at; below that of all else.
     layer.pass_alpha_threshold, layer.pass_cryptomatte_depth = 1e-6, 2

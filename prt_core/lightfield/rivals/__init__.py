@@ -1,0 +1,1 @@
+"""What CEOB is compared with, behind the same calls."""

@@ -1,0 +1,196 @@
+"""The capture of light fields against Cycles' own camera on the same rays, and its speed.
+
+    python tests/benchmarks/light_field_capture.py [MESH …]
+
+A camera of Cycles of a few pixels looks along each of some rays, from where the light field's
+starts; its samples are as many as ours. Printed are the medians of the relative differences, ours
+against it and its own two seeds; and paths a second of both, in a plain render of as many pixels.
+"""
+
+import resource
+import sys
+import time
+from itertools import combinations, product
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+import prt_core.blender  # noqa: F401  (makes Blender's side known)
+from prt_core.bake.light_field import points_of
+from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
+from prt_core.blender.light_field_shader import GRAZING
+from prt_core.blender.passes.traces import no_output
+from prt_core.blender.small_render import small_render
+from prt_core.runtime.progress import run
+from prt_core.scene import Scene
+from prt_core.sphere import hemisphere_directions
+
+ANGLES, N_POINTS, SAMPLES = (5, 3), 12, 64
+_SIDE, _SEEDS = 4, (1, 2, 3)
+_SETTINGS = "max_bounces", "diffuse_bounces", "glossy_bounces", "sampling_pattern"
+
+
+def scene_with(mesh=None, roughness=0.3):
+    """A glossy object over a floor, a lamp and an even sky."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    # Neighbouring pixels are independent then: blue noise would make the mean of one camera's few
+    # pixels better than that of pixels that lie apart.
+    scene.cycles.sampling_pattern = "TABULATED_SOBOL"
+    if mesh is None:
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, location=(0, 0, 1))
+    elif mesh.suffix == ".ply":
+        bpy.ops.wm.ply_import(filepath=str(mesh))
+    else:
+        bpy.ops.wm.obj_import(filepath=str(mesh))
+    item = bpy.context.object
+    item.name = "model"
+    size = max(item.dimensions)
+    if mesh is not None:
+        item.scale = [2 / size] * 3
+        bpy.ops.object.transform_apply(location=False, rotation=True, scale=True)
+        low = np.array([v.co for v in item.data.vertices]).min(axis=0)
+        item.location.z -= float((item.matrix_world @ Matrix.Translation(low)).translation.z)
+    bpy.ops.object.shade_smooth()
+    material = bpy.data.materials.new("glossy")
+    if material.node_tree is None:
+        material.use_nodes = True
+    shader = material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (0.6, 0.35, 0.2, 1)
+    shader.inputs["Roughness"].default_value = roughness
+    item.data.materials.clear()
+    item.data.materials.append(material)
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    bpy.context.object.name = "floor"
+    lamp = bpy.data.lights.new("lamp", "AREA")
+    lamp.energy, lamp.size = 300, 1.5
+    holder = bpy.data.objects.new("lamp", lamp)
+    holder.location = (0.5, -0.5, 4)
+    scene.collection.objects.link(holder)
+    world = bpy.data.worlds.new("sky")
+    if world.node_tree is None:
+        world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs[0].default_value = (0.2, 0.3, 0.5, 1)
+    scene.world = world
+    return scene
+
+
+def rays_of(points, angles):
+    """Starts and directions of view (n, rows, columns, 3), and which are not bent."""
+    rows, columns = angles
+    u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
+    ways = np.einsum("ijk,nkx->nijx", hemisphere_directions(u, v), points.frames)
+    height = np.linalg.norm(points.above, axis=1)
+    slope = np.einsum("nijx,nx->nij", ways, points.above / height[:, None])
+    start = points.positions[:, None, None] + (height[:, None, None] / slope)[..., None] * ways
+    return start, ways, slope > GRAZING
+
+
+def own_camera(scene, starts, ways, samples, seed):
+    """(n, 3): what a camera of Cycles of a few pixels sees along each ray."""
+    seen = []
+    with small_render(scene) as render:
+        target = render.scene
+        for item in scene.objects:
+            target.collection.objects.link(item)
+        target.world = scene.world
+        for name in _SETTINGS:
+            setattr(target.cycles, name, getattr(scene.cycles, name))
+        target.cycles.blur_glossy, target.cycles.seed = 0, seed
+        camera = render.add_camera(
+            Matrix(), type="ORTHO", ortho_scale=1e-7, clip_start=1e-6, clip_end=1e6
+        )
+        for start, way in zip(starts, ways, strict=True):
+            z = way
+            x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+            x /= np.linalg.norm(x)
+            matrix = np.eye(4)
+            matrix[:3] = np.stack([x, np.cross(z, x), z, start], axis=1)
+            camera.matrix_world = Matrix(matrix.tolist())
+            with no_output():
+                pixels = render.pixels(_SIDE, _SIDE, samples)
+            seen.append(pixels.mean(axis=(0, 1)))
+    return np.array(seen, np.float64)
+
+
+def compare(scene, n_points=N_POINTS, samples=SAMPLES):
+    """Medians of relative differences: of ours and Cycles' own, of its own two seeds; rays."""
+    uid = scene.session_uid
+    built = Scene.from_meshes(run(light_field_meshes_steps(uid, ["model"])), 0)
+    camera, _ = light_field_camera(uid, built)
+    points = points_of(built)
+    points = points[np.linspace(0, len(points) - 1, n_points).astype(int)]
+    starts, ways, straight = rays_of(points, ANGLES)
+    ours = []
+    # As many pixels of as many samples as the other has: they are drawn alike.
+    many = points[np.repeat(np.arange(n_points), _SIDE**2)]
+    for seed in _SEEDS:
+        shot = camera.shoot(many, ANGLES, samples, seed, spread=0.0)[0][0].astype(np.float64)
+        ours.append(shot.reshape(n_points, _SIDE**2, *ANGLES, 3).mean(axis=1)[straight])
+    own = [own_camera(scene, starts[straight], ways[straight], samples, s) for s in _SEEDS]
+    apart = np.median([_differences(*pair) for pair in product(ours, own)])
+    seeds = np.median([_differences(*pair) for pair in combinations(own, 2)])
+    return apart, seeds, len(own[0])
+
+
+def _differences(one, two):
+    return np.abs(one - two).sum(axis=1) / ((one + two).sum(axis=1) / 2 + 1e-6)
+
+
+def cpu():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_utime
+
+
+def speed(scene, angles=(32, 16), samples=32, n_points=256):
+    """Paths a CPU second of a block, and of a plain render of as many pixels of the model."""
+    uid = scene.session_uid
+    built = Scene.from_meshes(run(light_field_meshes_steps(uid, ["model"])), 0)
+    camera, _ = light_field_camera(uid, built)
+    points = points_of(built)
+    points = points[np.linspace(0, len(points) - 1, n_points).astype(int)]
+    paths = n_points * angles[0] * angles[1] * samples
+    begun = cpu(), time.perf_counter()
+    camera.shoot(points, angles, samples, 3)
+    ours = paths / (cpu() - begun[0]), paths / (time.perf_counter() - begun[1])
+    width = int(np.sqrt(n_points * angles[0] * angles[1]))
+    with small_render(scene) as render:
+        for item in scene.objects:
+            render.scene.collection.objects.link(item)
+        render.scene.world = scene.world
+        for name in _SETTINGS:
+            setattr(render.scene.cycles, name, getattr(scene.cycles, name))
+        render.scene.cycles.blur_glossy = 0
+        item = scene.objects["model"]
+        box = np.array([item.matrix_world @ Matrix.Translation(c).translation
+                        for c in item.bound_box])  # fmt: skip
+        middle = (box.min(axis=0) + box.max(axis=0)) / 2
+        matrix = Matrix.Translation(middle + [0, -6, 0]) @ Matrix.Rotation(np.pi / 2, 4, "X")
+        # So near that the model fills the picture, as it does the light field's.
+        render.add_camera(matrix, type="ORTHO", ortho_scale=0.5)
+        begun = cpu(), time.perf_counter()
+        with no_output():
+            render.pixels(width, width, samples)
+        plain = width**2 * samples
+        plain = plain / (cpu() - begun[0]), plain / (time.perf_counter() - begun[1])
+    return ours, plain
+
+
+def main(paths):
+    print(f"Blender {bpy.app.version_string}")
+    for path in [None, *map(Path, paths)]:
+        scene = scene_with(path)
+        apart, seeds, n_rays = compare(scene)
+        ours, plain = speed(scene)
+        print(
+            f"{path.stem if path else 'sphere'}: {n_rays} rays, ours {apart:.2%}, two seeds "
+            f"{seeds:.2%}, ratio {apart / seeds:.2f}; k paths a CPU second {ours[0] / 1e3:.0f} of "
+            f"{plain[0] / 1e3:.0f} ({ours[0] / plain[0]:.2f}), by the clock "
+            f"{ours[1] / plain[1]:.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

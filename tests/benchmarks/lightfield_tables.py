@@ -228,16 +228,19 @@ def frames_table(radiance, frames, positions, peak, n_points=60_000, count=32):
 
 
 def flicker(radiance, frames, positions, peak, psnr=PSNR):
-    """Second difference over views half a degree apart: bilinear against the nearest cell."""
+    """Second difference of points that face all of 24 views: bilinear, and the nearest cell."""
     field = SurfaceLightField("ceob", psnr=psnr, peak=peak).fit(radiance, frames)
     table = field.decode(slice(None)).reshape(len(radiance), -1, 3)
     smooth, steps, every = [], [], np.arange(len(radiance))
+    facing = np.ones(len(radiance), bool)
     for ways in orbit(positions):
         smooth.append(field.toward(ways))
         local = np.einsum("nij,nj->ni", frames, ways)
+        facing &= local[:, 2] > 0
         steps.append(table[every, field.layout_.nearest(local)])
     bilinear, nearest = (
-        float(np.sqrt(np.square(np.diff(views, 2, axis=0)).mean())) for views in (smooth, steps)
+        float(np.sqrt(np.square(np.diff(views, 2, axis=0)[:, facing]).mean()))
+        for views in (smooth, steps)
     )
     yield {"bilinear": bilinear, "nearest": nearest, "ratio": bilinear / nearest}
 

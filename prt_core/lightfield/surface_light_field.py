@@ -139,11 +139,12 @@ class SurfaceLightField(Parameters):
         self.expect_params()
         lights = LightRadiance(radiance)
         expect_clusters(self.n_clusters, lights.n_points)
+        layout = HRDFLayout(*lights.shape)
         frames = expect_array("frames", frames, (lights.n_points, 3, 3), np.float32)
         peak = self.peak or lights.largest()
         fitted = yield from fit_lights_steps(self, lights, peak)
         self.n_points_, self.n_lights_ = lights.n_points, lights.n_lights
-        self.layout_, self.frames_, self.peak_ = HRDFLayout(*lights.shape), frames, peak
+        self.layout_, self.frames_, self.peak_ = layout, frames, peak
         self.labels_ = np.stack([labels for labels, _ in fitted])
         self.compressors_ = [models for _, models in fitted]
         return self

@@ -110,7 +110,6 @@ def _hard_steps(matrices, n_pairs, sparsity, seed):
         empty = np.flatnonzero(np.bincount(labels, minlength=n_pairs) == 0)
         # A pair that nobody uses begins again with the matrix that is worst off.
         worst = np.argsort(-costs.min(axis=1), kind="stable")[: len(empty)]
-        labels[worst] = empty
         for a, i in zip(empty, worst, strict=True):
             pairs[a] = _principal_pair(matrices[i : i + 1])
         if not len(empty) and energy >= (1 - _SETTLED) * before:

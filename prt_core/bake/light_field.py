@@ -109,8 +109,9 @@ def capture_light_field(
         Kept for pictures.
     origin : dict of str -> str, optional
         Kept: the `file` and the `scene` it is of.
-    restart : bool
-        Begin anew whatever is there; that stays until the new one is finished.
+    restart : bool or "changed"
+        Begin anew whatever is there, or only where that is of another scene or other settings; it
+        stays until the new one is finished.
     messages : sequence of str
         Kept with its report.
 
@@ -132,7 +133,8 @@ def capture_light_field(
         "camera", camera, ("name", "lights", "most_points", "shoot"), "a camera of light fields"
     )
     path = expect_path("light field", path)
-    expect_flag("restart", restart)
+    if restart != "changed":
+        expect_flag("restart", restart)
     view = None if view is None else expect_camera(view)
     points = points_of(scene)
     n_lights = max(len(camera.lights), 1)

@@ -135,6 +135,10 @@ def capture_light_field(
     path = expect_path("light field", path)
     if restart != "changed":
         expect_flag("restart", restart)
+    expect(
+        not settings.denoise or hasattr(camera, "denoise"),
+        "denoise: the light of a bake has no noise; leave it out",
+    )
     view = None if view is None else expect_camera(view)
     points = points_of(scene)
     n_lights = max(len(camera.lights), 1)
@@ -296,7 +300,7 @@ class _Capture:
             self.paths += (block.stop - block.start) * self.cells * samples
             parts = [shot[0]]
             if self.settings.denoise:
-                parts.append(self.camera.denoise(shot[0], self.points[block]))
+                parts.append(self.camera.denoise(shot[0], self.points[block], samples))
             for field, part in zip(fields, parts, strict=True):
                 field[:, block] = part
             apart[number : number + 1] = shot[2]

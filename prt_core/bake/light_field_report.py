@@ -35,3 +35,28 @@ def light_field_lines(path, report, settings=None):
         text = ", ".join(f"{key} {value}" for key, value in settings.items())
         yield f"  made    by prt {report['versions']['prt_core']} with {text}"
     yield from (f"  note    {message}" for message in report["messages"])
+
+
+def compressed_field_lines(report):
+    """Lines on a light field's compressed form: what it is, how near and how large.
+
+    Parameters
+    ----------
+    report : dict
+        See `compress_light_field_steps`.
+    """
+    settings = ", ".join(f"{k} {v}" for k, v in report["settings"].items() if v is not None)
+    yield f"  method  {report['method']} ({settings}), {report['seconds']:.1f} s"
+    if report["psnr"] is None:
+        yield "  error   none"
+    else:
+        yield (
+            f"  error   {report['psnr']:.1f} dB below a peak of {report['peak']:.3g} for each "
+            f"point, {report['psnr_per_sample']:.1f} dB for each direction"
+        )
+    raw = report["raw_nbytes"]
+    yield (
+        f"  size    {report['coded_nbytes'] / 1e6:.3f} MB coded, "
+        f"{report['coded_nbytes'] / raw:.2%} of {raw / 1e6:.1f} MB; at fixed width "
+        f"{report['nbytes'] / 1e6:.3f} MB, {report['nbytes'] / raw:.2%}"
+    )

@@ -18,6 +18,7 @@ from scipy.ndimage import distance_transform_edt
 from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import custom_camera_missing
+from prt_core.blender.denoising import denoised
 from prt_core.blender.identity import objects_by_place, scene_of
 from prt_core.blender.light_field_shader import MOST_POINTS, shader_source
 from prt_core.blender.light_groups import grouped_lights
@@ -127,6 +128,27 @@ class LightFieldCamera:
         )
         return _filled(radiance, missed), missed.mean(axis=(1, 2), dtype=np.float32), apart
 
+    def denoise(self, radiance, points, samples):
+        """Radiance of `shoot` without its noise.
+
+        Parameters
+        ----------
+        radiance : (n_lights, n, rows, columns, 3) float32
+        points : FieldPoints
+        samples : int
+
+        Returns
+        -------
+        (n_lights, n, rows, columns, 3) float32
+        """
+        tiles = _Tiles(len(points), radiance.shape[2:4])
+        normals = np.broadcast_to(
+            points.frames[:, None, None, 2], (*radiance.shape[1:4], 3)
+        ).astype(np.float32)
+        pictures = np.stack([tiles.picture(light) for light in radiance])
+        clean = denoised(pictures, tiles.picture(normals), samples)
+        return np.stack([tiles.tables(picture) for picture in np.maximum(clean, 0)])
+
     def _open(self, stack, scene, samples, seed):
         """The copy that is rendered, an idle scene, and the names of the groups of the lights."""
         stack.enter_context(same_images())
@@ -195,10 +217,21 @@ class _Tiles:
             planes = [channels[f"{LAYER}.{name}.{axis}"] for axis in axes]
         except KeyError as error:
             raise PRTError(f"{_WHAT}: Cycles gave no pass {error}") from error
-        picture = np.stack(planes, axis=-1)
+        return self.tables(np.stack(planes, axis=-1))
+
+    def tables(self, picture):
+        """(count, rows, columns, 3) float32 of a picture."""
         picture = picture.reshape(self.down, self.rows, self.across, self.columns, 3)
         tiles = picture.transpose(0, 2, 1, 3, 4).reshape(-1, self.rows, self.columns, 3)
         return np.ascontiguousarray(tiles[: self.count], np.float32)
+
+    def picture(self, tables):
+        """The picture of tables: undo `tables`; the last stands in where there are no more."""
+        which = np.minimum(np.arange(self.down * self.across), self.count - 1)
+        tiles = tables[which].reshape(self.down, self.across, self.rows, self.columns, 3)
+        return tiles.transpose(0, 2, 1, 3, 4).reshape(
+            self.down * self.rows, self.across * self.columns, 3
+        )
 
 
 def _compiled(folder, source):

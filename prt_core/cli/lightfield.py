@@ -1,17 +1,24 @@
-"""`prt lightfield bake | info`: radiance of points in all directions, captured and read."""
+"""`prt lightfield bake | compress | show | info`: what surfaces look like from any side."""
 
 import argparse
 import json
 from pathlib import Path
 
+from prt_core.bake.light_field_compress import (
+    compress_light_field_steps,
+    compressed_light_field,
+)
 from prt_core.bake.light_field_load import KIND, load_light_field
-from prt_core.bake.light_field_report import light_field_lines
+from prt_core.bake.light_field_report import compressed_field_lines, light_field_lines
 from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import quiet_arguments, scene_argument
+from prt_core.cli.lightfield_show import add_show
 from prt_core.cli.show import working
 from prt_core.errors import expect
+from prt_core.lightfield.methods import METHODS
 from prt_core.runtime.files import expect_output
-from prt_core.store import BakeStore, damage_as_error
+from prt_core.runtime.progress import run
+from prt_core.store import BakeStore, compressed_attributes, damage_as_error
 
 
 def add_lightfield(commands, in_blender):
@@ -19,6 +26,8 @@ def add_lightfield(commands, in_blender):
     field = commands.add_parser("lightfield", help="what surfaces look like from any side")
     kinds = field.add_subparsers(required=True, metavar="WHAT")
     _add_bake(kinds, in_blender)
+    _add_compress(kinds)
+    add_show(kinds)
     info = kinds.add_parser("info", help="what a light field holds")
     info.add_argument("field", help="NAME.slf")
     info.add_argument("--json", action="store_true")
@@ -57,6 +66,48 @@ def _add_bake(kinds, in_blender):
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
     quiet_arguments(bake)
     bake.set_defaults(run=_bake)
+
+
+def _add_compress(kinds):
+    compress = kinds.add_parser("compress", help="a light field in fewer bytes, beside it")
+    compress.add_argument("field", help="NAME.slf")
+    compress.add_argument(
+        "--method", default="ceob", metavar="NAME[:key=value,…]",
+        help=f"{', '.join(METHODS)}; none removes what is there (ceob)",
+    )  # fmt: skip
+    compress.add_argument("--psnr", type=float, help="decibels that are reached (40)")
+    compress.add_argument("--megabytes", type=float, help="at most so large")
+    compress.add_argument("--coefficients", type=int, help="of luma at each point, at most")
+    compress.add_argument(
+        "--clusters", type=_clusters, default=1, help="auto: as many as make it smallest (1)"
+    )
+    compress.add_argument("--seed", type=int, default=0, help="of random numbers (0)")
+    quiet_arguments(compress)
+    compress.set_defaults(run=_compress)
+
+
+def _clusters(text):
+    if text == "auto":
+        return None
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected auto or a number >= 1, got '{text}'")
+    return int(text)
+
+
+def _compress(options):
+    steps = compress_light_field_steps(
+        options.field, options.method, options.psnr, options.megabytes, options.coefficients,
+        options.clusters, options.seed,
+    )  # fmt: skip
+    with working(options.quiet or options.json) as bar:
+        report = run(steps, bar)
+    if options.json:
+        print(json.dumps({"light_field": options.field, **(report or {"method": "none"})}))
+    elif report is None:
+        print(f"{options.field}: holds no compressed form any more")
+    else:
+        print(f"{options.field}:", *compressed_field_lines(report), sep="\n")
+    return 0
 
 
 def _angles(text):
@@ -128,4 +179,8 @@ def _info(options):
             print(f"{options.field}: not finished; the same 'prt lightfield bake' goes on with it")
         else:
             print(*light_field_lines(options.field, field.report, field.settings), sep="\n")
+            attributes = compressed_attributes(store)
+            if attributes is not None:
+                compressed_light_field(field)
+                print("compressed:", *compressed_field_lines(attributes), sep="\n")
     return 0

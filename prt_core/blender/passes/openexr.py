@@ -1,4 +1,4 @@
-"""The layers of an uncompressed OpenEXR file, as Blender writes what it rendered.
+"""Uncompressed OpenEXR files of layers: what Blender wrote of a render, and what it is to read.
 
 Read here rather than by a library: the program Blender may hold another OpenEXR than the Python
 module brings, and two of them in one process can crash. Source: "OpenEXR file layout", openexr.com.
@@ -11,7 +11,7 @@ import numpy as np
 
 from prt_core.errors import PRTError
 
-_MAGIC, _MULTIPART = 20000630, 0x1000
+_MAGIC, _LONG_NAMES, _MULTIPART = 20000630, 0x400, 0x1000
 _TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 
 
@@ -91,3 +91,41 @@ def _channel_types(data, width):
         fields.append((name, _TYPES[kind], (width,)))
         place += 16
     return [name for name, _, _ in fields], np.dtype(fields)
+
+
+def write_channels(path, channels, texts):
+    """Write channels as an uncompressed file of scanlines.
+
+    Parameters
+    ----------
+    path : path-like
+    channels : dict of str -> (height, width) float
+        By their whole names, first row on top.
+    texts : dict of str -> str
+        Attributes of the header.
+    """
+    names = sorted(channels)
+    rows = np.stack([np.asarray(channels[name], "<f4") for name in names], axis=1)
+    height, _, width = rows.shape
+    kind = struct.pack("<iB3xii", 2, 0, 1, 1)
+    box = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    attributes = [
+        ("channels", "chlist", b"".join(n.encode() + b"\0" + kind for n in names) + b"\0"),
+        ("compression", "compression", b"\0"),
+        ("dataWindow", "box2i", box),
+        ("displayWindow", "box2i", box),
+        ("lineOrder", "lineOrder", b"\0"),
+        ("pixelAspectRatio", "float", struct.pack("<f", 1)),
+        ("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
+        ("screenWindowWidth", "float", struct.pack("<f", 1)),
+        *((name, "string", text.encode()) for name, text in texts.items()),
+    ]
+    header = struct.pack("<ii", _MAGIC, 2 | _LONG_NAMES)
+    for name, of, value in attributes:
+        header += name.encode() + b"\0" + of.encode() + b"\0"
+        header += struct.pack("<i", len(value)) + value
+    header += b"\0"
+    size, first = 8 + rows[0].nbytes, len(header) + 8 * height
+    table = np.arange(height, dtype="<u8") * size + first
+    blocks = (struct.pack("<ii", y, row.nbytes) + row.tobytes() for y, row in enumerate(rows))
+    Path(path).write_bytes(header + table.tobytes() + b"".join(blocks))

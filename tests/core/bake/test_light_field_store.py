@@ -53,7 +53,7 @@ class Arithmetic:
         missed = np.full(len(points), self.missed, np.float32)
         return np.stack(parts).astype(np.float32), missed, 1e-7
 
-    def denoise(self, radiance, points):
+    def denoise(self, radiance, points, samples):
         """The first light keeps its energy, the others lose some."""
         factors = np.where(np.arange(len(radiance)) == 0, 1.005, 0.9)
         return (radiance * factors[:, None, None, None, None]).astype(np.float32)

@@ -1,0 +1,106 @@
+"""`prt lightfield show`: a picture of a light field from any side, its lights dimmed, coloured."""
+
+import time
+
+import numpy as np
+
+from prt_core.bake.light_field_load import load_light_field
+from prt_core.bake.light_field_view import camera_at, field_picture, field_toward, view_of
+from prt_core.blender_access import import_bpy
+from prt_core.cli.arguments import caster_argument, size
+from prt_core.errors import PRTError, expect
+from prt_core.evaluate import to_srgb, write_png
+from prt_core.evaluate.view import expect_view
+from prt_core.rays.caster import known_casters
+from prt_core.relight.emission import emission_of
+from prt_core.runtime.files import expect_output
+from prt_core.scene import Camera
+
+_CAMERA = "camera"
+
+
+def add_show(kinds):
+    """Add `show` to what `lightfield` does."""
+    show = kinds.add_parser("show", help="a picture of a light field")
+    show.add_argument("field", help="NAME.slf")
+    show.add_argument("--png", required=True, metavar="PNG", help="the picture")
+    show.add_argument(
+        "--view", default=_CAMERA, metavar="x,y,z",
+        help="where the viewer stands, looking at the field; default: camera, that of the scene",
+    )  # fmt: skip
+    show.add_argument(
+        "--lamps", nargs="+", metavar="NAME=HOW", default=[],
+        help="how lights shine that were captured apart: NAME=0.5, NAME=#ff8800, NAME=#ff8800:2 "
+        "for a factor, a colour or both; *=0 for all others",
+    )  # fmt: skip
+    show.add_argument("--exposure", type=float, default=0.0, help="stops (0)")
+    show.add_argument("--size", type=size, help="of the picture (as the scene's camera has it)")
+    show.add_argument(
+        "--form", default="auto", choices=("auto", "exact", "compressed"),
+        help="what is shown; auto: the compressed form where there is one",
+    )  # fmt: skip
+    caster_argument(show)
+    show.set_defaults(run=_show)
+
+
+def _show(options):
+    strengths = _strengths(options.lamps)
+    output = expect_output("--png", options.png, ".png")
+    place = _place(options.view)
+    field = load_light_field(options.field)
+    if place is None:
+        expect(
+            field.camera is not None,
+            "--view: the scene had no camera whose lens is followed; give a place, --view x,y,z",
+        )
+        camera = field.camera
+    else:
+        camera = camera_at(field, place)
+    width, height = options.size or (field.camera or Camera(np.eye(4), 1)).size()
+    expect_view(width, height)
+    if options.caster in ("blender", "bvhtree") or "embree" not in known_casters():
+        import_bpy()
+    begun = time.perf_counter()
+    radiance, used = field_toward(field, view_of(camera), strengths, options.form)
+    spent = time.perf_counter() - begun
+    caster = field.scene.make_caster(options.caster, "camera")
+    try:
+        picture = field_picture(field, radiance, camera, caster, width, height)
+    finally:
+        caster.close()
+    write_png(output, to_srgb(picture, options.exposure))
+    print(f"{output}: {len(field):,} points towards the view in {1e3 * spent:.0f} ms, {used}")
+    return 0
+
+
+def _place(text):
+    """(3,) of x,y,z; None for the scene's camera."""
+    if text == _CAMERA:
+        return None
+    try:
+        place = np.array([float(part) for part in text.split(",")])
+        good = place.shape == (3,) and np.isfinite(place).all()
+    except ValueError:
+        good = False
+    expect(good, f"--view: expected camera or three numbers x,y,z, got '{text}'")
+    return place
+
+
+def _strengths(words):
+    """Name -> (3,) factors of the words after --lamps."""
+    settings = {}
+    for word in words:
+        name, sign, how = word.rpartition("=")
+        expect(
+            sign and name and how,
+            f"--lamps: expected NAME=HOW, got '{word}'; HOW is a factor, #rrggbb or #rrggbb:factor",
+        )
+        settings[name] = how
+    try:
+        parsed = emission_of(settings)
+    except PRTError as error:
+        raise PRTError(f"--lamps:{str(error).removeprefix('emission:')}") from error
+    return {
+        name: factor * (np.ones(3) if colour is None else np.asarray(colour, np.float64))
+        for name, colour, factor in parsed
+    }

@@ -13,6 +13,12 @@ from prt_core.lightfield.rivals.haar import Haar2D
 from prt_core.lightfield.rivals.hrdf_harmonics import HRDFHarmonics
 from prt_core.lightfield.rivals.ksvd import KSVD
 from prt_core.lightfield.surface_light_field import SurfaceLightField
+from prt_core.lightfield.tangent_frames import (
+    frames_along,
+    frames_along_uv,
+    smooth_frames,
+    uv_tangents,
+)
 from prt_core.lightfield.viewer import Viewer
 
 __all__ = [
@@ -33,6 +39,10 @@ __all__ = [
     "cluster_hrdfs_steps",
     "compressor_from_text",
     "field_error",
+    "frames_along",
+    "frames_along_uv",
+    "smooth_frames",
+    "uv_tangents",
     "spread_subset",
     "to_rgb",
     "to_ycbcr",

@@ -84,6 +84,9 @@ class CEOB(LearnedPairs):
             params["n_training"] = -(-self.n_training // 2)
         return super().for_chroma().set_params(**params)
 
+    def halved(self):
+        return self.clone().set_params(n_pairs=self.n_pairs // 2) if self.n_pairs > 1 else None
+
     def train_steps(self, hrdfs, labels):
         self.expect_params()
         self.shape_ = hrdfs.shape[1:]

@@ -99,6 +99,10 @@ class HRDFCompressor(Parameters, ABC):
         count = self.n_coefficients
         return self.clone().set_params(n_coefficients=count and -(-count // 2))
 
+    def halved(self):
+        """The same with half as many pairs or atoms; None where it has none, or one. Not fitted."""
+        return None
+
     @abstractmethod
     def decode(self, points):
         """(n, m1, m2) float32: the HRDFs of `points` (n,) int, or a slice, as they were kept."""

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.errors import PRTError
 from prt_core.lightfield.clustering import cluster_hrdfs_steps
+from prt_core.lightfield.code import compressed
 from prt_core.lightfield.field_error import decibels
 from prt_core.lightfield.goals import last_that_holds_steps
 from prt_core.lightfield.hrdf import FROM_YCBCR, TO_YCBCR
@@ -22,6 +24,8 @@ _SAMPLE, _WRITTEN, _SPARED = 2048, 4, 0.05
 _FIRST = 0.4
 # What the chosen number of clusters is at most, and the points a cluster has at least.
 _MOST_CLUSTERS, _LEAST_POINTS = 64, 64
+# Bytes of a light's text beside its arrays, about.
+_TEXT = 1200
 
 
 @dataclass
@@ -49,7 +53,7 @@ def fit_lights_steps(field, lights, peak):
     field : SurfaceLightField
         Its parameters.
     lights : iterable of (n_points, m1, m2, 3) float32
-        Iterated over several times.
+        With `n_points`; iterated over several times.
     peak : float
 
     Returns
@@ -67,20 +71,29 @@ def fit_lights_steps(field, lights, peak):
         trained, threshold = yield from _smallest_steps(field, lights, peak)
     error = yield from _write_steps(lights, trained, threshold)
     for _ in range(_WRITTEN - 1 if goal.is_searched else 0):
-        if goal.psnr is not None:
-            beyond = decibels(peak, error) - goal.psnr
-            # The error goes about with the threshold.
-            factor = 10 ** ((beyond - _SPARED / 2) / 20)
-            if 0 <= beyond <= _SPARED or not np.isfinite(beyond):
-                break
-        else:
-            # So many numbers go about with its inverse.
-            factor = 1.01 * _nbytes(trained) / (1e6 * goal.megabytes)
-            if 0.97 <= factor <= 1.01:
-                break
+        factor = _correction(goal, decibels(peak, error), _nbytes(trained))
+        # Where the sample was all there is, a threshold that holds is the best one.
+        if factor == 1 or (factor > 1) == (goal.psnr is not None) and _is_all(trained):
+            break
         threshold *= factor
         error = yield from _write_steps(lights, trained, threshold)
     return [(light.labels, light.models) for light in trained]
+
+
+def _correction(goal, psnr, nbytes):
+    """The factor of the threshold that brings a field to its goal; 1 where it is there."""
+    if goal.psnr is not None:
+        # The error goes about with the threshold.
+        beyond = psnr - goal.psnr
+        near = 0 <= beyond <= _SPARED or not np.isfinite(beyond)
+        return 1 if near else 10 ** ((beyond - _SPARED / 2) / 20)
+    # The number of coefficients goes about with its inverse.
+    share = nbytes / (1e6 * goal.megabytes)
+    return 1 if 0.97 <= share <= 1 else 1.015 * share
+
+
+def _is_all(trained):
+    return all(len(light.sample) == len(light.labels) for light in trained)
 
 
 def _channel(rgb, c):
@@ -88,12 +101,14 @@ def _channel(rgb, c):
     return rgb @ TO_YCBCR[:, c].astype(np.float32)
 
 
-def _train_steps(field, lights, n_clusters):
-    """Clusters and dictionaries of all lights."""
+def _train_steps(field, lights, n_clusters, n_halvings=0):
+    """Clusters and dictionaries of all lights, these halved so many times."""
     goal, result = field.goal(), []
     # The dictionaries do not hang on the threshold; any will do until it is known.
     threshold = None if goal.n_coefficients else goal.threshold or 1.0
     model = field.compressor(n_coefficients=goal.n_coefficients, threshold=threshold)
+    for _ in range(n_halvings):
+        model = model.halved()
     for rgb in lights:
         luma = _channel(rgb, 0)
         labels = yield from cluster_hrdfs_steps(luma, n_clusters, field.seed)
@@ -111,20 +126,35 @@ def _train_steps(field, lights, n_clusters):
 def _threshold_steps(goal, trained, peak):
     """The largest threshold that reaches an error, or the smallest that reaches a size."""
 
+    last = {}
+
     def holds(threshold):
         error, nbytes = _sampled(trained, threshold, goal.megabytes is not None)
-        return goal.reached(decibels(peak, error), nbytes)
+        last.update(psnr=decibels(peak, error), nbytes=nbytes)
+        return goal.reached(last["psnr"], nbytes)
 
     energy = sum(np.square(light.sample, dtype=np.float64).mean() for light in trained)
     first = np.sqrt(energy)
     if goal.psnr is not None:
         first = peak * 10 ** (-goal.psnr / 20)
-    return (yield from last_that_holds_steps(holds, _FIRST * first or 1.0, goal.psnr is not None))
+    rising = goal.psnr is not None
+    threshold = yield from last_that_holds_steps(holds, _FIRST * first or 1.0, rising)
+    if threshold is None and rising:
+        raise PRTError(
+            f"psnr: {goal.psnr:g} dB are out of reach of this method and dictionary, which end at "
+            f"{last['psnr']:.1f}; ask for less, or choose another method"
+        )
+    if threshold is None:
+        raise PRTError(
+            f"megabytes: {goal.megabytes:g} are too few, for dictionaries and indices alone take "
+            f"{last['nbytes'] / 1e6:.3g}; give more, or a smaller dictionary"
+        )
+    return threshold
 
 
 def _sampled(trained, threshold, with_size=True):
     """The error and the bytes that a threshold leads to, by the samples."""
-    error, nbytes = 0.0, 0.0
+    error, nbytes = 0.0, _others(trained)
     for light in trained:
         models = light.trials(threshold)
         error += _rgb_error(models, light.sample, slice(None))
@@ -158,32 +188,48 @@ def _write_steps(lights, trained, threshold):
 
 
 def _nbytes(trained):
-    return sum(model.coded_nbytes for light in trained for model in light.models)
+    models = sum(model.coded_nbytes for light in trained for model in light.models)
+    return models + _others(trained)
+
+
+def _others(trained):
+    """Bytes of clusters, and of what is said of the arrays."""
+    return sum(_TEXT + len(compressed(light.labels.astype(np.uint8))) for light in trained)
 
 
 def _smallest_steps(field, lights, peak):
-    """Clusters, as many as make the field smallest at its error, or nearest at its size."""
-    goal, best, n_clusters = field.goal(), None, 1
-    while best is None or n_clusters <= min(_MOST_CLUSTERS, len(best[1][0].labels) / _LEAST_POINTS):
-        trained = yield from _train_steps(field, lights, n_clusters)
-        threshold = goal.threshold
-        if goal.is_searched:
-            threshold = yield from _threshold_steps(goal, trained, peak)
-        error, nbytes = _sampled(trained, threshold)
-        if goal.megabytes is not None:
-            cost = error
-        elif goal.psnr is not None:
-            cost = nbytes
-        else:
-            # In squared error, a number costs threshold^2 and takes about so many bytes.
-            numbers = sum(
-                model.n_numbers_ for light in trained for model in light.trials(threshold)
-            )
-            each = len(trained[0].sample) * nbytes / len(trained[0].labels) / max(numbers, 1)
-            n_hrdfs = 3 * len(trained[0].labels)
-            cost = error * n_hrdfs / threshold**2 * each + nbytes
-        if best is not None and cost >= best[0]:
+    """Clusters and dictionaries that make a field smallest at its error, or nearest at its size.
+
+    First more clusters, as long as they pay for their dictionaries, then smaller dictionaries.
+    """
+    best, n_clusters, n_halvings = (yield from _attempt_steps(field, lights, peak, 1, 0)), 1, 0
+    while 2 * n_clusters <= min(_MOST_CLUSTERS, lights.n_points / _LEAST_POINTS):
+        other = yield from _attempt_steps(field, lights, peak, 2 * n_clusters, 0)
+        if other[0] >= best[0]:
             break
-        best = cost, trained, threshold
-        n_clusters *= 2
+        best, n_clusters = other, 2 * n_clusters
+    while best[1][0].models[0].halved() is not None:
+        other = yield from _attempt_steps(field, lights, peak, n_clusters, n_halvings + 1)
+        if other[0] >= best[0]:
+            break
+        best, n_halvings = other, n_halvings + 1
     return best[1], best[2]
+
+
+def _attempt_steps(field, lights, peak, n_clusters, n_halvings):
+    """What a number of clusters costs, the trained lights, and the threshold."""
+    goal = field.goal()
+    trained = yield from _train_steps(field, lights, n_clusters, n_halvings)
+    threshold = goal.threshold
+    if goal.is_searched:
+        threshold = yield from _threshold_steps(goal, trained, peak)
+    error, nbytes = _sampled(trained, threshold)
+    if goal.megabytes is not None:
+        return error, trained, threshold
+    if goal.psnr is not None:
+        return nbytes, trained, threshold
+    # A number that saves threshold^2 is worth its bytes: so many bytes is an error worth.
+    numbers = sum(model.n_numbers_ for light in trained for model in light.trials(threshold))
+    n_bytes_each = nbytes * len(trained[0].sample) / lights.n_points / max(numbers, 1)
+    squared = error * 3 * lights.n_points
+    return squared / threshold**2 * n_bytes_each + nbytes, trained, threshold

@@ -12,8 +12,8 @@ from prt_core.errors import expect, expect_number, expect_whole
 from prt_core.runtime.progress import Progress
 
 GOALS = ("n_coefficients", "threshold", "psnr", "megabytes")
-# Steps of a search at most, their first length, and how near in the logarithm it ends.
-_STEPS, _STRIDE, _NEAR = 40, np.log(8), 5e-3
+# The first steps of a search and how many there are at most, and how near in the logarithm it ends.
+_STRIDE, _STRIDES, _NEAR = np.log(8), 8, 5e-3
 
 
 @dataclass(frozen=True)
@@ -77,24 +77,27 @@ def last_that_holds_steps(holds, first, rising=True):
 
     Returns
     -------
-    float
-        One for which it holds, within half a per cent of the last; the last that was tried where
-        it holds for none.
+    float or None
+        One for which it holds, within half a per cent of the last; None where it holds for none
+        of those that were tried, over seven powers of ten.
     """
     # Always as if the largest were looked for.
     sign = 1 if rising else -1
     good = bad = None
-    value = sign * np.log(first)
-    for step in range(_STEPS):
-        yield Progress("threshold", step, _STEPS)
+    value, n_strides = sign * np.log(first), 0
+    while True:
+        yield Progress("threshold", 0, 0)
         if holds(float(np.exp(sign * value))):
             good = value
         else:
             bad = value
-        if good is None or bad is None:
-            value += _STRIDE if bad is None else -_STRIDE
-        elif bad - good < _NEAR:
+        if good is not None and bad is not None:
+            if bad - good < _NEAR:
+                break
+            value = (good + bad) / 2
+        elif n_strides == _STRIDES:
             break
         else:
-            value = (good + bad) / 2
-    return float(np.exp(sign * (value if good is None else good)))
+            value += _STRIDE if bad is None else -_STRIDE
+            n_strides += 1
+    return None if good is None else float(np.exp(sign * good))

@@ -14,7 +14,7 @@ from prt_core.errors import expect_array, expect_numbers, expect_whole
 from prt_core.sphere import hemisphere_directions, hemisphere_solid_angle
 
 # Rows or columns, at most.
-MOST = 1024
+MOST = 256
 # Luma of Rec.709 and the scales of its chroma (ITU-R BT.709), of linear radiance of any size.
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 _BLUE, _RED = 2 * (1 - _LUMA[2]), 2 * (1 - _LUMA[0])
@@ -32,7 +32,7 @@ class HRDFLayout:
     Parameters
     ----------
     rows, columns : int
-        m1 and m2 of the paper, 1 to 1024 each.
+        m1 and m2 of the paper, 1 to 256 each.
     """
 
     rows: int = 32
@@ -59,7 +59,7 @@ class HRDFLayout:
 
     @cached_property
     def directions(self):
-        """(n_cells, 3) float64: the middle of each cell in the tangent frame, z along the normal."""
+        """(n_cells, 3) float64: the middles of cells in the tangent frame, z along the normal."""
         u = (np.arange(self.columns) + 0.5) / self.columns
         v = (np.arange(self.rows) + 0.5) / self.rows
         return hemisphere_directions(*np.meshgrid(u, v)).reshape(-1, 3)
@@ -136,7 +136,8 @@ class HRDFLayout:
             Sum to 1.
         """
         (row, up), (column, right) = (
-            split_places(place, n) for place, n in zip(self.places(directions), self.shape)
+            split_places(place, count)
+            for place, count in zip(self.places(directions), self.shape, strict=True)
         )
         first = row * self.columns + column
         beside, below = int(self.columns > 1), self.columns * int(self.rows > 1)
@@ -190,7 +191,7 @@ def to_ycbcr(rgb):
 
 
 def to_rgb(ycbcr):
-    """(..., 3) float32 linear Rec.709 radiance: undo `to_ycbcr`."""
+    """(..., 3) float32 linear Rec.709 radiance of (..., 3) `ycbcr`: undo `to_ycbcr`."""
     ycbcr = expect_numbers("ycbcr", ycbcr)
     ycbcr = expect_array("ycbcr", ycbcr, (*(None,) * max(ycbcr.ndim - 1, 0), 3), np.float32)
     return ycbcr @ FROM_YCBCR.astype(np.float32)

@@ -5,12 +5,13 @@ channels are compressed by themselves (Miandji et al. 2013). Radiance of lights 
 can be dimmed and given another colour afterwards.
 """
 
+import json
 from functools import partial
 
 import numpy as np
 
 from prt_core.compress.parameters import Parameters
-from prt_core.compress.state import array_of, expect_state, value_of
+from prt_core.compress.state import array_of, value_of
 from prt_core.errors import (
     PRTError,
     expect,
@@ -22,6 +23,7 @@ from prt_core.errors import (
     expect_seed,
 )
 from prt_core.lightfield.clustering import expect_clusters
+from prt_core.lightfield.code import compressed, decompressed
 from prt_core.lightfield.field_error import field_error
 from prt_core.lightfield.fit import fit_lights_steps
 from prt_core.lightfield.goals import Goal
@@ -54,7 +56,8 @@ class SurfaceLightField(Parameters):
     megabytes : float, optional
         10^6 bytes of the entropy-coded field that are not exceeded.
     n_clusters : int, optional
-        Of each light's points; None: as many as make the field smallest.
+        Of each light's points; None: as many, and with as few pairs or atoms, as make the field
+        smallest, or nearest at its size.
     peak : float, optional
         Radiance of the brightest lamp, from which decibels are counted; default: the largest
         radiance of the field.
@@ -245,8 +248,9 @@ class SurfaceLightField(Parameters):
 
     @property
     def coded_nbytes(self):
-        """Bytes of the same, entropy-coded: the array `data` of `state`."""
-        return len(self._data()[0])
+        """Bytes of the same, entropy-coded: `data` of `state`, and the text that describes it."""
+        data, *said = self._data()
+        return len(data) + len(json.dumps(said))
 
     def state(self):
         """Everything that `from_state` needs: a dict of arrays and of values that JSON knows.
@@ -267,13 +271,18 @@ class SurfaceLightField(Parameters):
 
     def _data(self):
         """All arrays of all compressors in one, where each is, and the plain values of each."""
-        arrays, values = {"labels": self.labels_.astype(np.uint16)}, []
+        # Few bits each, the low and the high ones apart.
+        labels = self.labels_.astype("<u2").view(np.uint8).reshape(-1, 2).T.ravel()
+        arrays, values = {"labels": compressed(labels)}, []
+        # What a text would say of each channel again.
+        defaults = self.compressor().get_params()
         for light, models in enumerate(self.compressors_):
             values.append([])
             for channel, model in enumerate(models):
                 state = model.state()
                 kept = {k: v for k, v in state.items() if isinstance(v, np.ndarray)}
-                values[-1].append({k: v for k, v in state.items() if k not in kept})
+                params = {k: v for k, v in state["params"].items() if v != defaults[k]}
+                values[-1].append({"params": params, "step": state["step"]})
                 arrays.update({f"{light}.{channel}.{k}": v for k, v in kept.items()})
         return *joined(arrays), values
 
@@ -295,8 +304,9 @@ class SurfaceLightField(Parameters):
         arrays = split(state)
         values = value_of(state, "compressors", list)
         field.n_lights_ = len(values)
-        shape = field.n_lights_, field.n_points_
-        field.labels_ = array_of(arrays, "labels", shape, "uint16").astype(np.int32)
+        count = field.n_lights_ * field.n_points_
+        labels = decompressed(arrays, "labels", 2 * count).reshape(2, -1).T.copy().view("<u2")
+        field.labels_ = labels.reshape(field.n_lights_, field.n_points_).astype(np.int32)
         field.compressors_ = [
             [field._restored(arrays, light, channel, value) for channel, value in enumerate(each)]
             for light, each in enumerate(value_of(state, "compressors", _lists_of_three))
@@ -306,10 +316,10 @@ class SurfaceLightField(Parameters):
     def _restored(self, arrays, light, channel, values):
         start = f"{light}.{channel}."
         kept = {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
-        kind = type(self.compressor(threshold=1.0))
-        model = kind.from_state({**values, **kept}, self.labels_[light])
-        expect_state(model.shape_ == self.layout_.shape, "its channels do not fit each other")
-        return model
+        model = self.compressor()
+        params = value_of(values, "params", lambda params: {**model.get_params(), **params})
+        known = {"n_points": self.n_points_, "shape": self.layout_.shape, "params": params}
+        return type(model).from_state({**values, **known, **kept}, self.labels_[light])
 
     def expect_weights(self, weights):
         """(n_lights, 3) float32 of `weights` (n_lights,) or (n_lights, n_channels), or of None."""

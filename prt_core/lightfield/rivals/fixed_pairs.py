@@ -1,4 +1,4 @@
-"""HRDFs in one pair of bases that is known beforehand: nothing is learned, nothing is kept of it."""
+"""HRDFs in one pair of bases that is known beforehand, so that none is learned or kept."""
 
 from abc import abstractmethod
 

@@ -50,6 +50,9 @@ class KSVD(AtomCompressor):
     def for_chroma(self):
         return super().for_chroma().set_params(n_atoms=-(-self.n_atoms // 4))
 
+    def halved(self):
+        return self.clone().set_params(n_atoms=self.n_atoms // 2) if self.n_atoms > 1 else None
+
     def train_steps(self, hrdfs, labels):
         self.expect_params()
         count = self.n_coefficients or _N_TRAINING

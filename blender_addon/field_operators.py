@@ -75,7 +75,8 @@ what was stopped goes on where it was"""
         )
         light_fields.forget()
         self.path = saving.settle(self.scene, path)
-        return (yield from light_fields.load_steps(self.path))
+        compressed = self.scene.prt.field.use_compressed
+        return (yield from light_fields.load_steps(self.path, compressed))
 
     def stopped(self, context):
         saving.settle(self.scene, self.path)
@@ -118,7 +119,7 @@ class PRT_OT_light_field_load(LongWork, Button, bpy.types.Operator):
         chosen = self.filepath
         path = Path(bpy.path.abspath(chosen)) if chosen else field_list.output_path(scene)
         live.stop()
-        return (yield from light_fields.load_steps(path))
+        return (yield from light_fields.load_steps(path, scene.prt.field.use_compressed))
 
     def finish(self, context, result):
         scene = self.scene

@@ -23,6 +23,8 @@ class PRT_PT_light_field(Panel, bpy.types.Panel):
             lines(layout, shown.warned, "ERROR", context)
         if light_fields.present(scene):
             layout.row().prop(settings, "follow", expand=True)
+            if shown is not None and shown.has_compressed:
+                layout.prop(settings, "use_compressed")
             layout.operator("prt.light_field_clear", icon="LOOP_BACK")
 
     def _bake(self, context, layout):

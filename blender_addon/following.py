@@ -83,7 +83,8 @@ def key_of(scene, view=None):
     place = view.direction if view.position is None else view.position
     lamps = tuple((lamp.name, lamp.strength, *lamp.colour) for lamp in scene.prt.field.lamps)
     settings = scene.prt.domain, scene.prt.material, scene.prt.exposure
-    return view.position is None, tuple(place), lamps, settings, light_fields.path_of(scene)
+    field = light_fields.path_of(scene), scene.prt.field.use_compressed
+    return view.position is None, tuple(place), lamps, settings, field
 
 
 def tick():
@@ -148,7 +149,7 @@ def show_steps(scene, view=None):
     """
     uid, path = scene.session_uid, light_fields.path_of(scene)
     if light_fields.held(scene) is None:
-        shown = yield from light_fields.load_steps(path)
+        shown = yield from light_fields.load_steps(path, scene.prt.field.use_compressed)
         scene = by_uid(bpy.data.scenes, uid)
         if scene is None or light_fields.path_of(scene) != path:
             return shown

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from prt_core.bake.light_field_compress import compressed_light_field
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_viewer import FieldViewer
 from prt_core.blender import colours, preview_look
@@ -35,6 +36,8 @@ class ShownField:
     path : str
     field : prt_core.bake.light_field_load.LightField
     viewer : FieldViewer
+    use_compressed, has_compressed : bool
+        Whether its compressed form is shown where there is one, and whether there is.
     rows : dict of str -> (n_corners,) int32
         Of each of its objects: the point of the field of each corner; -1 where there is none.
     shown : tuple
@@ -43,15 +46,18 @@ class ShownField:
         What was said last about how the scene differs from it.
     """
 
-    def __init__(self, path):
+    def __init__(self, path, use_compressed=True):
         self.path, self.field = path, load_light_field(path)
+        self.use_compressed = use_compressed
         scene = self.field.scene
         expect(
             scene.image is None,
             f"{Path(path).name}: has points at the texels of an image, which no mesh can show; "
             "bake one without --grid",
         )
-        self.viewer = FieldViewer(self.field)
+        compressed = compressed_light_field(self.field)
+        self.has_compressed = compressed is not None
+        self.viewer = FieldViewer(self.field, compressed if use_compressed else None)
         row = np.full(len(scene.points) + 1, -1, np.int32)
         row[self.field.point] = np.arange(len(self.field), dtype=np.int32)
         self.rows = {o.name: row[o.corner_point] for o in scene.objects if o.receives}
@@ -64,8 +70,10 @@ class ShownField:
 
 
 def held(scene=None):
-    """The `ShownField` in memory, of a scene; None where it is not loaded."""
+    """The `ShownField` in memory, of a scene; None where it is not loaded as that asks for."""
     if not _HELD or (scene is not None and _HELD[0].path != path_of(scene)):
+        return None
+    if scene is not None and _HELD[0].use_compressed != scene.prt.field.use_compressed:
         return None
     return _HELD[0]
 
@@ -76,12 +84,12 @@ def path_of(scene):
     return os.path.normpath(bpy.path.abspath(loaded)) if loaded else ""
 
 
-def load_steps(path):
+def load_steps(path, use_compressed=True):
     """Load a light field into memory, in place of the one there; returns the `ShownField`."""
     path = str(path)
-    if not _HELD or _HELD[0].path != path:
+    if not _HELD or (_HELD[0].path, _HELD[0].use_compressed) != (path, use_compressed):
         forget()
-        shown = yield from in_thread("load", ShownField, path)
+        shown = yield from in_thread("load", ShownField, path, use_compressed)
         forget()
         _HELD.append(shown)
     return _HELD[0]

@@ -107,6 +107,10 @@ class PRTLightField(bpy.types.PropertyGroup):
         default="VIEW",
         update=_field_changed,
     )
+    use_compressed: BoolProperty(
+        name="Use Compressed", description="Show the compressed form where there is one",
+        default=True, update=_field_changed,
+    )  # fmt: skip
     lamps: CollectionProperty(type=PRTLamp)
 
 

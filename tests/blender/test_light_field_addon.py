@@ -9,6 +9,7 @@ import pytest
 from blender_addon import field_list, light_fields, preview, viewport, work
 from prt_core.api import light_field
 from prt_core.bake.light_field_load import load_light_field
+from prt_core.bake.light_field_view import field_toward
 from prt_core.bake.light_field_viewer import FieldViewer
 from prt_core.blender.realised import holds
 from prt_core.runtime.progress import run
@@ -62,6 +63,9 @@ def wanted_on(item, path, view, weights=None):
     radiance = run(FieldViewer(field).steps(view, weights))
     scene_points = np.zeros((len(field.scene.points), 3), np.float32)
     scene_points[field.point] = radiance
+    strengths = {} if weights is None else dict(zip(field.lights, weights, strict=True))
+    slow, _ = field_toward(field, view, strengths)
+    np.testing.assert_allclose(scene_points, slow, rtol=2e-4, atol=2e-5 * slow.max())
     (baked,) = [o for o in field.scene.objects if o.name == item]
     return scene_points[baked.corner_point]
 
@@ -172,8 +176,13 @@ def test_what_modifiers_make_is_shown_by_copies_of_its_own(scene):
                 for o in scene.objects if o.get("prt_copy") == name]  # fmt: skip
 
     assert (copies_of("ball"), copies_of("floor")) == ([[FIELD]], [["PRT"]])
+    copies = {o.session_uid for o in scene.objects if o.get("prt_copy")}
     bpy.ops.prt.relight()
+    scene.prt.exposure = 1
+    scene.frame_set(2)
     assert (copies_of("ball"), copies_of("floor")) == ([[FIELD]], [["PRT"]])
+    # They are written again, not made again.
+    assert copies == {o.session_uid for o in scene.objects if o.get("prt_copy")}
     assert scene.objects["ball"].hide_render
     bpy.ops.prt.clear()
     assert (copies_of("ball"), copies_of("floor")) == ([[FIELD]], [])

@@ -8,6 +8,7 @@ import pytest
 
 from blender_addon import field_list, light_fields, preview, viewport, work
 from prt_core.api import light_field
+from prt_core.bake.light_field_compress import compress_light_field_steps
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_view import field_toward
 from prt_core.bake.light_field_viewer import FieldViewer
@@ -291,6 +292,24 @@ def test_a_file_that_gets_a_name_takes_its_light_field_along(addon, tmp_path):
     shown = colours_on("Sphere", FIELD)
     bpy.ops.prt.light_field_load(filepath=scene.prt.field.loaded)
     np.testing.assert_array_equal(colours_on("Sphere", FIELD), shown)
+
+
+@needs_camera
+def test_the_compressed_form_is_shown_where_it_is_asked_for(scene):
+    bpy.ops.prt.light_field_bake()
+    path, exact = field_list.output_path(scene), colours_on("ball", FIELD)
+    run(compress_light_field_steps(path, "haar", n_coefficients=3))
+    bpy.ops.prt.light_field_clear()
+    bpy.ops.prt.light_field_load()
+    assert light_fields.held(scene).has_compressed
+    coarse = colours_on("ball", FIELD)
+    slow, used = field_toward(load_light_field(path), viewport.view_of(scene))
+    (ball,) = [o for o in light_fields.held(scene).field.scene.objects if o.name == "ball"]
+    assert used == "compressed" and np.abs(coarse - exact).max() > 1e-3 * exact.max()
+    np.testing.assert_allclose(coarse, slow[ball.corner_point], rtol=1e-3, atol=1e-4 * slow.max())
+    scene.prt.field.use_compressed = False
+    scene.frame_set(2)
+    np.testing.assert_array_equal(colours_on("ball", FIELD), exact)
 
 
 @needs_camera

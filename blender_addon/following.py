@@ -33,8 +33,9 @@ class _State:
 
 
 _NOW = _State()
-# Of the last frames (for measuring): seconds of the colours, and of writing them.
-frames = []
+# For measuring: of the last frames the seconds of the look-up, of writing the colours, and of
+# Blender's evaluation; and how many there were.
+frames, written = [], [0]
 
 
 def another_file():
@@ -160,14 +161,15 @@ def show_steps(scene, view=None):
     view = viewport.view_of(scene) if view is None else view
     key = key_of(scene, view)
     radiance = yield from shown.viewer.steps(view, light_fields.weights(scene, shown))
-    scene, made = by_uid(bpy.data.scenes, uid), time.perf_counter()
+    scene, looked_up = by_uid(bpy.data.scenes, uid), time.perf_counter()
     if scene is None:
         return shown
     with own_changes(scene):
         light_fields.write(scene, shown, radiance, key)
-        written = time.perf_counter()
-    frames.append((made - start, written - made, time.perf_counter() - written))
+        wrote = time.perf_counter()
+    frames.append((looked_up - start, wrote - looked_up, time.perf_counter() - wrote))
     del frames[:-1000]
+    written[0] += 1
     return shown
 
 

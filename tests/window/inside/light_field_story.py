@@ -151,7 +151,9 @@ def orbit(hand, report):
         region.view_rotation = turn @ region.view_rotation
         yield Until(
             "the colours follow",
-            lambda count=count: following.written[0] > count and drawn and drawn[-1] > start,
+            lambda count=count, start=start: (
+                following.written[0] > count and drawn and drawn[-1] > start
+            ),
             60,
         )
         steps.append(time.perf_counter() - start)

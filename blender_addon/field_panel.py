@@ -42,7 +42,7 @@ class PRT_PT_light_field(Panel, bpy.types.Panel):
             text = f"Bake Light Field of {count} Selected"
             column.operator("prt.light_field_bake", text=text, icon="RENDER_STILL")
             return
-        lines(layout, f"A light field {missing}", "INFO", context)
+        lines(layout, f"Light field: {missing}", "INFO", context)
         if context.scene.prt.loaded:
             button = layout.operator(
                 "prt.light_field_bake", text="Light Field of the Bake", icon="RENDER_STILL"

@@ -186,8 +186,8 @@ def _frame_changed(scene, depsgraph=None):
     if not (_NOW.rendering or bpy.app.background):
         return
     try:
-        rendered = depsgraph if _NOW.rendering else None
-        run(show_steps(scene, viewport.view_of(scene, rendered)))
+        at = depsgraph if _NOW.rendering else None
+        run(show_steps(scene, viewport.view_of(scene, _NOW.rendering, at)))
     except work.FAILURES as error:
         work.say(f"frame {scene.frame_current}: {error}", True)
         print(f"PRT: frame {scene.frame_current}: {error}")
@@ -200,7 +200,7 @@ def _render_begins(scene, *_):
     stop()
     _NOW.rendering = True
     if scene.camera is not None:
-        _frame_changed(scene, scene.view_layers[0].depsgraph)
+        _frame_changed(scene)
 
 
 @persistent

@@ -23,21 +23,23 @@ def look_around():
         _LEADING[0] = moved[-1]
 
 
-def view_of(scene, depsgraph=None):
+def view_of(scene, rendered=False, depsgraph=None):
     """The `View` from where a scene's light field is looked at.
 
     Parameters
     ----------
     scene : bpy.types.Scene
+    rendered : bool
+        Whether a render wants it, which looks through the camera.
     depsgraph : bpy.types.Depsgraph, optional
-        Where a frame that renders is evaluated: a render looks through the camera.
+        Where a frame that renders is evaluated.
 
     Raises
     ------
     PRTError
         It follows a camera that is not there, or no window shows the scene.
     """
-    if depsgraph is None and scene.prt.field.follow == "VIEW":
+    if not rendered and scene.prt.field.follow == "VIEW":
         space = _leading(scene)
         if space is not None and space.region_3d.view_perspective != "CAMERA":
             matrix = np.array(space.region_3d.view_matrix.inverted(), np.float64)

@@ -251,6 +251,41 @@ def test_a_camera_that_is_not_there_is_said_and_shows_nothing(scene):
 
 
 @needs_camera
+def test_a_render_looks_through_the_camera_and_so_does_each_of_its_frames(scene, tmp_path):
+    bpy.ops.prt.light_field_bake()
+    path, render = field_list.output_path(scene), scene.render
+    scene.prt.field.follow = "VIEW"
+    bpy.ops.prt.light_field_load()
+    from_view, rendered = colours_on("ball", FIELD), []
+    render.engine, scene.cycles.samples = "CYCLES", 1
+    render.resolution_x = render.resolution_y = 4
+    render.filepath = str(tmp_path / "frame")
+    scene.camera.location.x = -3.0
+    scene.camera.keyframe_insert("location", frame=1)
+    scene.camera.location.x = 3.0
+    scene.camera.keyframe_insert("location", frame=3)
+    scene.frame_start, scene.frame_end = 1, 3
+
+    def note(*_):
+        rendered.append(colours_on("ball", FIELD))
+
+    bpy.app.handlers.render_post.append(note)
+    try:
+        scene.frame_set(3)
+        bpy.ops.render.render()
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.render_post.remove(note)
+    assert len(rendered) == 4
+    for colours, x in zip(rendered, (3.0, -3.0, 0.0, 3.0), strict=True):
+        wanted = wanted_on("ball", path, View(position=(x, -4.0, 2.5)))
+        np.testing.assert_allclose(colours, wanted, rtol=1e-4, atol=1e-5, err_msg=str(x))
+    assert np.abs(rendered[0] - rendered[1]).max() > 1e-3
+    # When it is done the view leads again.
+    np.testing.assert_array_equal(colours_on("ball", FIELD), from_view)
+
+
+@needs_camera
 def test_changed_settings_begin_anew_and_the_same_go_on(scene):
     bpy.ops.prt.light_field_bake()
     first = field_list.output_path(scene) / "zarr.json"

@@ -1,73 +1,35 @@
-"""A light field by real clicks: baked, orbited, its lamps dimmed, beside a bake, and given back.
+"""A light field by real clicks: loaded, orbited, its lamps dimmed, beside a bake, and given back.
 
-Where Blender has no cameras that are shaders: what the panel says then, and the field of the bake.
+Then one is captured: where Blender has no cameras that are shaders, that of the bake.
 """
 
 import time
 
 import bpy
 import numpy as np
+from field_scene import build
 from hand import FOLDER, Until
 from mathutils import Quaternion
 from relight_story import install, part, status
-from rooms import press, put, to_panel
+from rooms import press, to_panel
 
 TURNS, DEGREES = 40, 4.0
 
 
 def story(hand, report):
     yield from install(report)
-    report["new"] = bpy.app.version >= (4, 5, 0)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=False)
+    yield 0.5
     build()
+    settings = bpy.context.scene.prt
+    settings.resolution, settings.tolerance = "8", 0.1
+    settings.field.angles, settings.field.samples = (5, 3), 1
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "ball.blend"))
     yield from to_field_panel(hand)
     hand.picture("field 1 panel")
-    report["steps"] = {}
-    if report["new"]:
-        yield from press(hand, "prt.light_field_bake", status)
-        yield from compare(hand, report, "baked")
-        yield from orbit(hand, report)
-        yield from dim(hand, report)
-        yield from beside(hand, report)
-        yield from undo(hand, report)
-        yield from reload_file(hand, report)
-    else:
-        yield from beside(hand, report)
-        yield from to_field_panel(hand)
-        hand.picture("field 2 offers")
-        yield from press(hand, "prt.light_field_bake", status)
-        yield from compare(hand, report, "baked")
-        yield from orbit(hand, report)
-    yield from restore(hand, report)
-
-
-def build():
-    """A fine glossy ball on a floor, two lamps, a sky."""
-    bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=False)
-    for item in list(bpy.data.objects):
-        bpy.data.objects.remove(item)
-    bpy.ops.mesh.primitive_plane_add(size=5, location=(0, 0, -1))
-    bpy.context.object.name = "floor"
-    segments, rings = (300, 200) if bpy.app.version >= (4, 5, 0) else (60, 40)
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=rings)
-    bpy.ops.object.shade_smooth()
-    bpy.context.object.name = "ball"
-    gold = bpy.data.materials.new("gold")
-    if gold.node_tree is None:
-        gold.use_nodes = True
-    shader = next(n for n in gold.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = 1, 0.7, 0.3, 1
-    shader.inputs["Metallic"].default_value, shader.inputs["Roughness"].default_value = 1, 0.35
-    bpy.context.object.data.materials.append(gold)
-    for name, place, colour in (
-        ("warm", (-3, -3, 3), (1, 0.6, 0.3)), ("cold", (3, -2, 4), (0.4, 0.6, 1)),
-    ):  # fmt: skip
-        lamp = bpy.data.lights.new(name, "POINT")
-        lamp.energy, lamp.color, lamp.shadow_soft_size = 400, colour, 0.5
-        put(name, lamp, place)
-    settings = bpy.context.scene.prt
-    settings.resolution, settings.tolerance = "8", 0.1
-    settings.field.angles, settings.field.samples, settings.field.each = (12, 10), 1, True
+    report["steps"], report["beside"] = {}, {}
+    for step in (load, orbit, dim, beside, undo, reload_file, restore, capture):
+        yield from step(hand, report)
 
 
 def to_field_panel(hand):
@@ -137,6 +99,13 @@ def attributes():
     return {n: list(bpy.data.objects[n].data.color_attributes.keys()) for n in ("ball", "floor")}
 
 
+def load(hand, report):
+    """The one of the folder, by its button under the list."""
+    yield from press(hand, "prt.refresh", status, at=0.9)
+    yield from press(hand, "prt.light_field_load", status)
+    yield from compare(hand, report, "loaded")
+
+
 def orbit(hand, report):
     """The view turned step by step; seconds of our part, and of all until it is drawn."""
     following, region = part("following"), hand.view.spaces.active.region_3d
@@ -183,9 +152,7 @@ def dim(hand, report):
 def beside(hand, report):
     """A bake of the whole scene; the ball stays the light field's."""
     yield from press(hand, "prt.bake", status)
-    yield Until("the colours have settled", settled)
-    report["beside"] = attributes()
-    hand.picture("field beside")
+    yield from compare(hand, report, "beside")
 
 
 def undo(hand, report):
@@ -217,9 +184,20 @@ def reload_file(hand, report):
 
 
 def restore(hand, report):
-    yield from to_field_panel(hand)
     yield from press(hand, "prt.light_field_clear", status)
     yield Until("the field is off", lambda: not bpy.context.scene.prt.field.loaded, 10)
     yield Until("the colours have settled", settled)
     report["left"] = attributes()
     hand.picture("field restored")
+
+
+def capture(hand, report):
+    """From the button: by Cycles where it can, else the field of the bake."""
+    from prt_core.blender.compat import custom_camera_missing
+
+    report["missing"] = custom_camera_missing()
+    bpy.data.objects["ball"].select_set(True)
+    yield from to_field_panel(hand)
+    yield from press(hand, "prt.light_field_bake", status)
+    yield from compare(hand, report, "captured")
+    report["lights"] = list(part("light_fields").held().field.lights)

@@ -5,16 +5,43 @@ properties (what is set), operators, keeping and remedies (what is done), panels
 plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
 how they go with their file), preview (the one in memory and its colours), freshness (whether it is
 of the scene), live (when all this is done again), history (files and undo steps), work (long work
-without a stuck window), views and studio (Blender's shading and lights).
+without a stuck window), own_changes (whose change it is), views and studio (Blender's shading and
+lights). Light fields likewise: field_operators, field_panel, field_list (those on disk),
+light_fields (the one in memory), following (when it is shown again), viewport (from where).
 """
 
 import bpy
 
 import prt_core.blender  # noqa: F401  (makes Blender's ray casters known)
 
-from . import history, keeping, live, operators, panels, plan, preview, properties, remedies, work
+from . import (
+    field_operators,
+    field_panel,
+    following,
+    history,
+    keeping,
+    live,
+    operators,
+    panels,
+    plan,
+    preview,
+    properties,
+    remedies,
+    work,
+)
 
-_PARTS = (properties, operators, keeping, remedies, panels, live, history)
+_PARTS = (
+    properties,
+    operators,
+    field_operators,
+    keeping,
+    remedies,
+    panels,
+    field_panel,
+    following,
+    live,
+    history,
+)
 _COMMANDS = []
 
 

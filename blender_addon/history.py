@@ -9,7 +9,7 @@ from bpy.app.handlers import persistent
 from prt_core.blender import casters
 from prt_core.blender.stand_ins import arrange
 
-from . import live, naming, plan, preview, saving, views, work
+from . import following, light_fields, live, naming, plan, preview, saving, views, work
 
 
 @persistent
@@ -18,12 +18,14 @@ def _before_file(*_):
     work.stop_all()
     live.stop()
     preview.forget()
+    light_fields.forget()
     plan.forget()
 
 
 @persistent
 def _after_file(*_):
     live.another_file()
+    following.another_file()
     naming.another_file()
     work.forget()
     casters.remove_left_over()

@@ -16,7 +16,8 @@ from prt_core.blender.identity import by_uid
 from prt_core.blender.render_scene import is_reading
 from prt_core.blender.stand_ins import arrange
 
-from . import bakes, freshness, plan, preview, work
+from . import bakes, field_list, following, freshness, plan, preview, work
+from .own_changes import are_own, own_changes
 from .request import request
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
@@ -40,7 +41,6 @@ class _State:
         self.at = None  # session_uid of the scene that was looked at
         self.rearrange = False  # whether objects came or went
         self.rendering = False
-        self.writing = False
         self.begun = False  # whether the timer has looked at the file
 
 
@@ -51,7 +51,7 @@ delays = []
 
 def touch(scene, show=False):
     """The light of a scene, or the look of its preview, has changed."""
-    if bpy.app.background or _NOW.writing:
+    if bpy.app.background or are_own():
         return
     _NOW.scene = scene.session_uid
     _NOW.show |= show
@@ -75,6 +75,7 @@ def start():
 def geometry_changed(scene):
     """Objects, or how they are baked, have changed."""
     plan.outdate(scene)
+    following.geometry_changed()
 
 
 def settings_changed(scene):
@@ -85,7 +86,7 @@ def settings_changed(scene):
 def note_preview():
     """(whether the file showed a preview when last asked, whether it does): undo may take it."""
     before = _NOW.previewed
-    _NOW.previewed = any(scene.prt.loaded for scene in bpy.data.scenes)
+    _NOW.previewed = any(s.prt.loaded or s.prt.field.loaded for s in bpy.data.scenes)
     return before, _NOW.previewed
 
 
@@ -100,6 +101,7 @@ def look_again(scene):
     held = preview.held(scene)
     if held is not None:
         held.shown = None
+    following.look_again()
     _NOW.rearrange = True
 
 
@@ -110,6 +112,11 @@ def idle():
 
 def stop():
     """Drop what is under way."""
+    following.stop()
+    _drop()
+
+
+def _drop():
     if _NOW.job is not None:
         _NOW.job.close()
     _NOW.job = _NOW.kind = None
@@ -118,7 +125,12 @@ def stop():
 def _tick():
     """The one timer; returns the seconds until it wants to be called again."""
     try:
-        return _work()
+        if work.status().running or _NOW.rendering:
+            stop()
+            return _IDLE
+        # A view that moves comes first: it is drawn anew anyway.
+        look = following.tick()
+        return min(_work(), _IDLE if look is None else look)
     except Exception:
         stop()
         _NOW.scene = None
@@ -127,16 +139,13 @@ def _tick():
 
 
 def _work():
-    if work.status().running or _NOW.rendering:
-        stop()
-        return _IDLE
     if not _NOW.begun:
         # The add-on was enabled, or a file loaded: colours may be of an older light.
         _NOW.begun = _NOW.rearrange = True
         touch(bpy.context.scene, show=True)
     _look_around()
     if _NOW.job is None or (_NOW.kind == "full" and _changed_lately()):
-        stop()
+        _drop()
         _begin()
     if _NOW.job is None:
         return _IDLE
@@ -151,6 +160,7 @@ def _look_around():
         if _NOW.at is not None:
             work.say("")  # it was said of the scene before
         bakes.refresh(scene)
+        field_list.refresh(scene)
         _NOW.at = scene.session_uid
     if _NOW.rearrange and not _changed_lately():
         _NOW.rearrange = False
@@ -269,14 +279,8 @@ def show_steps(uid, held, radiance, asked, pace=None):
     if preview.missing(scene, held):
         yield from freshness.check_steps(scene, held, pace)
         scene = by_uid(bpy.data.scenes, uid)
-    _NOW.writing = True
-    try:
+    with own_changes(scene):
         preview.write(scene, held, radiance, asked)
-        # Evaluated now, so that the handlers know whose change it is.
-        for layer in scene.view_layers:
-            layer.update()
-    finally:
-        _NOW.writing = False
     work.redraw()
 
 
@@ -288,7 +292,7 @@ def _is_ours(scene):
 @persistent
 def _updated(scene, depsgraph):
     """Blender evaluated a change: was it the light, or what is baked?"""
-    if _NOW.writing or bpy.app.background or _is_ours(scene):
+    if are_own() or bpy.app.background or _is_ours(scene):
         return
     light, geometry = _what_changed(depsgraph)
     if not geometry and any(isinstance(u.id, bpy.types.Collection) for u in depsgraph.updates):

@@ -17,7 +17,7 @@ from prt_core.errors import expect
 from prt_core.runtime.progress import run
 from prt_core.store import remove_bake
 
-from . import bakes, freshness, live, plan, preview, saving, views, work
+from . import bakes, field_list, freshness, live, plan, preview, saving, views, work
 from .buttons import BakeButton, Button
 from .request import request
 from .work import LongWork, status
@@ -226,7 +226,8 @@ class PRT_OT_clear(Button, bpy.types.Operator):
         context.scene.prt.loaded = ""
         preview.forget()
         live.note_preview()
-        views.restore()
+        if not context.scene.prt.field.loaded:
+            views.restore()
         text = f"{changed} {'object is' if changed == 1 else 'objects are'} as before"
         behind = preview.behind_kept(context.scene)
         if behind:
@@ -269,6 +270,7 @@ class PRT_OT_refresh(Button, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         bakes.refresh(scene)
+        field_list.refresh(scene)
         rate = bakes.rate(plan.back_end(scene))
         try:
             planned = run(plan.steps(scene, rays_per_second=rate))

@@ -12,16 +12,18 @@ from .work import status
 _MOST_WARNINGS = 8
 
 
-class _Panel:
+class Panel:
+    """Where the panels are."""
+
     bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "PRT"
 
-    def _split(self):
+    def split(self):
         self.layout.use_property_split = True
         self.layout.use_property_decorate = False
         return self.layout
 
 
-class PRT_PT_main(_Panel, bpy.types.Panel):
+class PRT_PT_main(Panel, bpy.types.Panel):
     bl_idname = "PRT_PT_main"
     bl_label = "PRT Relight"
 
@@ -38,11 +40,11 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             column.operator("prt.bake", text=text, icon="RENDER_STILL")
         if state.message:
             icon = "ERROR" if state.failed else "INFO"
-            _lines(layout, state.message, icon, context)
-            _notes(layout, state.notes, context)
+            lines(layout, state.message, icon, context)
+            notes(layout, state.notes, context)
         held = preview.held(scene)
         if held is not None and held.warned:
-            _lines(layout, held.warned, "ERROR", context)
+            lines(layout, held.warned, "ERROR", context)
         row = layout.row(align=True)
         if scene.prt.loaded:
             row.operator("prt.relight", icon="LIGHT_SUN")
@@ -50,7 +52,7 @@ class PRT_PT_main(_Panel, bpy.types.Panel):
             row.operator("prt.clear", icon="LOOP_BACK")
 
 
-class PRT_PT_objects(_Panel, bpy.types.Panel):
+class PRT_PT_objects(Panel, bpy.types.Panel):
     bl_label = "Objects"
     bl_parent_id = "PRT_PT_main"
     bl_options = {"DEFAULT_CLOSED"}
@@ -89,12 +91,12 @@ class PRT_UL_objects(bpy.types.UIList):
 _ICONS = {"CURVE": "CURVE", "SURFACE": "SURFACE", "META": "META", "FONT": "FONT", "EMPTY": "EMPTY"}
 
 
-class PRT_PT_bake(_Panel, bpy.types.Panel):
+class PRT_PT_bake(Panel, bpy.types.Panel):
     bl_label = "Bake Settings"
     bl_parent_id = "PRT_PT_main"
 
     def draw(self, context):
-        layout, scene = self._split(), context.scene
+        layout, scene = self.split(), context.scene
         settings = scene.prt
         column = layout.column()
         column.enabled = not status().running
@@ -131,7 +133,7 @@ class PRT_PT_bake(_Panel, bpy.types.Panel):
         warnings = plan.warnings(scene)
         for text, helps, name in warnings[:_MOST_WARNINGS]:
             box = layout.column(align=True)
-            _lines(box, text, "ERROR" if helps else "INFO", context)
+            lines(box, text, "ERROR" if helps else "INFO", context)
             if helps:
                 button = box.operator(helps)
                 if name is not None:
@@ -140,12 +142,12 @@ class PRT_PT_bake(_Panel, bpy.types.Panel):
             layout.label(text=f"and {len(warnings) - _MOST_WARNINGS} more")
 
 
-class PRT_PT_light(_Panel, bpy.types.Panel):
+class PRT_PT_light(Panel, bpy.types.Panel):
     bl_label = "Light"
     bl_parent_id = "PRT_PT_main"
 
     def draw(self, context):
-        layout, settings = self._split(), context.scene.prt
+        layout, settings = self.split(), context.scene.prt
         layout.row().prop(settings, "light", expand=True)
         if settings.light == "FILE":
             layout.prop(settings, "file")
@@ -165,7 +167,7 @@ class PRT_PT_light(_Panel, bpy.types.Panel):
             layout.prop(settings, "lamp_samples")
 
 
-class PRT_PT_emission(_Panel, bpy.types.Panel):
+class PRT_PT_emission(Panel, bpy.types.Panel):
     bl_label = "Emission"
     bl_parent_id = "PRT_PT_light"
 
@@ -188,12 +190,12 @@ class PRT_PT_emission(_Panel, bpy.types.Panel):
             row.prop(item, "strength", text="")
 
 
-class PRT_PT_preview(_Panel, bpy.types.Panel):
+class PRT_PT_preview(Panel, bpy.types.Panel):
     bl_label = "Preview"
     bl_parent_id = "PRT_PT_main"
 
     def draw(self, context):
-        layout, settings = self._split(), context.scene.prt
+        layout, settings = self.split(), context.scene.prt
         layout.prop(settings, "live")
         layout.prop(settings, "attribute")
         layout.prop(settings, "domain")
@@ -211,7 +213,7 @@ class PRT_PT_preview(_Panel, bpy.types.Panel):
         column.operator("prt.export", icon="EXPORT")
 
 
-class PRT_PT_bakes(_Panel, bpy.types.Panel):
+class PRT_PT_bakes(Panel, bpy.types.Panel):
     bl_label = "Bakes"
     bl_parent_id = "PRT_PT_main"
 
@@ -234,24 +236,24 @@ class PRT_PT_bakes(_Panel, bpy.types.Panel):
         row.enabled = item.complete
         row.operator("prt.load", icon="IMPORT").filepath = item.path
         text, icon = bakes.state(scene, item)
-        _lines(layout, text, icon, context)
+        lines(layout, text, icon, context)
         if item.origin:
-            _lines(layout, f"of another: {item.origin}", "INFO", context)
+            lines(layout, f"of another: {item.origin}", "INFO", context)
         if item.complete:
             if item.method != "exhaustive":
                 text = f"{item.entries:.1f} % traced by {item.method}, "
                 text += f"error at most {item.visibility_error:.2%}"
-                _lines(layout, text, "BLANK1", context)
+                lines(layout, text, "BLANK1", context)
             if item.compressed:
                 row = layout.row()
-                _lines(row, f"compressed: {item.compressed}", "BLANK1", context)
+                lines(row, f"compressed: {item.compressed}", "BLANK1", context)
                 if preview.path_of(scene) == item.path:
                     row.operator("prt.compress", text="", icon="X").method = "none"
             error = "" if item.error < 0 else f", bounces {item.error:.2%}"
             text = f"{item.points:,} points, {item.megabytes:.1f} MB, "
             text += f"{_seconds(item.seconds)} with {item.back_end}{error}"
-            _lines(layout, text, "BLANK1", context)
-            _notes(layout, item.notes, context)
+            lines(layout, text, "BLANK1", context)
+            notes(layout, item.notes, context)
 
 
 class PRT_UL_bakes(bpy.types.UIList):
@@ -265,13 +267,13 @@ class PRT_UL_bakes(bpy.types.UIList):
         row.label(text=f"{item.megabytes:.1f} MB")
 
 
-def _notes(layout, notes, context):
+def notes(layout, text, context):
     """What a bake has to say of itself, a line each."""
-    lines = notes.split("\n") if notes else []
-    for text in lines[:_MOST_WARNINGS]:
-        _lines(layout, text, "DOT", context)
-    if len(lines) > _MOST_WARNINGS:
-        layout.label(text=f"and {len(lines) - _MOST_WARNINGS} more")
+    texts = text.split("\n") if text else []
+    for each in texts[:_MOST_WARNINGS]:
+        lines(layout, each, "DOT", context)
+    if len(texts) > _MOST_WARNINGS:
+        layout.label(text=f"and {len(texts) - _MOST_WARNINGS} more")
 
 
 def _seconds(value):
@@ -282,18 +284,18 @@ def _megabytes(value):
     return f"{value / 1e6:.0f} MB" if value < 2e9 else f"{value / 1e9:.1f} GB"
 
 
-def _lines(layout, text, icon, context):
+def lines(layout, text, icon, context):
     """Text of any length, cut between words to the panel's width."""
     width = max(20, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
-    lines, line = [], ""
+    parts, line = [], ""
     for word in text.split():
         if line and len(line) + len(word) >= width:
-            lines.append(line)
+            parts.append(line)
             line = ""
         line = f"{line} {word}".strip()
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for index, part in enumerate([*lines, line]):
+    for index, part in enumerate([*parts, line]):
         column.label(text=part, icon="BLANK1" if index else icon)
 
 

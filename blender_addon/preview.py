@@ -8,14 +8,17 @@ import bpy
 from prt_core import load
 from prt_core.blender import colours, preview_look
 from prt_core.blender.identity import objects_by_place
-from prt_core.blender.realised import PREVIEW
+from prt_core.blender.realised import PREVIEW, holds
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
+from prt_core.errors import expect
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
 from . import plan, views
 
+# The colour attribute of light fields: objects that have it are theirs, not a bake's.
+LIGHT_FIELD = "PRT Light Field"
 # One bake at a time: large ones fill the memory.
 _HELD = []
 
@@ -30,6 +33,8 @@ class Preview:
     relighter : prt_core.relight.relighter.Relighter
     shown : Request
         What the colours on the meshes were made from, None where unknown.
+    radiance : (n_points, 3) float32
+        Their radiance, None before there were any.
     warned : str
         What was said last about how the scene differs from it.
     """
@@ -37,7 +42,7 @@ class Preview:
     def __init__(self, path, bake, caster):
         self.path, self.bake = path, bake
         self.relighter = Relighter(bake, caster)
-        self.shown, self.warned = None, ""
+        self.shown, self.radiance, self.warned = None, None, ""
         self._compared = None, None
 
     def compare(self, read):
@@ -108,26 +113,46 @@ def relocated(old, new):
 def write(scene, preview, radiance, asked):
     """Colours onto the meshes, and the preview's look as the panel asks for it.
 
+    Objects that show a light field are left to that.
+
     Raises
     ------
     PRTError
         An object is gone or has another mesh now; then nothing was written.
     """
     settings = scene.prt
-    by_object, places = preview.bake.colours(radiance), places_now(scene, preview)
-    baked = preview.bake.scene
-    if settings.shown and settings.shown != settings.attribute:
-        preview_look.restore(scene, [settings.shown])
-    colours.write_all(
-        baked, by_object, settings.attribute, settings.domain, places=places, target=scene
+    places, baked = places_now(scene, preview), preview.bake.scene
+    expect(
+        settings.attribute != LIGHT_FIELD,
+        f"attribute: '{LIGHT_FIELD}' is that of light fields; use another name",
     )
-    preview_look.show_colours(baked, settings.attribute, settings.material, places)
+    if settings.shown and settings.shown != settings.attribute:
+        preview_look.restore(scene, [settings.shown], is_ours)
+    theirs = preview_look.held_by(baked, LIGHT_FIELD, scene, places)
+    by_object = {n: c for n, c in preview.bake.colours(radiance).items() if n not in theirs}
+    domain, others = settings.domain, [LIGHT_FIELD]
+    colours.write_all(
+        baked, by_object, settings.attribute, domain, places=places, target=scene, others=others
+    )
+    preview_look.show_colours(baked, settings.attribute, settings.material, places, by_object)
     if settings.shown != settings.attribute:
         settings.shown = settings.attribute
-    preview.shown = asked
+    preview.shown, preview.radiance = asked, radiance
     for name in emitters(preview):
         if name not in settings.emitters:
             settings.emitters.add().name = name
+
+
+def is_ours(item):
+    """Whether an object does not show a light field: a bake's preview may change it."""
+    return not holds(item, [LIGHT_FIELD])
+
+
+def rewrite(scene):
+    """Write the colours once more: objects were given back by a light field."""
+    preview = held(scene)
+    if preview is not None and preview.radiance is not None:
+        write(scene, preview, preview.radiance, preview.shown)
 
 
 def emitters(preview):
@@ -139,7 +164,7 @@ def emitters(preview):
 def clear(scene):
     """Take the preview off a scene; how many objects changed."""
     names = {scene.prt.shown or scene.prt.attribute}
-    changed = preview_look.restore(scene, names)
+    changed = preview_look.restore(scene, names, is_ours)
     scene.prt.shown = ""
     if _HELD:
         _HELD[0].shown = None
@@ -147,10 +172,14 @@ def clear(scene):
 
 
 def present(scene):
-    """Whether anything of a preview is in the file, or in how its windows show it."""
+    """Whether anything of a bake's preview is in the file, or in how its windows show it."""
     blocks = (*bpy.data.materials, *bpy.data.node_groups)
-    marked = any(block.get(PREVIEW) and block.users and not block.library for block in blocks)
-    return bool(scene.prt.loaded or scene.prt.shown or marked or views.shown())
+    marked = any(
+        block.get(PREVIEW) not in (None, LIGHT_FIELD) and block.users and not block.library
+        for block in blocks
+    )
+    seen = views.shown() and not scene.prt.field.loaded
+    return bool(scene.prt.loaded or scene.prt.shown or marked or seen)
 
 
 def behind_kept(scene):

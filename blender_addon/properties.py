@@ -8,13 +8,14 @@ from bpy.props import (
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
+    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
 
 from prt_core.blender.compat import PATH_OPTIONS
 
-from . import live, studio
+from . import following, live, studio
 
 
 def _changed(settings, _context):
@@ -28,6 +29,10 @@ def _plan_changed(settings, _context):
 
 def _object_changed(settings, context):
     live.geometry_changed(context.scene)
+
+
+def _field_changed(_settings, _context):
+    following.start()
 
 
 def _shown_changed(settings, _context):
@@ -51,6 +56,62 @@ class PRTEmitter(bpy.types.PropertyGroup):
         "channel", subtype="COLOR", size=3, default=(1.0, 1.0, 1.0), min=0.0, soft_max=1.0,
         update=_changed,
     )  # fmt: skip
+
+
+class PRTLamp(bpy.types.PropertyGroup):
+    """How a light of a light field shines."""
+
+    name: StringProperty(name="Light", description="A light that has a field of its own")
+    strength: FloatProperty(
+        name="Strength", description="Factor on this light; 0 is off", default=1.0, min=0.0,
+        soft_max=10.0, update=_field_changed,
+    )  # fmt: skip
+    colour: FloatVectorProperty(
+        name="Colour", description="A filter before this light; white changes nothing",
+        subtype="COLOR", size=3, default=(1.0, 1.0, 1.0), min=0.0, soft_max=1.0,
+        update=_field_changed,
+    )  # fmt: skip
+
+
+class PRTLightField(bpy.types.PropertyGroup):
+    """Settings of light fields, and the one that is shown."""
+
+    name: StringProperty(
+        name="Name", description="Of the light field; empty: the names of the file and the scene"
+    )
+    angles: IntVectorProperty(
+        name="Angles",
+        description="Directions over the hemisphere of each point, as rows and columns of a "
+        "square: more show sharper reflections",
+        size=2, default=(32, 16), min=2, max=256,
+    )  # fmt: skip
+    samples: IntProperty(
+        name="Samples", description="Paths of each direction", default=32, min=1, max=65536,
+        soft_max=1024,
+    )  # fmt: skip
+    each: BoolProperty(
+        name="Each Light Apart",
+        description="A field of each lamp, of each object that emits and of the world, from the "
+        "same render; each can then be dimmed and given another colour",
+    )
+    denoise: BoolProperty(name="Denoise", description="Where that keeps the energy of the light")
+    loaded: StringProperty(
+        name="Light Field", description="The light field that is shown", update=_field_changed
+    )
+    follow: EnumProperty(
+        name="Follow",
+        items=[
+            ("VIEW", "3D View", "As seen from the 3D view that moved last"),
+            ("CAMERA", "Camera", "As seen from the scene's camera"),
+        ],
+        default="VIEW",
+        update=_field_changed,
+    )
+    use_compressed: BoolProperty(
+        name="Use Compressed", description="Show the compressed form where there is one",
+        default=True, update=_field_changed,
+    )  # fmt: skip
+    lamps: CollectionProperty(type=PRTLamp)
 
 
 class PRTScene(bpy.types.PropertyGroup):
@@ -151,6 +212,7 @@ class PRTScene(bpy.types.PropertyGroup):
     )  # fmt: skip
 
     emitters: CollectionProperty(type=PRTEmitter)
+    field: PointerProperty(type=PRTLightField)
 
     compress_tolerance: FloatProperty(
         name="Tolerance",
@@ -232,6 +294,17 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     source: CollectionProperty(type=PRTSource)
 
 
+class PRTFieldItem(bpy.types.PropertyGroup):
+    """One light field of the folder."""
+
+    path: StringProperty()
+    complete: BoolProperty()
+    megabytes: FloatProperty()
+    about: StringProperty()
+    notes: StringProperty()
+    unreadable: StringProperty()
+
+
 class PRTStatus(bpy.types.PropertyGroup):
     """What is under way; on the window manager, so that no file keeps it."""
 
@@ -247,9 +320,21 @@ class PRTStatus(bpy.types.PropertyGroup):
     bakes_folder: StringProperty(options={"SKIP_SAVE"})
     bakes: CollectionProperty(type=PRTBakeItem, options={"SKIP_SAVE"})
     active_bake: IntProperty(options={"SKIP_SAVE"})
+    fields: CollectionProperty(type=PRTFieldItem, options={"SKIP_SAVE"})
+    active_field: IntProperty(options={"SKIP_SAVE"})
 
 
-_CLASSES = (PRTEmitter, PRTScene, PRTObject, PRTSource, PRTBakeItem, PRTStatus)
+_CLASSES = (
+    PRTEmitter,
+    PRTLamp,
+    PRTLightField,
+    PRTScene,
+    PRTObject,
+    PRTSource,
+    PRTBakeItem,
+    PRTFieldItem,
+    PRTStatus,
+)
 
 
 def register():

@@ -1,11 +1,12 @@
-"""Bakes go with their file: out of the temporary folder when it gets a name, and they stay within
-reach when it is saved elsewhere.
+"""Bakes and light fields go with their file: out of the temporary folder when it gets a name, and
+they stay within reach when it is saved elsewhere.
 
 While Blender saves nobody knows yet whether the open file gets the name or only a copy does. So
-the bakes are copied before, and what is not needed any more goes when it is done.
+they are copied before, and what is not needed any more goes when it is done.
 """
 
 import shutil
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
@@ -15,10 +16,28 @@ from prt_core import BakeStore
 from prt_core.blender.identity import by_uid, origin_of
 from prt_core.store.places import beside
 
-from . import plan, preview, work
+from . import field_list, light_fields, plan, preview, work
 
-# Of scenes by `session_uid`: what they showed. Of bakes in the temporary folder: (from, to).
+# Of scenes by `session_uid`, and kinds: what they showed. Of what is in the temporary folder:
+# (from, to).
 _SHOWN, _COPIED = {}, []
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What a scene shows, and where the next one goes: of bakes, or of light fields."""
+
+    home: object  # the module that holds it in memory
+    output_path: object
+
+    def settings(self, scene):
+        return scene.prt if self.home is preview else scene.prt.field
+
+
+_KINDS = {
+    ".prt": _Kind(preview, plan.output_path),
+    ".slf": _Kind(light_fields, field_list.output_path),
+}
 
 
 def before(file):
@@ -45,15 +64,16 @@ def _take_along(file):
     for scene in bpy.data.scenes:
         if scene.library is not None:
             continue
-        _SHOWN[scene.session_uid] = scene.prt.loaded
-        shown = preview.path_of(scene)
-        for path in dict.fromkeys((shown, str(plan.output_path(scene)))):
-            # One that is being made goes there when it is done (see `settle`).
-            if plan.is_temporary(path) and Path(path).is_dir() and not work.status().running:
-                _COPIED.append((path, str(_copy(scene, Path(path), file))))
-        copied = dict(_COPIED)
-        if shown in copied or (shown and elsewhere and not plan.is_temporary(shown)):
-            scene.prt.loaded = preview.relative(copied.get(shown, shown), file)
+        for suffix, kind in _KINDS.items():
+            settings, shown = kind.settings(scene), kind.home.path_of(scene)
+            _SHOWN[scene.session_uid, suffix] = settings.loaded
+            for path in dict.fromkeys((shown, str(kind.output_path(scene)))):
+                # One that is being made goes there when it is done (see `settle`).
+                if plan.is_temporary(path) and Path(path).is_dir() and not work.status().running:
+                    _COPIED.append((path, str(_copy(scene, Path(path), file))))
+            copied = dict(_COPIED)
+            if shown in copied or (shown and elsewhere and not plan.is_temporary(shown)):
+                settings.loaded = preview.relative(copied.get(shown, shown), file)
 
 
 def after(file=None):
@@ -61,35 +81,37 @@ def after(file=None):
     if file is not None and Path(bpy.data.filepath) == Path(file):
         for old, new in _COPIED:
             _remove(old)
-            preview.relocated(old, new)
+            _KINDS[Path(old).suffix].home.relocated(old, new)
     else:
-        for uid, loaded in _SHOWN.items():
+        for (uid, suffix), loaded in _SHOWN.items():
             scene = by_uid(bpy.data.scenes, uid)
-            if scene is not None and scene.prt.loaded != loaded:
-                scene.prt.loaded = loaded
+            settings = None if scene is None else _KINDS[suffix].settings(scene)
+            if settings is not None and settings.loaded != loaded:
+                settings.loaded = loaded
     _SHOWN.clear()
     _COPIED.clear()
 
 
 def settle(scene, path):
-    """Where a bake lies that is done or was stopped: beside the file, if that got a name
-    meanwhile."""
+    """Where a bake or light field lies that is done or was stopped: beside the file, if that got
+    a name meanwhile."""
+    kind = _KINDS[Path(path).suffix]
     if not bpy.data.filepath or not plan.is_temporary(path):
         return Path(path)
     home = _copy(scene, Path(path), bpy.data.filepath)
     for each in bpy.data.scenes:
-        if preview.path_of(each) == str(path):
-            each.prt.loaded = preview.relative(home)
+        if kind.home.path_of(each) == str(path):
+            kind.settings(each).loaded = preview.relative(home)
     _remove(path)
-    preview.relocated(str(path), str(home))
+    kind.home.relocated(str(path), str(home))
     return home
 
 
 def _copy(scene, path, file):
     """Copy a bake to where those of `file` are, under a name that nothing there has; with it
     the stopped one that is to replace it."""
-    target = plan.output_path(scene, file)
-    names = (target.with_name(f"{target.stem}.{n:03d}.prt") for n in count(1))
+    target = _KINDS[path.suffix].output_path(scene, file)
+    names = (target.with_name(f"{target.stem}.{n:03d}{path.suffix}") for n in count(1))
     while target.exists() or beside(target).exists():
         target = next(names)
     try:

@@ -58,7 +58,8 @@ def forget():
     say("")
     state = status()
     state.bakes_folder = ""
-    state.active_bake = state.active_object = 0
+    state.fields.clear()
+    state.active_bake = state.active_field = state.active_object = 0
 
 
 def _status_text(text):

@@ -110,8 +110,9 @@ def capture_light_field(
         Kept for pictures.
     origin : dict of str -> str, optional
         Kept: the `file` and the `scene` it is of.
-    restart : bool
-        Begin anew whatever is there; that stays until the new one is finished.
+    restart : bool or "changed"
+        Begin anew whatever is there, or only where that is of another scene or other settings; it
+        stays until the new one is finished.
     messages : sequence of str
         Kept with its report.
 
@@ -133,7 +134,8 @@ def capture_light_field(
         "camera", camera, ("name", "lights", "most_points", "shoot"), "a camera of light fields"
     )
     path = expect_path("light field", path)
-    expect_flag("restart", restart)
+    if restart != "changed":
+        expect_flag("restart", restart)
     expect(
         not settings.denoise or hasattr(camera, "denoise"),
         "denoise: the light of a bake has no noise; leave it out",

@@ -121,6 +121,7 @@ def write_all(
     all_copies=False,
     places=None,
     target=None,
+    others=(),
     **options,
 ):
     """Colours of a bake onto the open Blender scene.
@@ -141,6 +142,8 @@ def write_all(
         Name and library of the object that a mesh belongs to now; default: as baked.
     target : bpy.types.Scene, optional
         Where copies go; default: the current one.
+    others : sequence of str
+        Colour attributes of other previews of the scene, whose copies stay.
     **options
         Of `write_colours`: byte, channels, active.
 
@@ -154,9 +157,9 @@ def write_all(
     objects = objects_by_place()
     own = {} if all_copies else _own(scene, colours, places, objects)
     copies = [name for name in colours if name not in own]
-    built = copies_there(scene, copies, target)
+    built = copies_there(scene, copies, target, others)
     if copies and built is None:
-        built = build_objects(scene, copies, attribute=attribute, target=target)
+        built = build_objects(scene, copies, attribute=attribute, target=target, others=others)
     for name, present in own.items():
         write_colours(present, colours[name], attribute, domain, **options)
     for name in copies:

@@ -25,7 +25,7 @@ from prt_core.blender.light_groups import grouped_lights
 from prt_core.blender.passes.traces import same_images, switched
 from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
-from prt_core.blender.stand_ins import originals_render
+from prt_core.blender.stand_ins import originals_render, rendered_objects, stands_in
 from prt_core.errors import PRTError, expect
 
 _WHAT = "light field"
@@ -159,11 +159,7 @@ class LightFieldCamera:
             expect(item is not None, f"{_WHAT}: the object '{place[0]}' was removed meanwhile")
             for name, value in SEEN.items():
                 stack.enter_context(switched(item, name, value))
-            if PREVIEW in item.modifiers:
-                stack.enter_context(switched(item.modifiers[PREVIEW], "show_render", False))
-            before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
-            if before is not None:
-                stack.enter_context(switched(item.data.attributes, "default_color_name", before))
+        _without_previews(stack, scene)
         copy, idle = stack.enter_context(copied_scene(scene, "prt light field"))
         settle(copy, scene, _WHAT, {"combined", "position"}, {"samples": samples, "seed": seed})
         copy.cycles.light_sampling_threshold = 0
@@ -189,6 +185,19 @@ class LightFieldCamera:
         data.custom_filepath = str(_compiled(folder, shader_source(points, *grid, spread)))
         copy.render.resolution_x = tiles.across * tiles.columns
         copy.render.resolution_y = tiles.down * tiles.rows
+
+
+def _without_previews(stack, scene):
+    """While the stack lasts, a scene renders as if no preview were shown and nothing kept."""
+    rendered = rendered_objects(scene)
+    for item in scene.objects:
+        if stands_in(item, rendered):
+            stack.enter_context(switched(item, "hide_render", True))
+        if PREVIEW in item.modifiers:
+            stack.enter_context(switched(item.modifiers[PREVIEW], "show_render", False))
+        before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
+        if before is not None:
+            stack.enter_context(switched(item.data.attributes, "default_color_name", before))
 
 
 class _Tiles:

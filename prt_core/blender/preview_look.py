@@ -8,11 +8,11 @@ import bpy
 
 from prt_core.blender.colours import ACTIVE_BEFORE, activate, places_of
 from prt_core.blender.identity import objects_by_place
-from prt_core.blender.realised import PREVIEW, preview_material, remove_copies
-from prt_core.blender.stand_ins import arrange, is_copy
+from prt_core.blender.realised import PREVIEW, holds, preview_material, remove_copies
+from prt_core.blender.stand_ins import COPY, arrange, is_copy
 
 
-def show_colours(scene, attribute="PRT", material=True, places=None):
+def show_colours(scene, attribute="PRT", material=True, places=None, names=None):
     """Show the colours of a bake in every shading mode: cover the materials of its objects.
 
     Parameters
@@ -24,16 +24,43 @@ def show_colours(scene, attribute="PRT", material=True, places=None):
         Show them as emission in Material Preview and renders as well.
     places : dict of str -> (str, str), optional
         As `write_all` takes it.
+    names : collection of str, optional
+        Of the baked objects that are meant; default: all that receive.
     """
     group = _shading_group(attribute) if material else None
     places, objects = places_of(scene, places), objects_by_place()
     for item in scene.objects:
-        present = objects.get(places[item.name]) if item.own_mesh and item.receives else None
+        meant = item.receives if names is None else item.name in names
+        present = objects.get(places[item.name]) if item.own_mesh and meant else None
         if present is not None:
             _shade(present, group)
 
 
-def restore(target=None, attributes=()):
+def held_by(scene, attribute, target, places=None):
+    """Names of the baked objects that show a colour attribute, themselves or by a copy.
+
+    Parameters
+    ----------
+    scene : Scene
+    attribute : str
+    target : bpy.types.Scene
+    places : dict of str -> (str, str), optional
+        As `write_all` takes it.
+
+    Returns
+    -------
+    set of str
+    """
+    places, objects = places_of(scene, places), objects_by_place()
+    names = {o[COPY] for o in target.objects if is_copy(o) and holds(o, [attribute])}
+    for item in scene.objects:
+        present = objects.get(places[item.name]) if item.own_mesh else None
+        if present is not None and holds(present, [attribute]):
+            names.add(item.name)
+    return names
+
+
+def restore(target=None, attributes=(), of=None):
     """Take the preview back: materials, visibility, active colours; copies are removed.
 
     Parameters
@@ -41,6 +68,8 @@ def restore(target=None, attributes=()):
     target : bpy.types.Scene, optional
     attributes : sequence of str
         Colour attributes to remove as well.
+    of : callable(bpy.types.Object) -> bool, optional
+        Which objects and copies are meant; default: all.
 
     Returns
     -------
@@ -49,13 +78,14 @@ def restore(target=None, attributes=()):
     """
     target = target or bpy.context.scene
     changed = 0
-    for item in [item for item in target.objects if item.library is None]:
+    meant = [o for o in target.objects if o.library is None and (of is None or of(o))]
+    for item in meant:
         shaded = item.modifiers.get(PREVIEW) if item.type == "MESH" else None
         if shaded is not None:
             item.modifiers.remove(shaded)
         if item.type == "MESH" and item.data.library is None and not is_copy(item):
             changed += _restore_mesh(item.data, attributes) or shaded is not None
-    remove_copies(target)
+    remove_copies(target, of)
     changed += arrange(target)
     for kind in (bpy.data.node_groups, bpy.data.materials):
         for block in [b for b in kind if b.get(PREVIEW) and not b.users]:

@@ -17,7 +17,9 @@ _HOME = "prt_home"
 _SAME = 1e-6
 
 
-def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", target=None):
+def build_objects(
+    scene, names=None, collection=COLLECTION, attribute="PRT", target=None, others=()
+):
     """Realised copies of baked objects, in a collection of their own, in world space.
 
     Parameters
@@ -30,6 +32,8 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", tar
         The collection's name; the colour attribute that the copies' material shows.
     target : bpy.types.Scene, optional
         Where a new collection goes; default: the current one.
+    others : sequence of str
+        Colour attributes of other previews, whose copies stay.
 
     Returns
     -------
@@ -37,7 +41,7 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", tar
     """
     target = target or bpy.context.scene
     # Copies of an earlier run are replaced, not stacked upon.
-    remove_copies(target)
+    remove_copies(target, lambda item: not holds(item, others))
     home, material = _home(target, collection), preview_material(attribute)
     built = {}
     for item, mesh, mirrored in _meshes(scene, names):
@@ -46,9 +50,12 @@ def build_objects(scene, names=None, collection=COLLECTION, attribute="PRT", tar
     return built
 
 
-def copies_there(scene, names, target):
-    """The realised copies of an earlier write where they are these and fit, else None."""
-    copies = {o[COPY]: o for o in target.objects if is_copy(o)}
+def copies_there(scene, names, target, others=()):
+    """The realised copies of an earlier write where they are these and fit, else None.
+
+    Those that hold a colour attribute of `others` belong to another preview.
+    """
+    copies = {o[COPY]: o for o in target.objects if is_copy(o) and not holds(o, others)}
     sizes = {item.name: len(item.corner_vertex) for item in scene.objects}
     fits = set(copies) == set(names) and all(
         len(copies[name].data.loops) == sizes[name] for name in names
@@ -113,9 +120,23 @@ def stand_in_for(item, original):
         item[ORIGINAL] = original
 
 
-def remove_copies(target):
-    """Remove the preview's copies from a scene; returns how many there were."""
+def holds(item, attributes):
+    """Whether an object's mesh has one of these colour attributes: then it is of that preview."""
+    colours = getattr(item.data, "color_attributes", ())
+    return any(name in colours for name in attributes)
+
+
+def remove_copies(target, of=None):
+    """Remove the preview's copies from a scene; returns how many there were.
+
+    Parameters
+    ----------
+    target : bpy.types.Scene
+    of : callable(bpy.types.Object) -> bool, optional
+        Which of them; default: all.
+    """
     copies = [item for item in target.objects if is_copy(item) and item.library is None]
+    copies = [item for item in copies if of is None or of(item)]
     meshes = {copy.data for copy in copies}
     bpy.data.batch_remove(copies)
     bpy.data.batch_remove([mesh for mesh in meshes if not mesh.users])

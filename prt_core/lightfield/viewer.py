@@ -77,24 +77,41 @@ class Viewer:
         return result
 
     def _between(self, directions, part):
-        layout = self._field.layout_
-        local = in_frames(self._frames[:, :, part], directions)
-        (row, up), (column, right) = (
-            split_places(place, count)
-            for place, count in zip(layout.places_of(*local), layout.shape, strict=True)
-        )
-        n = len(row)
-        beside, below = int(layout.columns > 1), layout.columns * int(layout.rows > 1)
-        cells = np.empty((n, 4), np.int32)
-        row *= np.int32(layout.columns)
-        row += column
-        row += np.arange(0, n * layout.n_cells, layout.n_cells, dtype=np.int32)
-        for k, offset in enumerate((0, beside, below, below + beside)):
-            np.add(row, np.int32(offset), out=cells[:, k])
-        weights = bilinear_weights(up, right).ravel()
-        starts = np.arange(0, 4 * n + 1, 4, dtype=np.int32)
-        table = self._table[part].reshape(-1, 3)
-        return csr_array((weights, cells.ravel(), starts), shape=(n, len(table))) @ table
+        rows = between_cells(self._field.layout_, self._frames[:, :, part], directions)
+        return rows @ self._table[part].reshape(-1, 3)
+
+
+def between_cells(layout, frames, directions):
+    """Rows of four weights that times a table of cells give radiance towards directions.
+
+    Parameters
+    ----------
+    layout : HRDFLayout
+    frames : (3, 3, n) float32
+        Axis of the frame, axis of the world, point.
+    directions : (n, 3) float32
+
+    Returns
+    -------
+    (n, n * n_cells) sparse float32
+        With the cells of the first point first.
+    """
+    local = in_frames(frames, directions)
+    (row, up), (column, right) = (
+        split_places(place, count)
+        for place, count in zip(layout.places_of(*local), layout.shape, strict=True)
+    )
+    n = len(row)
+    beside, below = int(layout.columns > 1), layout.columns * int(layout.rows > 1)
+    cells = np.empty((n, 4), np.int32)
+    row *= np.int32(layout.columns)
+    row += column
+    row += np.arange(0, n * layout.n_cells, layout.n_cells, dtype=np.int32)
+    for k, offset in enumerate((0, beside, below, below + beside)):
+        np.add(row, np.int32(offset), out=cells[:, k])
+    weights = bilinear_weights(up, right).ravel()
+    starts = np.arange(0, 4 * n + 1, 4, dtype=np.int32)
+    return csr_array((weights, cells.ravel(), starts), shape=(n, n * layout.n_cells))
 
 
 def in_frames(frames, directions):

@@ -1,0 +1,230 @@
+"""Colours of a light field that follow the view, the lamps and the timeline.
+
+The timer of the live preview asks here first. A move is looked for, never told of, and what is
+there when it is looked for is shown: moves never queue.
+"""
+
+import time
+
+import bpy
+from bpy.app.handlers import persistent
+
+from prt_core import run
+from prt_core.blender import casters
+from prt_core.blender.identity import by_uid
+from prt_core.blender.render_scene import is_reading
+
+from . import light_fields, viewport, work
+from .own_changes import own_changes
+
+# Seconds: between looks at the view; of work in one call; of quiet before objects that moved are
+# looked at.
+_LOOK, _BUDGET, _QUIET = 1 / 60, 0.02, 0.35
+
+
+class _State:
+    """What is under way; nothing of it outlives the file."""
+
+    def __init__(self):
+        self.job = None  # generator under way
+        self.failed = None  # the key of what went wrong, so that it is said once
+        self.moved = None  # when geometry changed that was not looked at yet
+        self.rendering = False
+
+
+_NOW = _State()
+# For measuring: of the last frames the seconds of the look-up, of writing the colours, and of
+# Blender's evaluation; and how many there were.
+frames, written = [], [0]
+
+
+def another_file():
+    """Nothing that is to be done outlives the file."""
+    stop()
+    _NOW.__init__()
+
+
+def stop():
+    """Drop what is under way."""
+    if _NOW.job is not None:
+        _NOW.job.close()
+    _NOW.job = None
+
+
+def idle(scene):
+    """Whether a scene's colours are those of its view and lamps as they are now."""
+    shown = light_fields.held(scene)
+    if not scene.prt.field.loaded or not scene.prt.live:
+        return True
+    return _NOW.job is None and shown is not None and shown.shown == key_of(scene)
+
+
+def start():
+    """Begin at once with what a slider asked for, before Blender draws it."""
+    if not (bpy.app.background or work.status().running or bpy.app.is_job_running("RENDER")):
+        tick()
+
+
+def geometry_changed():
+    """Objects have changed: are those of the light field where they were?"""
+    _NOW.moved = time.perf_counter()
+
+
+def look_again():
+    """Colours may be of another state."""
+    shown = light_fields.held()
+    if shown is not None:
+        shown.shown = None
+    _NOW.failed = None
+
+
+def key_of(scene, view=None):
+    """What the colours depend on: views and lamps of one key look the same."""
+    view = viewport.view_of(scene) if view is None else view
+    place = view.direction if view.position is None else view.position
+    lamps = tuple((lamp.name, lamp.strength, *lamp.colour) for lamp in scene.prt.field.lamps)
+    settings = scene.prt.domain, scene.prt.material, scene.prt.exposure
+    field = light_fields.path_of(scene), scene.prt.field.use_compressed
+    return view.position is None, tuple(place), lamps, settings, field
+
+
+def tick():
+    """One look at the view, and the colours of what is seen there.
+
+    Returns
+    -------
+    float or None
+        Seconds until it wants to look again; None where there is nothing to follow.
+    """
+    scene = bpy.context.scene
+    if not (scene.prt.field.loaded and scene.prt.live) or _NOW.rendering:
+        stop()
+        return None
+    if bpy.context.mode.startswith("EDIT"):
+        return _LOOK
+    viewport.look_around()
+    try:
+        if _NOW.job is None:
+            _begin(scene)
+        _go_on()
+    except work.FAILURES as error:
+        stop()
+        work.say(str(error), True)
+    return _LOOK
+
+
+def _begin(scene):
+    try:
+        key = key_of(scene)
+    except work.FAILURES as error:
+        key = str(error)
+        if _NOW.failed != key:
+            _NOW.failed = key
+            raise
+        return
+    shown = light_fields.held(scene)
+    if key != _NOW.failed and (shown is None or shown.shown != key):
+        _NOW.failed = key
+        _NOW.job = show_steps(scene)
+    elif _NOW.moved is not None and time.perf_counter() - _NOW.moved > _QUIET:
+        _NOW.moved = None
+        if shown is not None:
+            light_fields.check_moved(scene, shown)
+            work.redraw()
+
+
+def _go_on():
+    """As much of the job as fits into a moment."""
+    end = time.perf_counter() + _BUDGET
+    try:
+        while _NOW.job is not None and time.perf_counter() < end:
+            next(_NOW.job)
+    except StopIteration:
+        _NOW.job = _NOW.failed = None
+
+
+def show_steps(scene, view=None):
+    """Colours of a scene's light field towards a view (default: as the panel says) on its meshes.
+
+    A generator of `Progress`; returns the `ShownField`.
+    """
+    uid, path = scene.session_uid, light_fields.path_of(scene)
+    if light_fields.held(scene) is None:
+        shown = yield from light_fields.load_steps(path, scene.prt.field.use_compressed)
+        scene = by_uid(bpy.data.scenes, uid)
+        if scene is None or light_fields.path_of(scene) != path:
+            return shown
+        light_fields.check_moved(scene, shown)
+    shown = light_fields.held(scene)
+    light_fields.add_lamps(scene, shown)
+    start = time.perf_counter()
+    view = viewport.view_of(scene) if view is None else view
+    key = key_of(scene, view)
+    radiance = yield from shown.viewer.steps(view, light_fields.weights(scene, shown))
+    scene, looked_up = by_uid(bpy.data.scenes, uid), time.perf_counter()
+    if scene is None:
+        return shown
+    with own_changes(scene):
+        light_fields.write(scene, shown, radiance, key)
+        wrote = time.perf_counter()
+    frames.append((looked_up - start, wrote - looked_up, time.perf_counter() - wrote))
+    del frames[:-1000]
+    written[0] += 1
+    return shown
+
+
+def _is_ours(scene):
+    return casters.is_temporary(scene) or is_reading(scene)
+
+
+@persistent
+def _frame_changed(scene, depsgraph=None):
+    """A new frame that is rendered, or that no window shows: at once."""
+    settings = scene.prt
+    if not (settings.field.loaded and settings.live) or _is_ours(scene):
+        return
+    if not (_NOW.rendering or bpy.app.background):
+        return
+    try:
+        at = depsgraph if _NOW.rendering else None
+        run(show_steps(scene, viewport.view_of(scene, _NOW.rendering, at)))
+    except work.FAILURES as error:
+        work.say(f"frame {scene.frame_current}: {error}", True)
+        print(f"PRT: frame {scene.frame_current}: {error}")
+
+
+@persistent
+def _render_begins(scene, *_):
+    if _is_ours(scene):
+        return
+    stop()
+    _NOW.rendering = True
+    if scene.camera is not None:
+        _frame_changed(scene)
+
+
+@persistent
+def _render_ends(scene=None, *_):
+    if scene is not None and casters.is_temporary(scene):
+        return
+    _NOW.rendering = False
+
+
+_HANDLERS = (
+    ("frame_change_post", _frame_changed),
+    ("render_init", _render_begins),
+    ("render_complete", _render_ends),
+    ("render_cancel", _render_ends),
+)
+
+
+def register():
+    for name, handler in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister():
+    another_file()
+    light_fields.forget()
+    for name, handler in _HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)

@@ -127,6 +127,19 @@ def test_the_render_of_a_world_is_told_to_nobody(world, capfd):
     assert capfd.readouterr().out == "" and not told
 
 
+def test_a_world_of_nodes_waits_for_the_end_of_a_render(world, monkeypatch):
+    tree = world.node_tree
+    colour = tree.nodes.new("ShaderNodeTexMagic").outputs["Color"]
+    tree.links.new(colour, tree.nodes["Background"].inputs["Color"])
+    scenes = set(bpy.data.scenes)
+    with monkeypatch.context() as rendering:
+        rendering.setattr("prt_core.blender.small_render.is_rendering", lambda: True)
+        with pytest.raises(PRTError) as caught:
+            read_environment()
+    assert str(caught.value) == "world 'w': Cycles: a render is under way; wait for its end"
+    assert set(bpy.data.scenes) == scenes and read_environment() is not None
+
+
 def test_the_disc_of_a_sky_is_a_sun_of_its_own(world):
     tree, sky = world.node_tree, world.node_tree.nodes.new("ShaderNodeTexSky")
     if "NISHITA" in sky.bl_rna.properties["sky_type"].enum_items:

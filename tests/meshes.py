@@ -7,6 +7,7 @@ import numpy as np
 from prt_core.rays import BruteForceCaster
 from prt_core.rays.caster import known_casters
 from prt_core.scene import Mesh, Scene
+from prt_core.scene.paint import Look
 
 
 def caster_of(scene):
@@ -110,9 +111,36 @@ def sphere(n=16, radius=1.0, centre=(0, 0, 0), inside=False, name="sphere", albe
     )
 
 
-def ball_on_paint(emission=(0.5, 0.25, 0.0), **options):
-    """A scene with all that a bake may hold: a painted floor, details below a ball that glows."""
+def ball_on_paint(emission=(0.5, 0.25, 0.0), more=(), **options):
+    """A scene with a painted floor, and details below a ball that glows; and `more` meshes."""
     ball, floor = sphere(6, 0.5, (0, 0, 0.52), name="ball", albedo=(0.9, 0.3, 0.1)), plane(9)
     ball = glowing(ball, emission)
     floor.paint = Stripes(floor, 0.4)
-    return Scene.from_meshes([ball, floor], **options)
+    return Scene.from_meshes([ball, floor, *more], **options)
+
+
+def leaf(emission=(0.2, 0.1, 0.0)):
+    """A sheet with all that a surface may have, beside the ball of `ball_on_paint`.
+
+    Clear at one edge and opaque at the other, from behind more than from the front and to lamps
+    less; translucent; and another colour to rays that gather light, and from behind, where it
+    glows.
+    """
+    mesh = plane(3, -0.97, -0.55, name="leaf", z=0.31)
+    x = mesh.vertices[mesh.corner_vertex, :1]
+    shown = mesh.materials.replaced(
+        albedo=np.tile((0.2, 0.6, 0.1), (len(x), 1)),
+        translucency=np.tile((0.1, 0.3, 0.05), (len(x), 1)),
+        opacity=np.clip((-0.55 - x) / 0.42, 0, 1),
+    )
+    looks = {
+        "bounced": shown.replaced(albedo=np.tile((0.4, 0.5, 0.1), (len(x), 1))),
+        "back": shown.replaced(
+            albedo=np.tile((0.6, 0.1, 0.2), (len(x), 1)),
+            opacity=np.sqrt(shown.opacity),
+            emission=np.broadcast_to(emission, (len(x), 3)),
+        ),
+        "shadow": shown.replaced(opacity=shown.opacity / 2),
+    }
+    looks = {name: Look(materials) for name, materials in looks.items()}
+    return replace(mesh, materials=shown, **looks)

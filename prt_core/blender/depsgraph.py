@@ -11,6 +11,7 @@ from prt_core.blender.identity import display_names, place_of, scene_of
 from prt_core.blender.left_out import (
     NO_MATERIAL,
     culling_remarks,
+    holdout_remarks,
     layer_remarks,
     material_remarks,
     missing_remarks,
@@ -197,6 +198,8 @@ class _Reading:
             owner = (instance.parent or source).original
             if stands_in(owner, self.rendered) or stands_in(source.original, self.rendered):
                 continue
+            for line in holdout_remarks(source, instance.parent or source, view_layer):
+                self.messages += [line] if line not in self.messages else []
             if instance.show_self and source.type in _MESHES and view_layer.use_solid:
                 if source.type == "MESH" or _key(instance) not in as_mesh:
                     self._copy_mesh(instance, view_layer)

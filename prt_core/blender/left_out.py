@@ -1,5 +1,5 @@
 """What renders but is not baked, or not in full: volumes, true displacement, view layers, hair's
-materials, what linked libraries do not give; a line each."""
+materials, holdouts, what linked libraries do not give; a line each."""
 
 import bpy
 import numpy as np
@@ -100,6 +100,20 @@ def culling_remarks(scene):
         for item in scene.objects:
             if getattr(getattr(item, "cycles", None), f"use_{kind}_cull", False):
                 yield f"{item.name}: is baked, though renders may cull it by {kind}"
+
+
+def holdout_remarks(source, owner, layer):
+    """Lines on an object that is a hole in pictures; to light it is as others.
+
+    Parameters
+    ----------
+    source, owner : bpy.types.Object
+        Whose geometry it is; its instancer, or itself.
+    layer : bpy.types.ViewLayer
+        Of the same evaluation.
+    """
+    if source.is_holdout or owner.is_holdout or owner.original.holdout_get(view_layer=layer):
+        yield f"{owner.name}: is a holdout; renders have a hole there, pictures of a bake show it"
 
 
 def missing_remarks():

@@ -19,6 +19,7 @@ def ray_visibility(source, owner, view_layer):
         flag: all(getattr(item, f"visible_{kind}") for item in (source, owner))
         for flag, kind in RAYS.items()
     }
-    if owner.indirect_only_get(view_layer=view_layer):
+    # What is evaluated is in no view layer.
+    if owner.original.indirect_only_get(view_layer=view_layer):
         flags["camera_rays"] = False
     return flags

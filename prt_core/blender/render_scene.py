@@ -6,6 +6,7 @@ the user's scene, its last picture and its evaluated state in the window stay as
 is written to disk and no undo step is made.
 """
 
+import atexit
 from contextlib import ExitStack, contextmanager
 
 import bpy
@@ -132,6 +133,19 @@ def register():
     handlers.render_pre.append(_render_begins)
     for ends in (handlers.render_complete, handlers.render_cancel):
         ends.append(_render_ends)
+    if not bpy.app.binary_path:
+        atexit.register(_stop_listening)
+
+
+def _stop_listening():
+    """Take the listeners away before Python ends.
+
+    Where some are left, Blender as a module crashes then (4.2), or never ends (4.5).
+    """
+    handlers = bpy.app.handlers
+    for name in ("render_pre", "render_complete", "render_cancel"):
+        listeners = getattr(handlers, name)
+        listeners[:] = [each for each in listeners if each not in (_render_begins, _render_ends)]
 
 
 @persistent

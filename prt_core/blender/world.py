@@ -12,7 +12,7 @@ from prt_core.blender.lamps import read_lamps
 from prt_core.blender.node_trees import all_nodes, linked_to, tree_signature
 from prt_core.blender.render_scene import rendered_layer
 from prt_core.blender.world_image import world_image
-from prt_core.errors import expect
+from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
 from prt_core.runtime.main_thread import in_thread
@@ -126,7 +126,10 @@ def read_environment(scene=None, messages=None):
         return plain
     frame = scene.frame_current, scene.frame_subframe
     key = "rendered", world.original.session_uid, tree_signature(tree, frame)
-    image = _kept(key, lambda: world_image(scene, world.original, what))
+    try:
+        image = _kept(key, lambda: world_image(scene, world.original, what))
+    except PRTError as error:
+        raise PRTError(f"{what}: {error}") from error
     return WorldLight(image.map, np.eye(3), 1.0, tuple(image.suns))
 
 

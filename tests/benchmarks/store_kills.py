@@ -5,6 +5,8 @@
     python -m tests.benchmarks.store_kills --caster blender      # with Blender's own rays
     python -m tests.benchmarks.store_kills --blend SCENE.blend   # `prt` of both, at moments
 
+The scene of `tests.benchmarks.store_scene` has all that a bake may hold.
+
 Ends with code 1 where something does not go on to the same bytes.
 """
 

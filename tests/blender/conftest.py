@@ -1,3 +1,4 @@
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -12,6 +13,22 @@ import blender_addon  # noqa: E402
 import prt_core.blender  # noqa: E402, F401  (makes Blender's casters known)
 
 FLOOR = Path(__file__).resolve().parents[2] / "blend_scenes" / "08_two_triangle_floor.blend"
+
+
+_STATUS = []
+
+
+def pytest_sessionfinish(session, exitstatus):
+    _STATUS.append(int(exitstatus))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config):
+    """Blender 4.2 as a module crashes at the end of Python once a property had an update."""
+    if _STATUS and bpy.app.version < (4, 3, 0):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_STATUS[-1])
 
 
 @pytest.fixture(autouse=True)

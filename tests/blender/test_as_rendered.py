@@ -122,9 +122,26 @@ def test_holdout_and_indirect_only_collections_still_bounce_light(scene, home):
     cube("wall", home)
     layer = bpy.context.view_layer.layer_collection.children["home"]
     layer.holdout = True
-    assert set(by_name()) == {"wall"}
+    names, messages = read()
+    assert set(names) == {"wall"}
+    assert messages == ["wall: is a holdout; renders have a hole there, pictures of a bake show it"]
+    assert by_name()["wall"].camera_rays
     layer.holdout, layer.indirect_only = False, True
-    assert set(by_name()) == {"wall"}
+    names, messages = read()
+    assert set(names) == {"wall"} and not messages
+    assert not by_name()["wall"].camera_rays
+
+
+def test_an_instance_of_a_holdout_is_one(scene, home):
+    inner = bpy.data.collections.new("inner")
+    cube("mask", inner).is_holdout = True
+    for place in (0.0, 3.0):
+        item = bpy.data.objects.new(f"of a mask at {place}", None)
+        item.instance_type, item.instance_collection = "COLLECTION", inner
+        item.location.x = place
+        home.objects.link(item)
+    said = [line.partition(":")[0] for line in read()[1] if "is a holdout" in line]
+    assert sorted(said) == ["of a mask at 0.0", "of a mask at 3.0"]
 
 
 def test_the_view_layer_that_renders_is_read_and_the_others_are_named(scene, home):

@@ -268,3 +268,17 @@ def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, method, kills)
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
     for key in ("rays", "error", "certificate", "entries_percent"):
         assert one.attributes["report"][key] == two.attributes["report"][key], key
+
+
+def test_nothing_of_ours_listens_when_python_ends():
+    """Blender 4.2 as a module crashes of it, and 4.5 never ends."""
+    script = (
+        "import atexit, bpy; pre = bpy.app.handlers.render_pre;"
+        "atexit.register(lambda: print('left:', len(pre)));"
+        "import prt_core.blender; print('now:', len(pre))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["now:", "1", "left:", "0"]

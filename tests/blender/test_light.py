@@ -111,6 +111,35 @@ def test_a_rendered_world_is_kept_until_it_changes(world):
     np.testing.assert_allclose(read_environment().map.pixels[3, 5], [0.5, 0.25, 2], atol=1e-3)
 
 
+def test_the_render_of_a_world_is_told_to_nobody(world, capfd):
+    """Neither in lines of Blender's, nor to handlers of other add-ons."""
+    tree, told = world.node_tree, []
+    tree.links.new(
+        tree.nodes.new("ShaderNodeTexNoise").outputs["Color"],
+        tree.nodes["Background"].inputs["Color"],
+    )
+    bpy.app.handlers.render_write.append(told.append)
+    try:
+        capfd.readouterr()
+        assert read_environment().map.pixels.std() > 0.01
+    finally:
+        bpy.app.handlers.render_write.remove(told.append)
+    assert capfd.readouterr().out == "" and not told
+
+
+def test_a_world_of_nodes_waits_for_the_end_of_a_render(world, monkeypatch):
+    tree = world.node_tree
+    colour = tree.nodes.new("ShaderNodeTexMagic").outputs["Color"]
+    tree.links.new(colour, tree.nodes["Background"].inputs["Color"])
+    scenes = set(bpy.data.scenes)
+    with monkeypatch.context() as rendering:
+        rendering.setattr("prt_core.blender.small_render.is_rendering", lambda: True)
+        with pytest.raises(PRTError) as caught:
+            read_environment()
+    assert str(caught.value) == "world 'w': Cycles: a render is under way; wait for its end"
+    assert set(bpy.data.scenes) == scenes and read_environment() is not None
+
+
 def test_the_disc_of_a_sky_is_a_sun_of_its_own(world):
     tree, sky = world.node_tree, world.node_tree.nodes.new("ShaderNodeTexSky")
     if "NISHITA" in sky.bl_rna.properties["sky_type"].enum_items:

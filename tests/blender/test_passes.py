@@ -9,6 +9,7 @@ from prt_core.blender.passes.cryptomatte import name_number
 from prt_core.blender.passes.openexr import read_channels
 from prt_core.errors import PRTError
 from prt_core.reflectance.bump import bump_mean
+from tests.blender.conftest import link_from_library
 
 
 def grid(name="grid", size=(5, 3), location=(0.3, -0.2, 0.1)):
@@ -400,6 +401,28 @@ def test_light_path_nodes_tell_what_is_shown_from_what_is_met():
     assert "Is Shadow Ray" in sockets
 
 
+def test_light_path_nodes_of_linked_libraries_answer_as_well(tmp_path):
+    def told_apart(tree):
+        mix = add(tree, "MixShader", Fac=add(tree, "LightPath").outputs["Is Diffuse Ray"])
+        for index, colour in ((1, (0.7, 0.1, 0.2, 1)), (2, (0, 0.3, 1, 1))):
+            tree.links.new(add(tree, "BsdfDiffuse", Color=colour).outputs[0], mix.inputs[index])
+        return mix
+
+    def wires(tree):
+        return sorted(
+            (w.from_socket.name, w.to_node.name, w.to_socket.identifier) for w in tree.links
+        )
+
+    home = bpy.context.scene.collection
+    item = link_from_library(plate("far", surface(told_apart)), tmp_path / "far.blend", home)
+    tree = item.data.materials[0].node_tree
+    before, n_nodes = wires(tree), len(tree.nodes)
+    far = read()[0]["far"]
+    np.testing.assert_allclose(far.materials.albedo, [[0.7, 0.1, 0.2]] * 4, atol=1e-3)
+    np.testing.assert_allclose(far.bounced.materials.albedo, [[0, 0.3, 1]] * 4, atol=1e-3)
+    assert wires(tree) == before and len(tree.nodes) == n_nodes
+
+
 def test_between_two_texels_colours_change_as_the_file_encodes_them():
     image = bpy.data.images.new("steps", 4, 1)
     image.pixels.foreach_set(np.repeat(np.float32([0, 1, 1, 0]), 4))
@@ -489,6 +512,34 @@ def test_backs_are_evaluated_where_nodes_tell_them_apart(monkeypatch):
     monkeypatch.setattr(looked, lambda *a, **k: 1 / 0)
     again, _ = read()
     assert again["page"].back.materials.equals(page.back.materials)
+
+
+def test_sides_that_shadow_rays_tell_apart_are_said():
+    def one_way(back):
+        def build(tree):
+            path = add(tree, "LightPath").outputs["Is Shadow Ray"]
+            shadow = add(tree, "MixShader", Fac=path)
+            diffuse = add(tree, "BsdfDiffuse")
+            tree.links.new(diffuse.outputs[0], shadow.inputs[1])
+            tree.links.new(add(tree, "BsdfTransparent").outputs[0], shadow.inputs[2])
+            return sided(tree, shadow, diffuse) if back else shadow
+
+        return surface(build)
+
+    plate("one way", one_way(True))
+    plate("both ways", one_way(False), 1.0)
+    meshes, messages = read()
+    np.testing.assert_allclose(meshes["one way"].shadow.materials.opacity, 0, atol=1e-3)
+    said = [line for line in messages if "shadow rays" in line]
+    assert said == ["material 'one way': Light Path: to shadow rays its back is as its front"]
+
+
+def test_a_holdout_shader_is_black_and_said():
+    plate("mask", surface(lambda tree: add(tree, "Holdout")))
+    meshes, messages = read()
+    np.testing.assert_allclose(meshes["mask"].materials.albedo, 0, atol=1e-3)
+    np.testing.assert_allclose(meshes["mask"].materials.opacity, 1, atol=1e-3)
+    assert any(line.startswith("material 'mask': a holdout is black") for line in messages)
 
 
 def test_what_depends_on_the_direction_of_view_is_said():

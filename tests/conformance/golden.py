@@ -41,19 +41,27 @@ def make_golden(scene, folder):
     ValueError
         The bake is too noisy for the bound, or the feature changes too little to be tested.
     """
-    halves = [cycles_colours(scene, folder, scene.samples // 2, seed) for seed in (0, 1)]
-    truth = {name: (halves[0][name] + halves[1][name]) / 2 for name in scene.targets}
-    plain = cycles_colours(scene, folder, max(scene.samples // 4, 16), 0, with_feature=False)
-    noise = max(error(halves[0][name], truth[name]) for name in scene.targets)
-    without = max(error(plain[name], truth[name]) for name in scene.targets)
+    truth, other = truth_of(scene, folder)
+    noise, without = other["noise"], other["without"]
     if noise > scene.bound / 2:
         raise ValueError(f"Cycles' noise is {noise:.2%}, the bound {scene.bound:.1%}: more samples")
     if without < 2 * scene.bound:
         raise ValueError(f"without its feature it is only {without:.2%} off: it would not be seen")
     values = {name: colours.astype(np.float16) for name, colours in truth.items()}
-    values |= {"blender": bpy.app.version_string, "noise": noise, "without": without}
-    np.savez_compressed(FOLDER / f"{scene.name}.npz", **values)
+    np.savez_compressed(FOLDER / f"{scene.name}.npz", **values, **other)
     return {"noise": noise, "without": without}
+
+
+def truth_of(scene, folder):
+    """What `read_golden` gives, of a scene as the Cycles at hand bakes it."""
+    halves = [cycles_colours(scene, folder, scene.samples // 2, seed) for seed in (0, 1)]
+    truth = {name: (halves[0][name] + halves[1][name]) / 2 for name in scene.targets}
+    plain = cycles_colours(scene, folder, max(scene.samples // 4, 16), 0, with_feature=False)
+    return truth, {
+        "blender": bpy.app.version_string,
+        "noise": max(error(halves[0][name], truth[name]) for name in scene.targets),
+        "without": max(error(plain[name], truth[name]) for name in scene.targets),
+    }
 
 
 def cycles_colours(scene, folder, samples, seed, with_feature=True):

@@ -206,7 +206,7 @@ class Evaluation:
         record, notes = self._records[index], sorted(self._signs[index])
         for slot in np.unique(record.slot_of_corner):
             graph = self._materials.graph(record.slot(slot))
-            kinds = ("rough", "scatters", "tinted", "bumpy", "toon", "lengths", "views")
+            kinds = "rough scatters tinted bumpy toon lengths views holdouts".split()
             notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
             notes += [("line", line) for line in _missing_images(graph)]
         if self._unseen[index]:

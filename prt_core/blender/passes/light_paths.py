@@ -21,15 +21,14 @@ def answering(node, ray):
     """
     tree, values, links = node.id_data, [], []
     try:
-        if tree.library is None:
-            for output in node.outputs:
-                for link in list(output.links):
-                    links.append((output, link.to_socket, link.is_muted))
-            for output, socket, muted in links:
-                value = tree.nodes.new("ShaderNodeValue")
-                value.outputs[0].default_value = ANSWERS[ray].get(output.name, 0.0)
-                values.append(value)
-                tree.links.new(value.outputs[0], socket).is_muted = muted
+        for output in node.outputs:
+            for link in list(output.links):
+                links.append((output, link.to_socket, link.is_muted))
+        for output, socket, muted in links:
+            value = tree.nodes.new("ShaderNodeValue")
+            value.outputs[0].default_value = ANSWERS[ray].get(output.name, 0.0)
+            values.append(value)
+            tree.links.new(value.outputs[0], socket).is_muted = muted
         yield
     finally:
         for output, socket, muted in links:

@@ -39,6 +39,8 @@ LINES = {
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
     "lengths": "Light Path: lengths and depths are those of a ray of length 1 after one bounce",
     "sampled": "Light Path: its emission is that of diffuse rays; Cycles also takes other rays'",
+    "sides": "Light Path: to shadow rays its back is as its front",
+    "holdouts": "a holdout is black to light; renders have a hole there, pictures of a bake do not",
     "views": "Layer Weight, Fresnel, Incoming and the like: it is as seen from straight on",
     "fine normals": "the normal map is finer than the mesh and counts at its points only; "
     "subdivide the mesh to see it",

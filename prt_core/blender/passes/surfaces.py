@@ -72,6 +72,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
         looks = {look: known[index] for look, known in surfaces.items() if index in known}
         notes += [note for surface in looks.values() for note in surface.notes]
         notes += _mixed_emission(records[index], looks, materials)
+        notes += _mixed_sides(records[index], looks, materials)
         _apply(mesh, looks)
     messages += [line for line in lines_of(notes) if line not in messages]
 
@@ -154,6 +155,16 @@ def _mixed_emission(record, looks, materials):
     met, aimed = (looks[name].corners[:, COLUMNS["emission"]] for name in ("bounced", "shadow"))
     slots = record.slot_of_corner[(abs(met - aimed) > 1e-3 * np.maximum(met, aimed)).any(axis=1)]
     return [("sampled", materials.graph(record.slot(slot)).name) for slot in np.unique(slots)]
+
+
+def _mixed_sides(record, looks, materials):
+    """Notes on materials that shadow rays may tell the sides of, and do not."""
+    if not {"back", "shadow"} <= set(looks):
+        return []
+    clear = [looks[name].corners[:, COLUMNS["opacity"]] < 1 for name in ("back", "shadow")]
+    slots = np.unique(record.slot_of_corner[np.any(clear, axis=0)[:, 0]])
+    graphs = [materials.graph(record.slot(slot)) for slot in slots]
+    return [("sides", graph.name) for graph in graphs if graph.backs and graph.shadows]
 
 
 def _apply(mesh, looks):

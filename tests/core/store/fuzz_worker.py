@@ -21,7 +21,7 @@ from prt_core.cli import main
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.machine import peak_bytes, reset_peak
 from tests.core.store.conftest import LAMPS
-from tests.meshes import ball_on_paint
+from tests.meshes import ball_on_paint, leaf
 
 # Points that are stored together, so that there are several blocks of few.
 BLOCK = 128
@@ -34,7 +34,8 @@ SETTINGS = {
 
 
 def scene():
-    return ball_on_paint(max_hidden=300)
+    """With all that a bake may hold."""
+    return ball_on_paint(more=[leaf()], max_hidden=300)
 
 
 def world():

@@ -4,6 +4,9 @@ import sys
 
 import pytest
 
+from prt_core import run
+from prt_core.store import BakeStore, read_scene
+from tests.core.store import fuzz_worker
 from tests.core.store.fuzz import fuzz, table_lines
 from tests.core.store.mutations import MUTATIONS
 
@@ -19,3 +22,17 @@ def test_no_damage_is_wrong_in_silence_or_more_than_a_line(quick_folder):
     # It must not be that everything is refused, or that nothing was damaged.
     assert min(total["harmless"], total["repaired"], total["refused"]) > 20
     assert peak < 1 << 31
+
+
+def test_what_is_damaged_holds_all_that_a_bake_may(tmp_path):
+    path = tmp_path / "a.prt"
+    run(fuzz_worker.steps(path, "exhaustive"))
+    store = BakeStore(path)
+    kept = read_scene(store)
+    assert {"emission", "opacity", "translucency"} <= set(store.attributes["materials"])
+    assert kept.emitters == ("ball", "leaf") and len(kept.details) > 1
+    assert (kept.lattice_back >= 0).any()
+    # Of fronts and backs, and to shadow rays another.
+    assert kept.opacity.back is not None and kept.shadow_opacity is not kept.opacity
+    parts = {"emission_direct", "emission_received", "opacity_back", "shadow_opacity_cells"}
+    assert parts <= set(store.names())

@@ -23,7 +23,7 @@ from prt_core.runtime.seeds import Stage, generator
 TRAININGS = ("hard", "annealed")
 # Hard memberships: rounds at most, updates of each pair in a round, and the share of the energy
 # below which a round counts as without change.
-_ROUNDS, _UPDATES, _SETTLED = 16, 8, 2e-3
+_ROUNDS, _UPDATES, _SETTLED = 32, 8, 5e-4
 # Annealing: the first temperature in spreads of the errors, its factor, updates at most at one
 # temperature, the change of the energy that ends them, and how far from binary the end is.
 _FIRST, _COOLING, _SWEEPS, _SWEEP_SETTLED, _BINARY = 0.5, 1.6, 8, 2e-3, 1e-2

@@ -39,6 +39,7 @@ def test_all_reads_agree_and_a_state_is_the_same_again(name, field):
     scale = np.abs(flat).max()
     assert np.allclose(model.entries(points, cells), flat[points, cells], atol=2e-6 * scale)
     assert np.allclose(model.decode(points[:7]), decoded[points[:7]], atol=2e-6 * scale)
+    assert model.decode(points[:0]).shape == (0, 8, 6) and not len(model.entries([], []))
     row, column = (rng.random(len(hrdfs)).astype(np.float32) * n for n in (7, 5))
     row[0], column[1] = 7, 0
     plain = HRDFCompressor.interpolated(model, row, column)

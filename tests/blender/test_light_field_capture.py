@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -14,8 +15,10 @@ from prt_core.api import light_field
 from prt_core.bake.light_field import points_of
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
+from prt_core.blender.light_field_shader import GRAZING
 from prt_core.blender.passes.openexr import read_channels, write_channels
 from prt_core.errors import PRTError
+from prt_core.lightfield import HRDFLayout
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
 from tests.benchmarks.light_field_capture import compare, scene_with
@@ -154,9 +157,10 @@ def test_dark_lamps_are_said_and_a_scene_without_light_is_refused(tmp_path):
     lamp("off", (0, 0, 3), energy=0.0)
     with pytest.raises(PRTError, match="--lamps: nothing in it gives light"):
         shot(["ball"], lamps=True)
-    lamp("on", (0, 0, 3))
+    lamp("world", (0, 0, 3))
+    sky()
     report = light_field(None, tmp_path / "a.slf", lamps=True, angles=ANGLES, samples=2, hidden=0)
-    assert report["lights"] == ["on"]
+    assert report["lights"] == ["world", "world.001"]
     assert "lamp 'off': has no power" in report["messages"][0]
 
 
@@ -354,3 +358,44 @@ def test_cycles_and_the_products_own_transport_agree_on_a_diffuse_scene(tmp_path
         mean = theirs.mean(axis=(1, 2))
         error = np.linalg.norm(ours[:, 0, 0] - mean) / np.linalg.norm(mean)
         assert error < 0.05, (light, error)
+
+
+@needs_camera
+def test_each_cell_looks_from_its_direction_of_the_frame():
+    tree = material(ball(), "Emission").node_tree
+    place = tree.nodes.new("ShaderNodeNewGeometry")
+    half = tree.nodes.new("ShaderNodeVectorMath")
+    half.operation = "MULTIPLY_ADD"
+    half.inputs[1].default_value = half.inputs[2].default_value = (0.5, 0.5, 0.5)
+    tree.links.new(place.outputs["Incoming"], half.inputs[0])
+    tree.links.new(half.outputs[0], tree.nodes["Emission"].inputs["Color"])
+    angles = (13, 9)
+    points, camera, _ = shot(["ball"], samples=1)
+    # Facets that are not as they are shaded.
+    tilted = points.above @ np.array([[1, 0, 0.3], [0, 1, 0], [0, 0, 1.0]])
+    points = replace(points, above=tilted)
+    radiance, _, _ = camera.shoot(points, angles, 1, 3, spread=0.0)
+    local = HRDFLayout(*angles).directions.reshape(*angles, 3)
+    ways = np.einsum("ijk,nkx->nijx", local, points.frames)
+    height = np.linalg.norm(points.above, axis=1)
+    above = points.above / height[:, None]
+    slope = np.einsum("nijx,nx->nij", ways, above)
+    straight = slope > GRAZING
+    assert 0.8 < straight.mean() < 1
+    seen = 2 * radiance[0] - 1
+    met = np.linalg.norm(seen, axis=-1) > 0.99
+    assert met.mean() > 0.95
+    assert np.allclose(seen[straight & met], ways[straight & met], atol=1e-5)
+    # Below the facets it looks from the horizon, as far around.
+    bent = seen[~straight & met]
+    owner = np.nonzero(~straight & met)[0]
+    assert len(bent) > 20 and np.allclose((bent * above[owner]).sum(axis=1), GRAZING, atol=1e-4)
+
+
+@needs_camera
+def test_a_build_without_the_language_of_shaders_says_so(tmp_path, monkeypatch):
+    material(ball(), "Emission")
+    monkeypatch.setattr("_cycles.with_osl", False)
+    with pytest.raises(PRTError, match=r"no OSL; take one from blender.org, or bake with") as error:
+        light_field(None, tmp_path / "a.slf", angles=ANGLES)
+    assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, Lamp, bake_steps, load, relight_points, run
+from prt_core import BakeSettings, Lamp, bake_steps, light_field, load, relight_points, run
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_transport import TransportCamera
@@ -103,8 +103,8 @@ def test_lights_are_dimmed_and_coloured(tmp_path):
 
 
 def test_what_was_stopped_goes_on_bit_by_bit(tmp_path):
-    capture(tmp_path / "whole.slf")
-    steps = capture_light_field(scene(), Arithmetic(), tmp_path / "a.slf", SETTINGS)
+    capture(tmp_path / "whole.slf", Arithmetic(noise=9.0))
+    steps = capture_light_field(scene(), Arithmetic(noise=9.0), tmp_path / "a.slf", SETTINGS)
     for progress in steps:
         if progress.stage == "light field" and progress.done > 8:
             break
@@ -112,7 +112,7 @@ def test_what_was_stopped_goes_on_bit_by_bit(tmp_path):
     assert not BakeStore(tmp_path / "a.slf").is_complete
     with pytest.raises(PRTError, match="is not finished; run the same 'prt lightfield bake'"):
         load_light_field(tmp_path / "a.slf")
-    camera = Arithmetic()
+    camera = Arithmetic(noise=9.0)
     report = capture(tmp_path / "a.slf", camera)
     assert 2 < camera.shots < len(scene().points) / 4 + 2
     assert "went on" in report["messages"][-1]
@@ -120,16 +120,16 @@ def test_what_was_stopped_goes_on_bit_by_bit(tmp_path):
 
 
 def test_a_kill_in_a_block_goes_on_bit_by_bit(tmp_path):
-    capture(tmp_path / "whole.slf")
+    capture(tmp_path / "whole.slf", Arithmetic(noise=9.0))
     code = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from tests.core.bake.test_light_field_store import *\n"
-        "capture(sys.argv[2], Arithmetic(stop_at=5))"
+        "capture(sys.argv[2], Arithmetic(noise=9.0, stop_at=5))"
     )
     root = Path(__file__).parents[3]
     ended = subprocess.run([sys.executable, "-c", code, root, tmp_path / "a.slf"], cwd=root)
     assert ended.returncode == -signal.SIGKILL
-    capture(tmp_path / "a.slf")
+    capture(tmp_path / "a.slf", Arithmetic(noise=9.0))
     assert arrays_of(tmp_path / "a.slf") == arrays_of(tmp_path / "whole.slf")
 
 
@@ -270,3 +270,23 @@ def test_the_field_of_a_bake_is_its_radiance_in_all_directions(tmp_path):
     with pytest.raises(PRTError, match="has no light of its own"):
         run(bake_steps(Scene.from_meshes(meshes), tmp_path / "dark.prt", settings))
         TransportCamera(load(tmp_path / "dark.prt"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"grid": 0}, "grid: expected a whole number >= 1"),
+        ({"hidden": -1}, "hidden: expected a whole number >= 0"),
+        ({"lamps": "yes"}, "lamps: expected True or False"),
+        ({"angles": "32x16"}, "angles: expected two whole numbers"),
+        ({"unknown": 1}, "unknown: no such setting; there are angles, samples"),
+        ({"objects": ["a"]}, "a.prt: its points are those of the bake"),
+        ({}, "a.prt: there is no such bake"),
+    ],
+)
+def test_wrong_calls_are_one_line_and_leave_nothing(tmp_path, wrong, said):
+    with pytest.raises(PRTError, match=said) as error:
+        light_field(tmp_path / "a.prt", tmp_path / "a.slf", **wrong)
+    assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()
+    with pytest.raises(PRTError, match=r"a\.prt: expected a name that ends in \.slf"):
+        light_field("a.blend", tmp_path / "a.prt")

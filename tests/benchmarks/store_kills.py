@@ -96,11 +96,14 @@ def _kill_command(command, folder, options, rng, before=None):
         if before:
             shutil.copytree(before, broken)
         # Twice, for what goes on may be killed as well.
-        codes = [prt(*command, broken, kill_after=seconds * rng.random()) for _ in range(2)]
+        moments = seconds * rng.random(2)
+        codes = [prt(*command, broken, kill_after=moment) for moment in moments]
         codes.append(prt(*command, broken))
         good = codes[-1] == 0 and set(codes) <= {0, -9}
         name = compared(broken, whole) if good else f"exit codes {codes}"
-        result["too late" if codes[0] == 0 and name == "equal" else name] += 1
+        name = "too late" if codes[0] == 0 and name == "equal" else name
+        _report(command[0], moments.round(1).tolist(), name)
+        result[name] += 1
         shutil.rmtree(broken)
     return result
 

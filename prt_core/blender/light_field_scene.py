@@ -5,6 +5,8 @@ from prt_core.blender.depsgraph import read_meshes_steps
 from prt_core.blender.identity import find_object, scene_of
 from prt_core.blender.light_field_camera import LightFieldCamera, expect_custom_camera
 from prt_core.blender.light_groups import lights_of
+from prt_core.reflectance import Materials
+from prt_core.scene.paint import LOOKS, Look, look_of
 from prt_core.scene.sheets import is_sheet
 
 
@@ -40,8 +42,26 @@ def light_field_meshes_steps(uid, objects=None, two_sided=(), lamps=False, pace=
         uid, objects, two_sided, unsaid, pace=pace, materials=lamps
     )
     for mesh in meshes:
+        _keep_emission(mesh)
         mesh.two_sided = mesh.two_sided or (mesh.receives and is_sheet(mesh))
     return meshes
+
+
+def _keep_emission(mesh):
+    """Leave nothing of a mesh's materials but what they emit: the render has all the rest.
+
+    Else glass would have points within, and what bakes say of what lets light pass would be said.
+    """
+    for name in ("shown", *LOOKS):
+        look = look_of(mesh, name) if name == "shown" else getattr(mesh, name)
+        if look is None:
+            continue
+        materials = Materials(albedo=look.materials.albedo, emission=look.materials.emission)
+        paint = None if look.paint is None else look.paint.only({"emission"})
+        if name == "shown":
+            mesh.materials, mesh.paint = materials, paint
+        else:
+            setattr(mesh, name, Look(materials, paint))
 
 
 def light_field_camera(uid, built, lamps=False, messages=None):

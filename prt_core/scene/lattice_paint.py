@@ -1,6 +1,7 @@
 """What surfaces look like between their corners, sampled once on lattices in triangles."""
 
 import hashlib
+from copy import copy
 
 import numpy as np
 
@@ -75,6 +76,16 @@ class LatticePaint:
         """See `Paint`."""
         row = self._rows(corners)
         return np.where(row >= 0, self._levels[row] ** 2 / 2, 0.0)
+
+    def only(self, names):
+        """The same paint of some of its quantities, a set of names; None where it has none."""
+        kept = {name: values for name, values in self._corner_values.items() if name in names}
+        if not kept:
+            return None
+        paint = copy(self)
+        paint._corner_values = kept
+        paint.samples = {name: self.samples[name] for name in kept}
+        return paint
 
     def digest(self):
         """See `Paint`."""

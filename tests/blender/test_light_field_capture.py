@@ -399,3 +399,21 @@ def test_a_build_without_the_language_of_shaders_says_so(tmp_path, monkeypatch):
     with pytest.raises(PRTError, match=r"no OSL; take one from blender.org, or bake with") as error:
         light_field(None, tmp_path / "a.slf", angles=ANGLES)
     assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()
+
+
+def test_glass_has_points_outside_alone_and_nothing_is_said_of_bakes(tmp_path):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_cube_add()
+    glass = bpy.data.materials.new("glass")
+    glass.use_nodes = True
+    glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
+    bpy.context.object.data.materials.append(glass)
+    bpy.ops.object.light_add(type="POINT", location=(2, 1, 3))
+    reports = [
+        light_field(
+            None, tmp_path / f"{lamps}.slf", lamps=lamps, angles=(3, 2), samples=1, hidden=0
+        )
+        for lamps in (False, True)
+    ]
+    assert reports[0]["points"] == reports[1]["points"] == 24
+    assert not [line for report in reports for line in report["messages"] if "sun" in line]

@@ -101,7 +101,7 @@ def attributes():
 
 def load(hand, report):
     """The one of the folder, by its button under the list."""
-    yield from press(hand, "prt.refresh", status, at=0.9)
+    yield from press(hand, "prt.refresh", status, at=0.82)
     yield from press(hand, "prt.light_field_load", status)
     yield from compare(hand, report, "loaded")
 

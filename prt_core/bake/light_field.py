@@ -28,12 +28,13 @@ from prt_core.errors import (
     expect_whole,
     system_errors,
 )
+from prt_core.lightfield.tangent_frames import smooth_frames
 from prt_core.runtime.machine import expect_memory
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene, expect_camera
+from prt_core.scene.field_edges import field_edges
 from prt_core.scene.field_points import field_points
-from prt_core.sphere import tangent_frames
 from prt_core.store import begin_bake, check_scene, damage_as_error, finish_bake, write_scene
 from prt_core.store.attributes import digest
 from prt_core.version import __version__
@@ -169,7 +170,9 @@ def points_of(scene):
         chosen = np.union1d(scene.lattice[owner], scene.lattice_back[owner])
         chosen = chosen[chosen >= 0]
     expect(len(chosen), "objects: none of them has a face with an area; name others")
-    return field_points(scene, chosen, tangent_frames(scene.points.normals[chosen]))
+    # Neighbours have frames that are turned as little as can be: so their fields are alike.
+    frames = smooth_frames(scene.points.normals[chosen], field_edges(scene, chosen))
+    return field_points(scene, chosen, frames)
 
 
 class _Capture:

@@ -2,17 +2,23 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+from prt_core import bake
 from prt_core.api import light_field
 from prt_core.bake.light_field import points_of
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
+from prt_core.blender.light_field_shader import GRAZING
+from prt_core.blender.passes.openexr import read_channels, write_channels
 from prt_core.errors import PRTError
+from prt_core.lightfield import HRDFLayout
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
 from tests.benchmarks.light_field_capture import compare, scene_with
@@ -294,3 +300,101 @@ def test_an_older_blender_says_what_to_do(tmp_path):
     material(ball(), "Emission")
     with pytest.raises(PRTError, match=r"needs Blender 4.5 or later .* 'prt lightfield bake NAME"):
         light_field(None, tmp_path / "a.slf", angles=ANGLES)
+
+
+@needs_camera
+def test_denoised_light_is_nearer_the_truth_and_lamps_stay_apart():
+    material(ball(segments=16), "BsdfDiffuse", Color=(0.6, 0.5, 0.4, 1))
+    lamp("left", (-2, 0, 2)).data.shadow_soft_size = 1.5
+    lamp("right", (2, 0, 2), colour=(0.2, 0.4, 1)).data.shadow_soft_size = 1.5
+    bpy.context.scene.cycles.max_bounces = 0
+    points, camera, (noisy, _, _) = shot(["ball"], (8, 7), samples=2, lamps=True)
+    truth = camera.shoot(points, (8, 7), 512, 5)[0]
+    clean = camera.denoise(noisy, points, 2)
+    assert clean.shape == noisy.shape and (clean >= 0).all()
+    for before, after, right in zip(noisy, clean, truth, strict=True):
+        assert np.linalg.norm(after - right) < 0.7 * np.linalg.norm(before - right)
+        assert after.sum() == pytest.approx(before.sum(), rel=0.05)
+
+
+def test_files_of_layers_are_read_as_they_were_written(tmp_path):
+    rng = np.random.default_rng(4)
+    names = ("a.Combined.R", "a.Combined.G", "a name that is longer than thirty-one letters.R")
+    channels = {name: rng.normal(size=(5, 7)).astype(np.float32) for name in names}
+    write_channels(tmp_path / "a.exr", channels, {"cycles.a.samples": "3"})
+    back = read_channels(tmp_path / "a.exr")
+    assert set(back) == set(names)
+    assert all((back[name] == channels[name]).all() for name in names)
+
+
+@needs_camera
+def test_cycles_and_the_products_own_transport_agree_on_a_diffuse_scene(tmp_path):
+    material(ball(segments=24), "BsdfDiffuse", Color=(0.7, 0.5, 0.3, 1))
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=9, y_subdivisions=9, size=4)
+    material(bpy.context.object, "BsdfDiffuse", Color=(0.4, 0.6, 0.5, 1))
+    sky((0.3, 0.4, 0.6))
+    lamp("lamp", (1.5, -1, 3), energy=300)
+    bake(None, tmp_path / "a.prt", resolution=16, tolerance=0.02, caster="blender")
+    keywords = {"angles": (4, 3), "lamps": True}
+    light_field(tmp_path / "a.prt", tmp_path / "own.slf", **keywords)
+    light_field(None, tmp_path / "cycles.slf", samples=64, hidden=0, **keywords)
+    own, cycles = (load_light_field(tmp_path / name) for name in ("own.slf", "cycles.slf"))
+    assert set(own.lights) == set(cycles.lights) == {"lamp", "world"}
+
+    def key(field):
+        points = field.scene.points
+        positions = field.scene.to_world(points.positions[field.point])
+        return np.concatenate([positions, points.normals[field.point]], axis=1)
+
+    distance, same = cKDTree(key(own)).query(key(cycles))
+    # The backs of the sheet have points in a bake only where they are seen.
+    good = (distance < 1e-3) & (cycles.frames[:, 2, 2] > 0)
+    assert good.sum() > 100
+    for light in own.lights:
+        ours = own.radiance[own.lights.index(light)][same[good]]
+        theirs = cycles.radiance[cycles.lights.index(light)][good]
+        assert np.ptp(ours, axis=(1, 2)).max() == 0
+        mean = theirs.mean(axis=(1, 2))
+        error = np.linalg.norm(ours[:, 0, 0] - mean) / np.linalg.norm(mean)
+        assert error < 0.05, (light, error)
+
+
+@needs_camera
+def test_each_cell_looks_from_its_direction_of_the_frame():
+    tree = material(ball(), "Emission").node_tree
+    place = tree.nodes.new("ShaderNodeNewGeometry")
+    half = tree.nodes.new("ShaderNodeVectorMath")
+    half.operation = "MULTIPLY_ADD"
+    half.inputs[1].default_value = half.inputs[2].default_value = (0.5, 0.5, 0.5)
+    tree.links.new(place.outputs["Incoming"], half.inputs[0])
+    tree.links.new(half.outputs[0], tree.nodes["Emission"].inputs["Color"])
+    angles = (13, 9)
+    points, camera, _ = shot(["ball"], samples=1)
+    # Facets that are not as they are shaded.
+    tilted = points.above @ np.array([[1, 0, 0.3], [0, 1, 0], [0, 0, 1.0]])
+    points = replace(points, above=tilted)
+    radiance, _, _ = camera.shoot(points, angles, 1, 3, spread=0.0)
+    local = HRDFLayout(*angles).directions.reshape(*angles, 3)
+    ways = np.einsum("ijk,nkx->nijx", local, points.frames)
+    height = np.linalg.norm(points.above, axis=1)
+    above = points.above / height[:, None]
+    slope = np.einsum("nijx,nx->nij", ways, above)
+    straight = slope > GRAZING
+    assert 0.8 < straight.mean() < 1
+    seen = 2 * radiance[0] - 1
+    met = np.linalg.norm(seen, axis=-1) > 0.99
+    assert met.mean() > 0.95
+    assert np.allclose(seen[straight & met], ways[straight & met], atol=1e-5)
+    # Below the facets it looks from the horizon, as far around.
+    bent = seen[~straight & met]
+    owner = np.nonzero(~straight & met)[0]
+    assert len(bent) > 20 and np.allclose((bent * above[owner]).sum(axis=1), GRAZING, atol=1e-4)
+
+
+@needs_camera
+def test_a_build_without_the_language_of_shaders_says_so(tmp_path, monkeypatch):
+    material(ball(), "Emission")
+    monkeypatch.setattr("_cycles.with_osl", False)
+    with pytest.raises(PRTError, match=r"no OSL; take one from blender.org, or bake with") as error:
+        light_field(None, tmp_path / "a.slf", angles=ANGLES)
+    assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()

@@ -103,8 +103,8 @@ def test_lights_are_dimmed_and_coloured(tmp_path):
 
 
 def test_what_was_stopped_goes_on_bit_by_bit(tmp_path):
-    capture(tmp_path / "whole.slf")
-    steps = capture_light_field(scene(), Arithmetic(), tmp_path / "a.slf", SETTINGS)
+    capture(tmp_path / "whole.slf", Arithmetic(noise=9.0))
+    steps = capture_light_field(scene(), Arithmetic(noise=9.0), tmp_path / "a.slf", SETTINGS)
     for progress in steps:
         if progress.stage == "light field" and progress.done > 8:
             break
@@ -112,7 +112,7 @@ def test_what_was_stopped_goes_on_bit_by_bit(tmp_path):
     assert not BakeStore(tmp_path / "a.slf").is_complete
     with pytest.raises(PRTError, match="is not finished; run the same 'prt lightfield bake'"):
         load_light_field(tmp_path / "a.slf")
-    camera = Arithmetic()
+    camera = Arithmetic(noise=9.0)
     report = capture(tmp_path / "a.slf", camera)
     assert 2 < camera.shots < len(scene().points) / 4 + 2
     assert "went on" in report["messages"][-1]
@@ -120,16 +120,16 @@ def test_what_was_stopped_goes_on_bit_by_bit(tmp_path):
 
 
 def test_a_kill_in_a_block_goes_on_bit_by_bit(tmp_path):
-    capture(tmp_path / "whole.slf")
+    capture(tmp_path / "whole.slf", Arithmetic(noise=9.0))
     code = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from tests.core.bake.test_light_field_store import *\n"
-        "capture(sys.argv[2], Arithmetic(stop_at=5))"
+        "capture(sys.argv[2], Arithmetic(noise=9.0, stop_at=5))"
     )
     root = Path(__file__).parents[3]
     ended = subprocess.run([sys.executable, "-c", code, root, tmp_path / "a.slf"], cwd=root)
     assert ended.returncode == -signal.SIGKILL
-    capture(tmp_path / "a.slf")
+    capture(tmp_path / "a.slf", Arithmetic(noise=9.0))
     assert arrays_of(tmp_path / "a.slf") == arrays_of(tmp_path / "whole.slf")
 
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from prt_core.scene import Scene
+from prt_core.rays import BruteForceCaster
+from prt_core.scene import Scene, geometry_layout, with_geometry_image
+from prt_core.scene.field_edges import field_edges
 from prt_core.scene.field_points import field_points
 from prt_core.scene.sheets import is_sheet
 from prt_core.sphere import tangent_frames
@@ -57,3 +59,29 @@ def test_sheets_are_told_from_closed_surfaces():
     corners = ball.vertices[ball.corner_vertex[ball.triangle_corners]]
     ball.triangle_corners = ball.triangle_corners[corners[..., 2].mean(axis=1) > 0]
     assert is_sheet(ball)
+
+
+def test_neighbours_are_those_of_triangles_and_of_their_lattices():
+    scene, points = points_of(plane(3, -1, 1))
+    edges = field_edges(scene, points.point)
+    # Eight triangles of nine vertices: twelve sides of squares and four diagonals.
+    assert len(edges) == 16 and (edges[:, 0] < edges[:, 1]).all()
+    lengths = np.linalg.norm(np.diff(points.positions[edges], axis=1)[:, 0], axis=1)
+    assert lengths.max() < 1.5
+    large = Scene.from_meshes([plane(2, -1, 1)], max_hidden=40)
+    every = np.arange(len(large.points))
+    edges = field_edges(large, every)
+    degree = np.bincount(edges.ravel(), minlength=len(every))
+    assert large.triangle_level.max() > 2 and degree.min() >= 2 and degree.max() <= 6
+    # Some of the points alone: their numbers are counted among them.
+    assert field_edges(large, every[::2]).max(initial=0) < len(every[::2])
+
+
+def test_neighbours_of_an_image_are_its_texels_on_one_side():
+    mesh = plane(2, -1, 1)
+    mesh.corner_uv = mesh.vertices[mesh.corner_vertex, :2] / 2 + 0.5
+    layout = geometry_layout(mesh, "uv")
+    tracer = BruteForceCaster(layout.vertices, layout.triangles)
+    scene = with_geometry_image(Scene.from_meshes([mesh], 0), tracer, layout, 5)
+    edges = field_edges(scene, np.unique(scene.image.point))
+    assert len(edges) == 2 * 5 * 4

@@ -76,8 +76,8 @@ class HRDFCompressor(Parameters, ABC):
     def encode_steps(self, hrdfs, labels):
         """Write (n_points, m1, m2) `hrdfs` of clusters `labels` (n_points,) in the dictionary."""
 
-    def trial(self, hrdfs, labels, threshold):
-        """What another threshold would leave and take, by the dictionary that was learned.
+    def trial_steps(self, hrdfs, labels, threshold):
+        """What another threshold would leave and take; a generator of `Progress`.
 
         Parameters
         ----------
@@ -88,10 +88,10 @@ class HRDFCompressor(Parameters, ABC):
         Returns
         -------
         HRDFCompressor
-            A fitted one, of these HRDFs.
+            A fitted one of these HRDFs, with the dictionary that was learned.
         """
         model = copy(self).set_params(threshold=threshold)
-        run(model.encode_steps(hrdfs, labels))
+        yield from model.encode_steps(hrdfs, labels)
         return model
 
     def for_chroma(self):

@@ -37,12 +37,13 @@ class _Light:
     sample: np.ndarray
     sample_labels: np.ndarray
 
-    def trials(self, threshold):
+    def trials_steps(self, threshold):
         """Compressors of the sample with another threshold."""
-        return [
-            model.trial(_channel(self.sample, c), self.sample_labels, threshold / _STRENGTHS[c])
-            for c, model in enumerate(self.models)
-        ]
+        trials = []
+        for c, model in enumerate(self.models):
+            hrdfs, own = _channel(self.sample, c), threshold / _STRENGTHS[c]
+            trials.append((yield from model.trial_steps(hrdfs, self.sample_labels, own)))
+        return trials
 
 
 def fit_lights_steps(field, lights, peak):
@@ -128,8 +129,9 @@ def _threshold_steps(goal, trained, peak):
 
     last = {}
 
-    def holds(threshold):
-        error, nbytes = _sampled(trained, threshold, goal.megabytes is not None)
+    def holds_steps(threshold):
+        with_size = goal.megabytes is not None
+        error, nbytes, _ = yield from _sampled_steps(trained, threshold, with_size)
         last.update(psnr=decibels(peak, error), nbytes=nbytes)
         return goal.reached(last["psnr"], nbytes)
 
@@ -138,7 +140,7 @@ def _threshold_steps(goal, trained, peak):
     if goal.psnr is not None:
         first = peak * 10 ** (-goal.psnr / 20)
     rising = goal.psnr is not None
-    threshold = yield from last_that_holds_steps(holds, _FIRST * first or 1.0, rising)
+    threshold = yield from last_that_holds_steps(holds_steps, _FIRST * first or 1.0, rising)
     if threshold is None and rising:
         raise PRTError(
             f"psnr: {goal.psnr:g} dB are out of reach of this method and dictionary, which end at "
@@ -152,18 +154,19 @@ def _threshold_steps(goal, trained, peak):
     return threshold
 
 
-def _sampled(trained, threshold, with_size=True):
-    """The error and the bytes that a threshold leads to, by the samples."""
-    error, nbytes = 0.0, _others(trained)
+def _sampled_steps(trained, threshold, with_size=True):
+    """The error, bytes and numbers of a sample that a threshold leads to; bytes are of all."""
+    error, nbytes, n_numbers = 0.0, _others(trained), 0
     for light in trained:
-        models = light.trials(threshold)
+        models = yield from light.trials_steps(threshold)
+        n_numbers += sum(model.n_numbers_ for model in models)
         error += _rgb_error(models, light.sample, slice(None))
         if with_size:
             scale = len(light.labels) / len(light.sample)
             for model in models:
                 dictionary = model.dictionary_nbytes
                 nbytes += dictionary + (model.coded_nbytes - dictionary) * scale
-    return error, nbytes
+    return error, nbytes, n_numbers
 
 
 def _rgb_error(models, rgb, points):
@@ -223,13 +226,12 @@ def _attempt_steps(field, lights, peak, n_clusters, n_halvings):
     threshold = goal.threshold
     if goal.is_searched:
         threshold = yield from _threshold_steps(goal, trained, peak)
-    error, nbytes = _sampled(trained, threshold)
+    error, nbytes, n_numbers = yield from _sampled_steps(trained, threshold)
     if goal.megabytes is not None:
         return error, trained, threshold
     if goal.psnr is not None:
         return nbytes, trained, threshold
     # A number that saves threshold^2 is worth its bytes: so many bytes is an error worth.
-    numbers = sum(model.n_numbers_ for light in trained for model in light.trials(threshold))
-    n_bytes_each = nbytes * len(trained[0].sample) / lights.n_points / max(numbers, 1)
+    n_bytes_each = nbytes * len(trained[0].sample) / lights.n_points / max(n_numbers, 1)
     squared = error * 3 * lights.n_points
     return squared / threshold**2 * n_bytes_each + nbytes, trained, threshold

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect, expect_number, expect_whole
-from prt_core.runtime.progress import Progress
 
 GOALS = ("n_coefficients", "threshold", "psnr", "megabytes")
 # The first steps of a search and how many there are at most, and how near in the logarithm it ends.
@@ -62,13 +61,13 @@ class Goal:
         return nbytes <= 1e6 * self.megabytes
 
 
-def last_that_holds_steps(holds, first, rising=True):
+def last_that_holds_steps(holds_steps, first, rising=True):
     """Where a condition ends to hold; a generator of `Progress`.
 
     Parameters
     ----------
-    holds : callable(float) -> bool
-        Of a threshold.
+    holds_steps : callable(float)
+        Of a threshold: a generator of `Progress` that returns whether it holds.
     first : float
         The first threshold that is tried.
     rising : bool
@@ -86,8 +85,7 @@ def last_that_holds_steps(holds, first, rising=True):
     good = bad = None
     value, n_strides = sign * np.log(first), 0
     while True:
-        yield Progress("threshold", 0, 0)
-        if holds(float(np.exp(sign * value))):
+        if (yield from holds_steps(float(np.exp(sign * value)))):
             good = value
         else:
             bad = value

@@ -192,8 +192,8 @@ def _groups(order, labels):
     """(label, members) of indices `order` that are sorted by their labels."""
     sorted_labels = labels[order]
     starts = np.flatnonzero(np.diff(sorted_labels, prepend=-1))
-    for first, last in zip(starts, [*starts[1:], len(order)], strict=True):
-        yield int(sorted_labels[first]), order[first:last]
+    for members in np.split(order, starts[1:]) if len(order) else []:
+        yield int(labels[members[0]]), members
 
 
 class LearnedPairs(PairCompressor):
@@ -209,14 +209,14 @@ class LearnedPairs(PairCompressor):
 
     def _round_pairs(self, pairs):
         """Set `left_` and `right_` to what the bits leave of `pairs`, for encoding in them."""
-        sides = [[self._rounded(basis) for basis in side] for side in zip(*pairs, strict=True)]
-        self._reflections = [list(each) for each in sides]
+        self._reflections = [
+            [reflections_of(basis, self.bits) for basis in side]
+            for side in zip(*pairs, strict=True)
+        ]
         self.left_, self.right_ = (
-            np.stack([basis_of(*r, len(r[1]), self.bits) for r in side]) for side in sides
+            np.stack([self._basis(*reflections, size) for reflections in side])
+            for side, size in zip(self._reflections, self.shape_, strict=True)
         )
-
-    def _rounded(self, basis):
-        return reflections_of(basis, self.bits)
 
     @property
     def used_(self):
@@ -268,16 +268,19 @@ class LearnedPairs(PairCompressor):
         data = array_of(state, "turned", (-(-n_signs // 8),), "uint8")
         signs = np.unpackbits(data, count=n_signs).astype(bool)
         self._reflections, at, turned = [], 0, 0
-        for size, lengths, counts in zip(self.shape_, sizes, used.T, strict=True):
+        for lengths, counts in zip(sizes, used.T, strict=True):
             side = []
             for length, count in zip(lengths, counts, strict=True):
                 side.append((numbers[at : at + length], signs[turned : turned + count]))
                 at, turned = at + length, turned + count
             self._reflections.append(side)
-            bases = np.zeros((len(used), size, size), np.float32)
-            for basis, (tails, flips) in zip(bases, side, strict=True):
-                basis[:, : len(flips)] = basis_of(tails, flips, size, self.bits)
-            if size == self.shape_[0] and len(self._reflections) == 1:
-                self.left_ = bases
-            else:
-                self.right_ = bases
+        self.left_, self.right_ = (
+            np.stack([self._basis(*reflections, size) for reflections in side])
+            for side, size in zip(self._reflections, self.shape_, strict=True)
+        )
+
+    def _basis(self, numbers, signs, size):
+        """(size, size) float32: columns beyond those that are kept are zeros."""
+        basis = np.zeros((size, size), np.float32)
+        basis[:, : len(signs)] = basis_of(numbers, signs, size, self.bits)
+        return basis

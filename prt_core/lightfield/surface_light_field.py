@@ -28,6 +28,7 @@ from prt_core.lightfield.field_error import field_error
 from prt_core.lightfield.fit import fit_lights_steps
 from prt_core.lightfield.goals import Goal
 from prt_core.lightfield.hrdf import FROM_YCBCR, HRDFLayout
+from prt_core.lightfield.light_radiance import LightRadiance
 from prt_core.lightfield.methods import compressor_from_text
 from prt_core.lightfield.planes import joined, split
 from prt_core.lightfield.viewer import Viewer, in_frames
@@ -136,13 +137,14 @@ class SurfaceLightField(Parameters):
     def fit_steps(self, radiance, frames):
         """`fit` of `radiance` and `frames` as a generator of `Progress`; closing it cancels."""
         self.expect_params()
-        lights = _Lights(radiance)
+        lights = LightRadiance(radiance)
         expect_clusters(self.n_clusters, lights.n_points)
+        layout = HRDFLayout(*lights.shape)
         frames = expect_array("frames", frames, (lights.n_points, 3, 3), np.float32)
         peak = self.peak or lights.largest()
         fitted = yield from fit_lights_steps(self, lights, peak)
         self.n_points_, self.n_lights_ = lights.n_points, lights.n_lights
-        self.layout_, self.frames_, self.peak_ = HRDFLayout(*lights.shape), frames, peak
+        self.layout_, self.frames_, self.peak_ = layout, frames, peak
         self.labels_ = np.stack([labels for labels, _ in fitted])
         self.compressors_ = [models for _, models in fitted]
         return self
@@ -360,38 +362,6 @@ class SurfaceLightField(Parameters):
             hasattr(self, "compressors_"),
             "SurfaceLightField: holds nothing yet; call fit(radiance, frames) first",
         )
-
-
-class _Lights:
-    """The radiance of one or several lights, read one at a time and checked."""
-
-    def __init__(self, radiance):
-        shape = getattr(radiance, "shape", None)
-        if shape is None:
-            radiance = expect_numbers("radiance", radiance)
-            shape = radiance.shape
-        good = len(shape) in (4, 5) and shape[-1] == 3 and all(shape)
-        expect(
-            good,
-            "radiance: expected an array of shape (n_points, m1, m2, 3) or "
-            f"(n_lights, n_points, m1, m2, 3), none of them 0, got {tuple(shape)}",
-        )
-        self._radiance, self._single = radiance, len(shape) == 4
-        self.n_lights = 1 if self._single else shape[0]
-        self.n_points, self.shape = shape[-4], tuple(shape[-3:-1])
-
-    def __iter__(self):
-        return map(self.__getitem__, range(self.n_lights))
-
-    def __getitem__(self, light):
-        name = "radiance" if self._single else f"radiance of light {light}"
-        wanted = self.n_points, *self.shape, 3
-        part = self._radiance if self._single else self._radiance[light]
-        return expect_array(name, part, wanted, np.float32, -1e12, 1e12)
-
-    def largest(self):
-        """The largest radiance; 1 where all is dark."""
-        return max(float(np.max(light)) for light in self) or 1.0
 
 
 def _decoded(model, points):

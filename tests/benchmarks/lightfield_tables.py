@@ -5,6 +5,7 @@
     python tests/benchmarks/lightfield_tables.py clusters FIELD.npz [PSNR]    # clusters and pairs
     python tests/benchmarks/lightfield_tables.py dictionary FIELD.npz [PSNR]  # bits, training set
     python tests/benchmarks/lightfield_tables.py code FIELD.npz [PSNR]        # coders of numbers
+    python tests/benchmarks/lightfield_tables.py wavelets4d FIELD.npz         # over points as well
     python tests/benchmarks/lightfield_tables.py training FIELD.npz           # hard and annealed
     python tests/benchmarks/lightfield_tables.py frames FIELD.npz [N_POINTS]  # milliseconds a view
     python tests/benchmarks/lightfield_tables.py flicker FIELD.npz            # over half degrees
@@ -25,7 +26,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
 from prt_core import PRTError, run  # noqa: E402
-from prt_core.compress.dictionaries.exemplar import train_pairs_steps  # noqa: E402
+from prt_core.basis import PointHaar  # noqa: E402
+from prt_core.compress.dictionaries.exemplar import cost_of, train_pairs_steps  # noqa: E402
 from prt_core.compress.dictionaries.sparsity import Sparsity  # noqa: E402
 from prt_core.lightfield import (  # noqa: E402
     METHODS,
@@ -33,6 +35,10 @@ from prt_core.lightfield import (  # noqa: E402
     cluster_hrdfs_steps,
     to_ycbcr,
 )
+from prt_core.lightfield.code import SparseRows, entropy_coded  # noqa: E402
+from prt_core.lightfield.compressor import rounded  # noqa: E402
+from prt_core.lightfield.hrdf import FROM_YCBCR  # noqa: E402
+from prt_core.lightfield.rivals.haar import haar_basis  # noqa: E402
 
 COUNTS = (4, 8, 16, 32, 64)
 # CEOB's rows of the table: memberships, and what figure 4 counts with.
@@ -152,6 +158,45 @@ def code(radiance, frames, peak, psnr=PSNR):
         yield {"plane": name, "zstd, bytes": state[name].nbytes, "entropy, bytes": nbytes}
 
 
+def wavelets4d(radiance, frames, positions, peak, psnr=PSNR, depths=(0, 2, 4, 8, None)):
+    """Haar wavelets over points as well as angles, one threshold, the same coder; a row a depth.
+
+    Depth 0 is 2D Haar; None are all levels of the tree of points. Decoding one point then takes
+    the whole path of the tree, which a view of all points shares.
+    """
+    points, strengths = PointHaar(positions, frames[:, 2]), np.linalg.norm(FROM_YCBCR, axis=1)
+    bases = [haar_basis(size).astype(np.float32) for size in radiance.shape[1:3]]
+    channels = (
+        np.moveaxis(to_ycbcr(radiance), -1, 0) * (strengths / np.sqrt(3))[:, None, None, None]
+    )
+    tables = [(bases[0].T @ channel @ bases[1]).reshape(len(radiance), -1) for channel in channels]
+    budget = len(radiance) * peak**2 * 10 ** (-psnr / 10)
+    for depth in depths:
+        steps = points.depth if depth is None else min(depth, points.depth)
+        spread = [points.forward(table.T, steps).T.astype(np.float32) for table in tables]
+        low, high = 1e-4 * peak, peak
+        while high / low > 1.005:
+            middle = np.sqrt(low * high)
+            numbers = [rounded(np.where(np.abs(t) > middle, t, 0), 1.25 * middle) for t in spread]
+            error = sum(
+                np.square(t - n * (1.25 * middle), dtype=np.float64).sum()
+                for t, n in zip(spread, numbers, strict=True)
+            )
+            low, high = (middle, high) if error <= budget else (low, middle)
+        numbers = [rounded(np.where(np.abs(t) > low, t, 0), 1.25 * low) for t in spread]
+        levels = points.scales(steps).astype(np.int32)
+        coded = 0
+        for table in numbers:
+            rows = SparseRows.of_table(levels, table)
+            planes = entropy_coded(rows, int(levels.max()) + 1, table.shape[1])
+            coded += sum(plane.nbytes for plane in planes.values())
+        yield {
+            "levels of points": steps,
+            "numbers Y, Cb, Cr": "/".join(f"{np.count_nonzero(n) / len(n):.1f}" for n in numbers),
+            "coded %": 100 * coded / radiance.nbytes,
+        }
+
+
 def entropy(symbols):
     """Bits a symbol."""
     share = np.unique(symbols, return_counts=True)[1] / len(symbols)
@@ -182,8 +227,6 @@ def training(hrdfs, n_clusters=32, n_pairs=16, count=24, seed=0):
 
 
 def least_error(members, pairs, sparsity):
-    from prt_core.compress.dictionaries.exemplar import cost_of
-
     return np.min([cost_of(members, p, sparsity) for p in zip(*pairs, strict=True)], axis=0).sum()
 
 
@@ -228,16 +271,19 @@ def frames_table(radiance, frames, positions, peak, n_points=60_000, count=32):
 
 
 def flicker(radiance, frames, positions, peak, psnr=PSNR):
-    """Second difference over views half a degree apart: bilinear against the nearest cell."""
+    """Second difference of points that face all of 24 views: bilinear, and the nearest cell."""
     field = SurfaceLightField("ceob", psnr=psnr, peak=peak).fit(radiance, frames)
     table = field.decode(slice(None)).reshape(len(radiance), -1, 3)
     smooth, steps, every = [], [], np.arange(len(radiance))
+    facing = np.ones(len(radiance), bool)
     for ways in orbit(positions):
         smooth.append(field.toward(ways))
         local = np.einsum("nij,nj->ni", frames, ways)
+        facing &= local[:, 2] > 0
         steps.append(table[every, field.layout_.nearest(local)])
     bilinear, nearest = (
-        float(np.sqrt(np.square(np.diff(views, 2, axis=0)).mean())) for views in (smooth, steps)
+        float(np.sqrt(np.square(np.diff(views, 2, axis=0)[:, facing]).mean()))
+        for views in (smooth, steps)
     )
     yield {"bilinear": bilinear, "nearest": nearest, "ratio": bilinear / nearest}
 
@@ -268,6 +314,8 @@ def main(table, path, *rest):
             printed(named)
     elif table in ("sizes", "clusters", "dictionary", "code"):
         printed(globals()[table](radiance, frames, peak, *map(float, rest)))
+    elif table == "wavelets4d":
+        printed(wavelets4d(radiance, frames, positions, peak))
     elif table == "training":
         printed(training(luma_of(radiance)))
     elif table == "frames":

@@ -1,0 +1,1 @@
+"""Dictionaries that are learned: pairs of orthonormal bases, and atoms."""

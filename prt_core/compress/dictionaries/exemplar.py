@@ -23,7 +23,7 @@ from prt_core.runtime.seeds import Stage, generator
 TRAININGS = ("hard", "annealed")
 # Hard memberships: rounds at most, updates of each pair in a round, and the share of the energy
 # below which a round counts as without change.
-_ROUNDS, _UPDATES, _SETTLED = 16, 8, 2e-3
+_ROUNDS, _UPDATES, _SETTLED = 32, 8, 5e-4
 # Annealing: the first temperature in spreads of the errors, its factor, updates at most at one
 # temperature, the change of the energy that ends them, and how far from binary the end is.
 _FIRST, _COOLING, _SWEEPS, _SWEEP_SETTLED, _BINARY = 0.5, 1.6, 8, 2e-3, 1e-2
@@ -110,7 +110,6 @@ def _hard_steps(matrices, n_pairs, sparsity, seed):
         empty = np.flatnonzero(np.bincount(labels, minlength=n_pairs) == 0)
         # A pair that nobody uses begins again with the matrix that is worst off.
         worst = np.argsort(-costs.min(axis=1), kind="stable")[: len(empty)]
-        labels[worst] = empty
         for a, i in zip(empty, worst, strict=True):
             pairs[a] = _principal_pair(matrices[i : i + 1])
         if not len(empty) and energy >= (1 - _SETTLED) * before:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from prt_core import run
 from prt_core.errors import PRTError
 from prt_core.lightfield import CEOB, CPCA, METHODS, Haar2D, HRDFHarmonics, compressor_from_text
 from prt_core.lightfield.compressor import HRDFCompressor
@@ -38,6 +39,7 @@ def test_all_reads_agree_and_a_state_is_the_same_again(name, field):
     scale = np.abs(flat).max()
     assert np.allclose(model.entries(points, cells), flat[points, cells], atol=2e-6 * scale)
     assert np.allclose(model.decode(points[:7]), decoded[points[:7]], atol=2e-6 * scale)
+    assert model.decode(points[:0]).shape == (0, 8, 6) and not len(model.entries([], []))
     row, column = (rng.random(len(hrdfs)).astype(np.float32) * n for n in (7, 5))
     row[0], column[1] = 7, 0
     plain = HRDFCompressor.interpolated(model, row, column)
@@ -68,7 +70,7 @@ def test_more_coefficients_and_lower_thresholds_are_nearer(name, field):
     coarse, fine = (squared_error(trial, hrdfs) for trial in trials)
     assert fine < coarse and trials[0].n_numbers_ < trials[1].n_numbers_
     # With the dictionary that was learned.
-    again = trials[1].trial(hrdfs[:20], np.zeros(20, np.int32), 0.5)
+    again = run(trials[1].trial_steps(hrdfs[:20], np.zeros(20, np.int32), 0.5))
     assert again.n_points_ == 20 and trials[1].threshold == 0.05
     assert squared_error(again, hrdfs[:20]) > squared_error(trials[1], hrdfs) * 20 / len(hrdfs)
 
@@ -147,10 +149,10 @@ def test_one_threshold_beats_an_error_for_each_hrdf(field):
     model.fit(hrdfs)
     for _ in range(20):
         middle = np.sqrt(low * high)
-        trial = model.trial(hrdfs, np.zeros(len(hrdfs), np.int32), middle)
+        trial = run(model.trial_steps(hrdfs, np.zeros(len(hrdfs), np.int32), middle))
         fine = squared_error(trial, hrdfs) <= squared_error(each, hrdfs)
         low, high = (middle, high) if fine else (low, middle)
-    trial = model.trial(hrdfs, np.zeros(len(hrdfs), np.int32), low)
+    trial = run(model.trial_steps(hrdfs, np.zeros(len(hrdfs), np.int32), low))
     assert trial.coded_nbytes < each.coded_nbytes
 
 

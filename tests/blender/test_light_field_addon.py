@@ -305,6 +305,14 @@ def test_an_object_that_moved_since_is_said(scene):
     bpy.context.view_layer.update()
     bpy.ops.prt.light_field_load()
     assert "ball changed since" in light_fields.held(scene).warned
+    scene.objects["ball"].location.x -= 0.5
+    bpy.context.view_layer.update()
+    bpy.ops.prt.light_field_load()
+    assert not light_fields.held(scene).warned
+    # As many corners in another order.
+    scene.objects["ball"].data.flip_normals()
+    bpy.ops.prt.light_field_load()
+    assert "ball changed since" in light_fields.held(scene).warned
 
 
 @needs_camera

@@ -103,7 +103,7 @@ class Hand:
                 return self._known[name]
         seen = []
         yield from self.wheel("WHEELUPMOUSE", 30)
-        for _ in range(4):
+        for _ in range(8):
             region = self.sidebar
             x = region.x + int(region.width * at)
             for y in range(region.y + region.height - 8, region.y, -9):

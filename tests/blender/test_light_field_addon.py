@@ -151,6 +151,8 @@ def test_beside_relit_objects_each_has_one_owner(scene):
     bpy.ops.prt.clear()
     assert list(ball.data.color_attributes.keys()) == [FIELD]
     assert list(floor.data.color_attributes.keys()) == [] and not preview.present(scene)
+    assert ball.data.color_attributes.active_color.name == FIELD
+    assert "PRT preview" in ball.modifiers and "PRT preview" not in floor.modifiers
     np.testing.assert_allclose(colours_on("ball", FIELD), 2 * field, rtol=1e-5)
     bpy.ops.prt.light_field_clear()
     assert list(ball.data.color_attributes.keys()) == []

@@ -68,6 +68,7 @@ def from_api(name):
     strengths = {
         lamp.name: [lamp.strength * channel for channel in lamp.colour]
         for lamp in scene.prt.field.lamps
+        if lamp.name in field.lights
     }
     radiance, _ = field_toward(field, View(position=np.array(eye)), strengths)
     (item,) = [o for o in field.scene.objects if o.name == name]

@@ -6,6 +6,7 @@ The calls most people need:
 >>> bake = load("scene.prt")                                # then, anywhere
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
 >>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
+>>> light_field("scene.blend", "scene.slf", lamps=True)     # any material, from any side
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
 are the texels of a cube map, from the surface to the light, in Blender's world axes (z up); a
@@ -23,12 +24,15 @@ from prt_core.api import (
     compress,
     compress_bake,
     environment_light,
+    light_field,
     open_blend,
     relight,
     relight_points,
 )
 from prt_core.bake import Bake, BakeSettings, bake_steps, load
 from prt_core.bake.compress import CompressSettings
+from prt_core.bake.light_field import LightFieldSettings, capture_light_field
+from prt_core.bake.light_field_load import LightField, load_light_field
 from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
@@ -51,6 +55,8 @@ __all__ = [
     "EnvironmentMap",
     "Hits",
     "Lamp",
+    "LightField",
+    "LightFieldSettings",
     "Lighting",
     "Mesh",
     "PRTError",
@@ -63,10 +69,13 @@ __all__ = [
     "__version__",
     "bake",
     "bake_steps",
+    "capture_light_field",
     "compress",
     "compress_bake",
     "environment_light",
+    "light_field",
     "load",
+    "load_light_field",
     "make_caster",
     "open_blend",
     "relight",

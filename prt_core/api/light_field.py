@@ -7,7 +7,7 @@ from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_transport import TransportCamera
 from prt_core.bake.load import load
 from prt_core.blender_access import import_bpy, open_blend
-from prt_core.errors import expect, expect_all, expect_flag, expect_path
+from prt_core.errors import expect, expect_all, expect_flag, expect_path, expect_whole
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import each_in_thread, in_thread
 from prt_core.runtime.progress import run
@@ -94,6 +94,10 @@ def light_field_steps(
         Where `source` is None; default: the current one.
     """
     expect_flag("lamps", lamps)
+    if hidden is not None:
+        expect_whole("hidden", hidden)
+    if grid is not None:
+        expect_whole("grid", grid, 1)
     if source is not None and expect_path("source", source).suffix == ".prt":
         given = objects is not None or two_sided or grid is not None or hidden is not None
         expect(not given, f"{source}: its points are those of the bake; name none, and no grid")

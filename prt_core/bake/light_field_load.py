@@ -86,7 +86,19 @@ class LightField:
         return weights
 
     def tables(self, weights):
-        """(slice, (n, rows, columns, 3) float32): all lights together, block after block."""
+        """All lights together, block after block: a generator.
+
+        Parameters
+        ----------
+        weights : (n_lights, 3) float32
+            See `weights`.
+
+        Yields
+        ------
+        slice
+            Points of the field.
+        (n, rows, columns, 3) float32
+        """
         for block, values in by_blocks(self.radiance):
             yield block, np.einsum("lnijc,lc->nijc", values, weights)
 

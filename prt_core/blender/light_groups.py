@@ -1,11 +1,11 @@
 """Lights of a scene, each in a light group of its own: Cycles then renders each apart."""
 
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 
-from prt_core.blender.identity import by_uid
+from prt_core.blender.identity import UniqueNames, by_uid
 from prt_core.blender.passes.traces import switched
 from prt_core.blender.stand_ins import rendered_objects
 from prt_core.errors import expect
@@ -67,7 +67,9 @@ def lights_of(scene, emitting, messages):
         f"scene '{scene.name}': --lamps: nothing in it gives light; add a lamp, a world or a "
         "material that emits",
     )
-    return lights
+    # A lamp may be called as the world is.
+    names = UniqueNames()
+    return [replace(light, name=names.give(light.name)) for light in lights]
 
 
 def _instanced(scene):

@@ -157,9 +157,10 @@ def test_dark_lamps_are_said_and_a_scene_without_light_is_refused(tmp_path):
     lamp("off", (0, 0, 3), energy=0.0)
     with pytest.raises(PRTError, match="--lamps: nothing in it gives light"):
         shot(["ball"], lamps=True)
-    lamp("on", (0, 0, 3))
+    lamp("world", (0, 0, 3))
+    sky()
     report = light_field(None, tmp_path / "a.slf", lamps=True, angles=ANGLES, samples=2, hidden=0)
-    assert report["lights"] == ["on"]
+    assert report["lights"] == ["world", "world.001"]
     assert "lamp 'off': has no power" in report["messages"][0]
 
 

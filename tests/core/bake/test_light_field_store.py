@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, Lamp, bake_steps, load, relight_points, run
+from prt_core import BakeSettings, Lamp, bake_steps, light_field, load, relight_points, run
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_transport import TransportCamera
@@ -270,3 +270,23 @@ def test_the_field_of_a_bake_is_its_radiance_in_all_directions(tmp_path):
     with pytest.raises(PRTError, match="has no light of its own"):
         run(bake_steps(Scene.from_meshes(meshes), tmp_path / "dark.prt", settings))
         TransportCamera(load(tmp_path / "dark.prt"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"grid": 0}, "grid: expected a whole number >= 1"),
+        ({"hidden": -1}, "hidden: expected a whole number >= 0"),
+        ({"lamps": "yes"}, "lamps: expected True or False"),
+        ({"angles": "32x16"}, "angles: expected two whole numbers"),
+        ({"unknown": 1}, "unknown: no such setting; there are angles, samples"),
+        ({"objects": ["a"]}, "a.prt: its points are those of the bake"),
+        ({}, "a.prt: there is no such bake"),
+    ],
+)
+def test_wrong_calls_are_one_line_and_leave_nothing(tmp_path, wrong, said):
+    with pytest.raises(PRTError, match=said) as error:
+        light_field(tmp_path / "a.prt", tmp_path / "a.slf", **wrong)
+    assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()
+    with pytest.raises(PRTError, match=r"a\.prt: expected a name that ends in \.slf"):
+        light_field("a.blend", tmp_path / "a.prt")

@@ -248,6 +248,23 @@ def decompressed(state, name, n_bytes):
     return out
 
 
+def byte_planes(values):
+    """A zstd frame, (n_bytes,) uint8, of `values` (...) of two bytes each, the low ones first."""
+    return compressed(np.ascontiguousarray(values).view(np.uint8).reshape(-1, 2).T.ravel())
+
+
+def from_byte_planes(state, name, shape, dtype):
+    """Undo `byte_planes`: the array `name` of a `state`, of a `shape` and `dtype` of two bytes.
+
+    Returns
+    -------
+    (...) of that shape
+    """
+    count = int(np.prod(shape))
+    planes = decompressed(state, name, 2 * count).reshape(2, -1)
+    return np.ascontiguousarray(planes.T).view(dtype).reshape(shape)
+
+
 def bits_for(count):
     """Bits that tell `count` things apart."""
     return max(int(count) - 1, 0).bit_length()

@@ -10,7 +10,7 @@ import numpy as np
 
 from prt_core.errors import PRTError
 from prt_core.lightfield.clustering import cluster_hrdfs_steps
-from prt_core.lightfield.code import compressed
+from prt_core.lightfield.code import byte_planes
 from prt_core.lightfield.field_error import decibels
 from prt_core.lightfield.goals import last_that_holds_steps
 from prt_core.lightfield.hrdf import FROM_YCBCR, TO_YCBCR
@@ -30,10 +30,11 @@ _TEXT = 1200
 
 @dataclass
 class _Light:
-    """One light: clusters of its points, a trained compressor a channel, and some of its HRDFs."""
+    """One light: clusters, a trained compressor a channel, bases, and channels of some HRDFs."""
 
     labels: np.ndarray
     models: list
+    bases: np.ndarray
     sample: np.ndarray
     sample_labels: np.ndarray
 
@@ -41,7 +42,7 @@ class _Light:
         """Compressors of the sample with another threshold."""
         trials = []
         for c, model in enumerate(self.models):
-            hrdfs, own = _channel(self.sample, c), threshold / _STRENGTHS[c]
+            hrdfs, own = self.sample[c], threshold / _STRENGTHS[c]
             trials.append((yield from model.trial_steps(hrdfs, self.sample_labels, own)))
         return trials
 
@@ -59,8 +60,8 @@ def fit_lights_steps(field, lights, peak):
 
     Returns
     -------
-    list of (labels, compressors)
-        Of each light: (n_points,) int32, and fitted ones of luma, Cb and Cr.
+    list of (labels, compressors, bases)
+        Of each light: (n_points,) int32, fitted ones of luma, Cb and Cr, (3, n_points) float16.
     """
     goal = field.goal()
     if field.n_clusters is not None:
@@ -78,7 +79,7 @@ def fit_lights_steps(field, lights, peak):
             break
         threshold *= factor
         error = yield from _write_steps(lights, trained, threshold)
-    return [(light.labels, light.models) for light in trained]
+    return [(light.labels, light.models, light.bases) for light in trained]
 
 
 def _correction(goal, psnr, nbytes):
@@ -94,12 +95,24 @@ def _correction(goal, psnr, nbytes):
 
 
 def _is_all(trained):
-    return all(len(light.sample) == len(light.labels) for light in trained)
+    return all(len(light.sample_labels) == len(light.labels) for light in trained)
 
 
 def _channel(rgb, c):
     """(n, m1, m2) float32: luma, Cb or Cr."""
     return rgb @ TO_YCBCR[:, c].astype(np.float32)
+
+
+def _above_base(hrdfs):
+    """What HRDFs have beyond their base, and the base: (n,) float16, the median of each.
+
+    It is what a rough surface sends everywhere alike. Bases that are learned for highlights have
+    no vector for that, and would spread it over many small coefficients.
+    """
+    medians = np.median(hrdfs.reshape(len(hrdfs), -1), axis=1)
+    most = float(np.finfo(np.float16).max)
+    base = np.clip(medians, -most, most).astype(np.float16)
+    return hrdfs - base.astype(np.float32)[:, None, None], base
 
 
 def _train_steps(field, lights, n_clusters, n_halvings=0):
@@ -114,13 +127,17 @@ def _train_steps(field, lights, n_clusters, n_halvings=0):
         luma = _channel(rgb, 0)
         labels = yield from cluster_hrdfs_steps(luma, n_clusters, field.seed)
         models = [model.clone(), model.for_chroma(), model.for_chroma()]
-        for c, each in enumerate(models):
-            yield from each.train_steps(luma if c == 0 else _channel(rgb, c), labels)
         chosen = slice(None)
         if len(rgb) > _SAMPLE:
             rng = generator(field.seed, Stage.HRDF_SAMPLE)
             chosen = np.sort(rng.choice(len(rgb), _SAMPLE, replace=False))
-        result.append(_Light(labels, models, rgb[chosen], labels[chosen]))
+        bases, sample = [], []
+        for c, each in enumerate(models):
+            hrdfs, base = _above_base(luma if c == 0 else _channel(rgb, c))
+            yield from each.train_steps(hrdfs, labels)
+            bases.append(base)
+            sample.append(hrdfs[chosen])
+        result.append(_Light(labels, models, np.stack(bases), np.stack(sample), labels[chosen]))
     return result
 
 
@@ -131,11 +148,11 @@ def _threshold_steps(goal, trained, peak):
 
     def holds_steps(threshold):
         with_size = goal.megabytes is not None
-        error, nbytes, _ = yield from _sampled_steps(trained, threshold, with_size)
+        error, nbytes = yield from _sampled_steps(trained, threshold, with_size)
         last.update(psnr=decibels(peak, error), nbytes=nbytes)
         return goal.reached(last["psnr"], nbytes)
 
-    energy = sum(np.square(light.sample, dtype=np.float64).mean() for light in trained)
+    energy = sum(np.square(light.sample[0], dtype=np.float64).mean() for light in trained)
     first = np.sqrt(energy)
     if goal.psnr is not None:
         first = peak * 10 ** (-goal.psnr / 20)
@@ -155,25 +172,24 @@ def _threshold_steps(goal, trained, peak):
 
 
 def _sampled_steps(trained, threshold, with_size=True):
-    """The error, bytes and numbers of a sample that a threshold leads to; bytes are of all."""
-    error, nbytes, n_numbers = 0.0, _others(trained), 0
+    """The error and the bytes that a threshold leads to, by the samples."""
+    error, nbytes = 0.0, _others(trained)
     for light in trained:
         models = yield from light.trials_steps(threshold)
-        n_numbers += sum(model.n_numbers_ for model in models)
-        error += _rgb_error(models, light.sample, slice(None))
+        error += _rgb_error(models, light.sample, slice(None)) / light.sample.shape[1]
         if with_size:
-            scale = len(light.labels) / len(light.sample)
+            scale = len(light.labels) / light.sample.shape[1]
             for model in models:
                 dictionary = model.dictionary_nbytes
                 nbytes += dictionary + (model.coded_nbytes - dictionary) * scale
-    return error, nbytes, n_numbers
+    return error, nbytes
 
 
-def _rgb_error(models, rgb, points):
-    """The mean squared error of an HRDF's channel R, G or B, of some points."""
-    channels = np.stack([model.decode(points) for model in models], axis=-1)
-    error = channels @ FROM_YCBCR.astype(np.float32) - rgb
-    return np.square(error, dtype=np.float64).sum() / (3 * max(len(rgb), 1))
+def _rgb_error(models, channels, points):
+    """The squared error of a channel R, G or B on average, of some points' luma, Cb and Cr."""
+    error = np.stack([model.decode(points) for model in models], axis=-1)
+    error -= np.moveaxis(channels, 0, -1)
+    return np.square(error @ FROM_YCBCR.astype(np.float32), dtype=np.float64).sum() / 3
 
 
 def _write_steps(lights, trained, threshold):
@@ -183,10 +199,11 @@ def _write_steps(lights, trained, threshold):
         for c, model in enumerate(light.models):
             if threshold is not None:
                 model.set_params(threshold=float(threshold / _STRENGTHS[c]))
-            yield from model.encode_steps(_channel(rgb, c), light.labels)
+            yield from model.encode_steps(_above_base(_channel(rgb, c))[0], light.labels)
         for first in range(0, len(rgb), _SAMPLE):
             part = np.arange(first, min(first + _SAMPLE, len(rgb)))
-            total += _rgb_error(light.models, rgb[part], part) * len(part) / len(rgb)
+            channels = np.stack([_above_base(_channel(rgb[part], c))[0] for c in range(3)])
+            total += _rgb_error(light.models, channels, part) / len(rgb)
     return total
 
 
@@ -196,8 +213,11 @@ def _nbytes(trained):
 
 
 def _others(trained):
-    """Bytes of clusters, and of what is said of the arrays."""
-    return sum(_TEXT + len(compressed(light.labels.astype(np.uint8))) for light in trained)
+    """Bytes of clusters and bases, and of what is said of the arrays."""
+    return sum(
+        _TEXT + len(byte_planes(light.labels.astype(np.uint16))) + len(byte_planes(light.bases))
+        for light in trained
+    )
 
 
 def _smallest_steps(field, lights, peak):
@@ -226,12 +246,10 @@ def _attempt_steps(field, lights, peak, n_clusters, n_halvings):
     threshold = goal.threshold
     if goal.is_searched:
         threshold = yield from _threshold_steps(goal, trained, peak)
-    error, nbytes, n_numbers = yield from _sampled_steps(trained, threshold)
+    error, nbytes = yield from _sampled_steps(trained, threshold)
     if goal.megabytes is not None:
         return error, trained, threshold
     if goal.psnr is not None:
         return nbytes, trained, threshold
-    # A number that saves threshold^2 is worth its bytes: so many bytes is an error worth.
-    n_bytes_each = nbytes * len(trained[0].sample) / lights.n_points / max(n_numbers, 1)
-    squared = error * 3 * lights.n_points
-    return squared / threshold**2 * n_bytes_each + nbytes, trained, threshold
+    # Squared error of threshold^2 is worth a number, which takes about a byte.
+    return error * 3 * lights.n_points / threshold**2 + nbytes, trained, threshold

@@ -19,10 +19,10 @@ from prt_core.compress.state import array_of, expect_state
 from prt_core.lightfield.code import (
     SparseRows,
     bits_for,
-    compressed,
-    decompressed,
+    byte_planes,
     entropy_coded,
     fixed_width,
+    from_byte_planes,
     from_entropy_coded,
     pack,
     unpack,
@@ -171,7 +171,7 @@ class PairCompressor(HRDFCompressor):
     def _coefficients(self):
         clusters = np.searchsorted(self.first_, self.rows_.basis, "right") - 1
         local = self.rows_.basis - self.first_[clusters]
-        pair = compressed(local.astype("<u2").view(np.uint8).reshape(-1, 2).T.ravel())
+        pair = byte_planes(local.astype("<u2"))
         n_places = self.shape_[0] * self.shape_[1]
         return {"pair": pair, **entropy_coded(self.rows_, len(self.left_), n_places)}
 
@@ -179,8 +179,7 @@ class PairCompressor(HRDFCompressor):
         self._read_pairs(state)
         counts = np.diff(self.first_)
         expect_state(labels.max() < len(counts), "its pairs do not fit its clusters")
-        local = decompressed(state, "pair", 2 * self.n_points_).reshape(2, -1).T.copy().view("<u2")
-        local = local.ravel().astype(np.int32)
+        local = from_byte_planes(state, "pair", (self.n_points_,), "<u2").astype(np.int32)
         expect_state((local < counts[labels]).all(), "it names a pair that its cluster has not")
         basis = (self.first_[labels] + local).astype(np.int32)
         n_places = self.shape_[0] * self.shape_[1]

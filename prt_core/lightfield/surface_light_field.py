@@ -1,8 +1,9 @@
 """Surface light fields: what leaves every point of a surface in all directions, a light at a time.
 
 The radiance of a point is an HRDF. Each light's HRDFs are clustered, and luma and two chroma
-channels are compressed by themselves (Miandji et al. 2013). Radiance of lights adds up, so lights
-can be dimmed and given another colour afterwards.
+channels are compressed by themselves (Miandji et al. 2013), after the median of each HRDF, which
+is what the point sends everywhere alike. Radiance of lights adds up, so lights can be dimmed and
+given another colour afterwards.
 """
 
 import json
@@ -11,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from prt_core.compress.parameters import Parameters
-from prt_core.compress.state import array_of, value_of
+from prt_core.compress.state import array_of, expect_state, value_of
 from prt_core.errors import (
     PRTError,
     expect,
@@ -23,7 +24,7 @@ from prt_core.errors import (
     expect_seed,
 )
 from prt_core.lightfield.clustering import expect_clusters
-from prt_core.lightfield.code import compressed, decompressed
+from prt_core.lightfield.code import byte_planes, from_byte_planes
 from prt_core.lightfield.field_error import field_error
 from prt_core.lightfield.fit import fit_lights_steps
 from prt_core.lightfield.goals import Goal
@@ -71,8 +72,10 @@ class SurfaceLightField(Parameters):
     frames_ : (n_points, 3, 3) float32
     labels_ : (n_lights, n_points) int32
         Clusters.
+    bases_ : (n_lights, 3, n_points) float16
+        The median of each HRDF's luma, Cb and Cr.
     compressors_ : list of list of HRDFCompressor
-        Of each light its luma, Cb and Cr.
+        Of each light its luma, Cb and Cr, each beyond its base.
     peak_ : float
     """
 
@@ -145,8 +148,8 @@ class SurfaceLightField(Parameters):
         fitted = yield from fit_lights_steps(self, lights, peak)
         self.n_points_, self.n_lights_ = lights.n_points, lights.n_lights
         self.layout_, self.frames_, self.peak_ = layout, frames, peak
-        self.labels_ = np.stack([labels for labels, _ in fitted])
-        self.compressors_ = [models for _, models in fitted]
+        labels, self.compressors_, bases = zip(*fitted, strict=True)
+        self.labels_, self.bases_ = np.stack(labels), np.stack(bases)
         return self
 
     def decode(self, points, weights=None):
@@ -169,8 +172,8 @@ class SurfaceLightField(Parameters):
         result = np.empty((len(points), *self.layout_.shape, 3), np.float32)
         for first in range(0, len(points), _BLOCK):
             part = points[first : first + _BLOCK]
-            mixed = self._mixed(partial(_decoded, points=part), weights)
-            result[first : first + _BLOCK] = mixed
+            read = partial(_decoded, points=part)
+            result[first : first + _BLOCK] = self._mixed(read, part, weights)
         return result
 
     def entries(self, points, cells, weights=None):
@@ -188,7 +191,8 @@ class SurfaceLightField(Parameters):
         (n, 3) float32
         """
         self._expect_fitted()
-        return self._mixed(lambda model: model.entries(points, cells), weights)
+        points = expect_array("points", points, (None,), np.int64, 0, self.n_points_ - 1)
+        return self._mixed(lambda model: model.entries(points, cells), points, weights)
 
     def toward(self, directions, weights=None):
         """Radiance that leaves each point, between the four nearest directions that are kept.
@@ -207,7 +211,8 @@ class SurfaceLightField(Parameters):
         (n_points, 3) float32
         """
         row, column = self._places(directions)
-        return self._mixed(lambda model: model.interpolated(row, column), weights)
+        read = partial(_interpolated, row=row, column=column)
+        return self._mixed(read, slice(None), weights)
 
     def each_toward(self, directions):
         """`toward` the `directions` (n_points, 3) of each light: (n_lights, n_points, 3) float32.
@@ -215,7 +220,8 @@ class SurfaceLightField(Parameters):
         While lamps are dimmed and the view stays, their mixture costs next to nothing.
         """
         row, column = self._places(directions)
-        return np.stack([self._rgb(models, row, column) for models in self.compressors_])
+        read = partial(_interpolated, row=row, column=column)
+        return np.stack([self._mixed(read, slice(None), own) for own in np.eye(self.n_lights_)])
 
     def viewer(self, weights=None, most_bytes=1 << 30):
         """A `Viewer` of a mixture of lights.
@@ -246,7 +252,7 @@ class SurfaceLightField(Parameters):
         self._expect_fitted()
         bits = sum(int(labels.max()).bit_length() for labels in self.labels_)
         models = sum(model.nbytes for models in self.compressors_ for model in models)
-        return models + -(-bits * self.n_points_ // 8)
+        return models + -(-bits * self.n_points_ // 8) + self.bases_.nbytes
 
     @property
     def coded_nbytes(self):
@@ -273,9 +279,11 @@ class SurfaceLightField(Parameters):
 
     def _data(self):
         """All arrays of all compressors in one, where each is, and the plain values of each."""
-        # Few bits each, the low and the high ones apart.
-        labels = self.labels_.astype("<u2").view(np.uint8).reshape(-1, 2).T.ravel()
-        arrays, values = {"labels": compressed(labels)}, []
+        arrays = {
+            "labels": byte_planes(self.labels_.astype("<u2")),
+            "bases": byte_planes(self.bases_.astype("<f2")),
+        }
+        values = []
         # What a text would say of each channel again.
         defaults = self.compressor().get_params()
         for light, models in enumerate(self.compressors_):
@@ -306,9 +314,10 @@ class SurfaceLightField(Parameters):
         arrays = split(state)
         values = value_of(state, "compressors", list)
         field.n_lights_ = len(values)
-        count = field.n_lights_ * field.n_points_
-        labels = decompressed(arrays, "labels", 2 * count).reshape(2, -1).T.copy().view("<u2")
-        field.labels_ = labels.reshape(field.n_lights_, field.n_points_).astype(np.int32)
+        shape = field.n_lights_, field.n_points_
+        field.labels_ = from_byte_planes(arrays, "labels", shape, "<u2").astype(np.int32)
+        field.bases_ = from_byte_planes(arrays, "bases", (shape[0], 3, shape[1]), "<f2")
+        expect_state(np.isfinite(field.bases_).all(), "'bases' holds what it cannot")
         field.compressors_ = [
             [field._restored(arrays, light, channel, value) for channel, value in enumerate(each)]
             for light, each in enumerate(value_of(state, "compressors", _lists_of_three))
@@ -335,20 +344,19 @@ class SurfaceLightField(Parameters):
         weights = expect_array("weights", weights, wanted, np.float32, *limits)
         return np.broadcast_to(weights, (self.n_lights_, 3))
 
-    def _mixed(self, read, weights):
-        """Radiance of all lights, of what `read` gives for one channel of one."""
-        total = 0.0
-        for models, weight in zip(self.compressors_, self.expect_weights(weights), strict=True):
-            if weight.any():
-                channels = np.stack([read(model) for model in models], axis=-1)
-                total = total + channels @ (FROM_YCBCR * weight).astype(np.float32)
-        if not isinstance(total, np.ndarray):
-            total = np.zeros((*np.shape(read(self.compressors_[0][0])), 3), np.float32)
+    def _mixed(self, read, points, weights):
+        """Radiance of some points under all lights, of what `read` gives for one channel of one."""
+        weights = self.expect_weights(weights)
+        total = None
+        for light, weight in enumerate(weights):
+            # Where all are dark, one says what shape the darkness has.
+            if weight.any() or light == self.n_lights_ - 1 and total is None:
+                channels = np.stack([read(model) for model in self.compressors_[light]], axis=-1)
+                base = self.bases_[light][:, points].T.astype(np.float32)
+                channels += base.reshape(len(base), *(1,) * (channels.ndim - 2), 3)
+                own = channels @ (FROM_YCBCR * weight).astype(np.float32)
+                total = own if total is None else total + own
         return total
-
-    def _rgb(self, models, row, column):
-        channels = [model.interpolated(row, column) for model in models]
-        return np.stack(channels, axis=-1) @ FROM_YCBCR.astype(np.float32)
 
     def _places(self, directions):
         self._expect_fitted()
@@ -366,6 +374,10 @@ class SurfaceLightField(Parameters):
 
 def _decoded(model, points):
     return model.decode(points)
+
+
+def _interpolated(model, row, column):
+    return model.interpolated(row, column)
 
 
 def _lists_of_three(value):

@@ -201,8 +201,9 @@ def _moved(shown):
         present = objects.get((item.owner, item.library))
         if not (item.own_mesh and item.receives) or present is None or present.type != "MESH":
             continue
-        vertices = present.data.vertices
-        if len(vertices) != item.n_vertices:
+        vertices, corners = present.data.vertices, np.empty(len(present.data.loops), np.int32)
+        present.data.loops.foreach_get("vertex_index", corners)
+        if len(vertices) != item.n_vertices or not np.array_equal(corners, item.corner_vertex):
             yield item.name
             continue
         places = np.empty(3 * len(vertices), np.float32)

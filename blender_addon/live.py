@@ -221,6 +221,7 @@ def _wants_check(scene):
 
 def _plan_steps(scene):
     bakes.refresh(scene)
+    field_list.refresh(scene)
     uid = scene.session_uid
     try:
         yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))

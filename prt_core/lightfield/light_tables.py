@@ -11,8 +11,8 @@ from prt_core.errors import expect_array, expect_number
 from prt_core.lightfield.viewer import between_cells
 from prt_core.runtime.threads import on_all_cores
 
-# Points of a block of a view.
-_BLOCK = 4096
+# Points of a block of a view (see `viewer`): their cells are counted in int32.
+_BLOCK = 1 << 14
 
 
 class LightTables:

@@ -151,6 +151,8 @@ def test_beside_relit_objects_each_has_one_owner(scene):
     bpy.ops.prt.clear()
     assert list(ball.data.color_attributes.keys()) == [FIELD]
     assert list(floor.data.color_attributes.keys()) == [] and not preview.present(scene)
+    assert ball.data.color_attributes.active_color.name == FIELD
+    assert "PRT preview" in ball.modifiers and "PRT preview" not in floor.modifiers
     np.testing.assert_allclose(colours_on("ball", FIELD), 2 * field, rtol=1e-5)
     bpy.ops.prt.light_field_clear()
     assert list(ball.data.color_attributes.keys()) == []
@@ -303,6 +305,14 @@ def test_an_object_that_moved_since_is_said(scene):
     assert not light_fields.held(scene).warned
     scene.objects["ball"].location.x += 0.5
     bpy.context.view_layer.update()
+    bpy.ops.prt.light_field_load()
+    assert "ball changed since" in light_fields.held(scene).warned
+    scene.objects["ball"].location.x -= 0.5
+    bpy.context.view_layer.update()
+    bpy.ops.prt.light_field_load()
+    assert not light_fields.held(scene).warned
+    # As many corners in another order.
+    scene.objects["ball"].data.flip_normals()
     bpy.ops.prt.light_field_load()
     assert "ball changed since" in light_fields.held(scene).warned
 

@@ -103,10 +103,11 @@ class Hand:
                 return self._known[name]
         seen = []
         yield from self.wheel("WHEELUPMOUSE", 30)
-        for _ in range(4):
+        for _ in range(8):
             region = self.sidebar
             x = region.x + int(region.width * at)
-            for y in range(region.y + region.height - 8, region.y, -9):
+            # Where a button meets the border of the area a click would move that.
+            for y in range(region.y + region.height - 8, region.y + 12, -9):
                 yield from self.move(x, y)
                 result = self.under_mouse()
                 if result:

@@ -13,7 +13,7 @@ from mathutils import Quaternion
 from relight_story import install, part, status
 from rooms import press, to_panel
 
-TURNS, DEGREES = 40, 4.0
+TURNS, DEGREES = 24, 6.0
 
 
 def story(hand, report):
@@ -68,6 +68,7 @@ def from_api(name):
     strengths = {
         lamp.name: [lamp.strength * channel for channel in lamp.colour]
         for lamp in scene.prt.field.lamps
+        if lamp.name in field.lights
     }
     radiance, _ = field_toward(field, View(position=np.array(eye)), strengths)
     (item,) = [o for o in field.scene.objects if o.name == name]
@@ -86,6 +87,7 @@ def compare(hand, report, step):
     yield Until(f"the colours have settled ({step})", settled)
     shown, wanted = on_mesh("ball", "PRT Light Field"), from_api("ball")
     report["steps"][step] = {
+        "warned": part("light_fields").held().warned,
         "difference": float(np.abs(shown - wanted).max() / wanted.max()),
         "mean": shown.mean(axis=0).tolist(),
         "attributes": attributes(),
@@ -101,7 +103,8 @@ def attributes():
 
 def load(hand, report):
     """The one of the folder, by its button under the list."""
-    yield from press(hand, "prt.refresh", status, at=0.9)
+    yield from press(hand, "prt.refresh", status, at=0.82)
+    report["listed"] = [item.name for item in status().fields]
     yield from press(hand, "prt.light_field_load", status)
     yield from compare(hand, report, "loaded")
 
@@ -140,7 +143,8 @@ def orbit(hand, report):
 def dim(hand, report):
     """One lamp off by its slider's value, one recoloured; no table is made anew."""
     lamps, tables = bpy.context.scene.prt.field.lamps, part("light_fields").held().viewer
-    yield from hand.drag('prt.field.lamps["warm"].strength', -150, at=0.8)
+    path = f"prt.field.lamps[{lamps.find('warm')}].strength"
+    yield from hand.drag(path, -150, at=0.8)
     yield from compare(hand, report, "dragged")
     report["dragged"] = lamps["warm"].strength
     lamps["warm"].strength = 0

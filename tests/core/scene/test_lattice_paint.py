@@ -109,3 +109,13 @@ def test_bake_points_stand_for_their_samples():
     points = Scene.from_meshes([mesh], max_hidden=0).points
     np.testing.assert_allclose(points.albedo, 1)
     np.testing.assert_allclose(points.mean_albedo, 0, atol=1e-6)
+
+
+def test_paint_of_some_quantities_is_the_same_there():
+    paint, _ = painted()
+    corners, weights = np.tile(CORNERS[0], (7, 1)), weights_of(7)
+    some = paint.only({"pair", "emission"})
+    np.testing.assert_array_equal(
+        some.at(corners, weights)["pair"], paint.at(corners, weights)["pair"]
+    )
+    assert paint.only({"emission"}) is None and "pair" in paint.at(corners, weights)

@@ -1,4 +1,10 @@
-"""A light field's compressed form, kept beside it in its store."""
+"""A light field's compressed form, kept beside it in its store.
+
+Decibels are counted from the brightest radiance, as published. Where a sun is reflected that is
+thousands of times what a picture shows, and forty decibels below it is more than the rest. So
+without another goal the error of a direction is a share of the white level, which 99 % of the
+directions of each light stay below.
+"""
 
 import math
 import time
@@ -6,7 +12,7 @@ import time
 import numpy as np
 
 from prt_core.bake.light_field_load import load_light_field
-from prt_core.errors import expect
+from prt_core.errors import expect, expect_number
 from prt_core.lightfield.surface_light_field import SurfaceLightField
 from prt_core.runtime.progress import Progress
 from prt_core.store import (
@@ -18,9 +24,21 @@ from prt_core.store import (
     write_compressed,
 )
 
+# What is asked for by itself; the share of directions below the white level, and how many are read
+# for it.
+TOLERANCE = 0.02
+_BELOW_WHITE, _READ = 0.99, 1 << 22
+
 
 def compress_light_field_steps(
-    path, method="ceob", psnr=None, megabytes=None, n_coefficients=None, n_clusters=1, seed=0
+    path,
+    method="ceob",
+    psnr=None,
+    megabytes=None,
+    n_coefficients=None,
+    n_clusters=1,
+    seed=0,
+    tolerance=None,
 ):
     """Compress a light field; a generator of `Progress`.
 
@@ -32,16 +50,19 @@ def compress_light_field_steps(
         `NAME` or `NAME:key=value,…` (see `SurfaceLightField`), or `none`, which removes the form
         that is there.
     psnr, megabytes, n_coefficients : float, optional
-        How far: exactly one of them; default: a PSNR of 40 dB.
+        How far: one of them, or `tolerance`.
     n_clusters : int or None
         None: as many as make it smallest.
     seed : int
+    tolerance : float, optional
+        Root mean square error of a direction, as a share of the white level. Default, where
+        nothing else says how far: 0.02.
 
     Returns
     -------
     dict or None
-        method, settings, psnr, psnr_per_sample, luma_psnr, nbytes, coded_nbytes, raw_nbytes,
-        seconds; None for `none`.
+        method, settings, psnr, psnr_per_sample, luma_psnr, peak, white, error (as `tolerance`),
+        nbytes, coded_nbytes, raw_nbytes, seconds; None for `none`.
 
     Raises
     ------
@@ -49,19 +70,32 @@ def compress_light_field_steps(
         It cannot be read, or a setting is wrong.
     """
     goals = {"psnr": psnr, "megabytes": megabytes, "n_coefficients": n_coefficients}
+    asked = {name: goal for name, goal in goals.items() if goal is not None}
     if method == "none":
         expect(
-            not any(goal is not None for goal in goals.values()),
+            not asked and tolerance is None,
             "method 'none' removes the compressed form; it takes no PSNR, size or coefficients",
         )
         load_light_field(path)
         remove_compressed(BakeStore(path, "r+"))
         return None
-    if all(goal is None for goal in goals.values()):
-        goals["psnr"] = 40.0
-    model = SurfaceLightField(method, n_clusters=n_clusters, seed=seed, **goals).expect_params()
+    expect(
+        tolerance is None or not asked,
+        f"tolerance: says how far, and so does {', '.join(asked)}; leave one of them out",
+    )
+    if not asked:
+        tolerance = TOLERANCE if tolerance is None else tolerance
+        expect_number("tolerance", tolerance, above=0, below=1)
+        # Of the right kind until the field is known.
+        asked = {"psnr": 0.0}
+    model = SurfaceLightField(method, n_clusters=n_clusters, seed=seed, **asked).expect_params()
     field = load_light_field(path)
     begun = time.perf_counter()
+    white = white_level(field.radiance)
+    if tolerance is not None:
+        # The errors of lights add up as those of strangers do.
+        parts = math.prod(field.angles) / len(field.lights)
+        model.set_params(psnr=float(-20 * np.log10(tolerance) - 10 * np.log10(parts)), peak=white)
     yield from model.fit_steps(field.radiance, field.frames)
     spent = time.perf_counter() - begun
     whole = np.empty(field.radiance.shape[1:], np.float32)
@@ -70,11 +104,13 @@ def compress_light_field_steps(
     error, state = model.error(whole), model.state()
     report = {
         "method": method,
-        "settings": {**goals, "n_clusters": n_clusters, "seed": seed},
+        "settings": {"tolerance": tolerance, **goals, "n_clusters": n_clusters, "seed": seed},
         "psnr": _finite(error.psnr),
         "luma_psnr": _finite(error.luma_psnr),
         "psnr_per_sample": _finite(error.psnr_per_sample),
         "peak": error.peak,
+        "white": white,
+        "error": math.sqrt(error.rgb / error.n_cells) / white,
         "nbytes": int(model.nbytes),
         "coded_nbytes": len(state["data"]),
         "raw_nbytes": 4 * math.prod(field.radiance.shape),
@@ -83,6 +119,27 @@ def compress_light_field_steps(
     for name in write_compressed(BakeStore(path, "r+"), state, report):
         yield Progress(f"store {name}", 0, 0)
     return report
+
+
+def white_level(radiance):
+    """Radiance that 99 % of the directions of each light stay below; 1 where all is dark.
+
+    Parameters
+    ----------
+    radiance : (n_lights, n_points, m1, m2, 3) float
+        Read a light at a time, where it is large in part.
+
+    Returns
+    -------
+    float
+    """
+    step = max(1, -(-math.prod(radiance.shape[1:]) // _READ))
+    levels = []
+    for light in range(radiance.shape[0]):
+        table = np.asarray(radiance[light])[::step]
+        lit = table.max(axis=-1)
+        levels.append(float(np.quantile(lit[lit > 0], _BELOW_WHITE)) if (lit > 0).any() else 0.0)
+    return max(levels) or 1.0
 
 
 def compressed_light_field(field):

@@ -51,7 +51,8 @@ def compressed_field_lines(report):
         yield "  error   none"
     else:
         yield (
-            f"  error   {report['psnr']:.1f} dB below a peak of {report['peak']:.3g} for each "
+            f"  error   {report['error']:.2%} of the white level, {report['white']:.3g}, for each "
+            f"direction; {report['psnr']:.1f} dB below a peak of {report['peak']:.3g} for each "
             f"point, {report['psnr_per_sample']:.1f} dB for each direction"
         )
     raw = report["raw_nbytes"]

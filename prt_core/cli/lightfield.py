@@ -75,7 +75,13 @@ def _add_compress(kinds):
         "--method", default="ceob", metavar="NAME[:key=value,…]",
         help=f"{', '.join(METHODS)}; none removes what is there (ceob)",
     )  # fmt: skip
-    compress.add_argument("--psnr", type=float, help="decibels that are reached (40)")
+    compress.add_argument(
+        "--tolerance", type=float,
+        help="error of a direction as a share of the white level (0.02)",
+    )  # fmt: skip
+    compress.add_argument(
+        "--psnr", type=float, help="decibels below the brightest radiance that are reached"
+    )
     compress.add_argument("--megabytes", type=float, help="at most so large")
     compress.add_argument("--coefficients", type=int, help="of luma at each point, at most")
     compress.add_argument(
@@ -97,7 +103,7 @@ def _clusters(text):
 def _compress(options):
     steps = compress_light_field_steps(
         options.field, options.method, options.psnr, options.megabytes, options.coefficients,
-        options.clusters, options.seed,
+        options.clusters, options.seed, options.tolerance,
     )  # fmt: skip
     with working(options.quiet or options.json) as bar:
         report = run(steps, bar)

@@ -5,7 +5,11 @@ import pytest
 
 from prt_core import run
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
-from prt_core.bake.light_field_compress import compress_light_field_steps, compressed_light_field
+from prt_core.bake.light_field_compress import (
+    compress_light_field_steps,
+    compressed_light_field,
+    white_level,
+)
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_view import camera_at, field_picture, field_toward, view_of
 from prt_core.cli import main
@@ -123,6 +127,25 @@ def test_the_compressed_form_is_near_and_is_used(ball):
         run(compress_light_field_steps(ball.store.path, "none", psnr=40.0))
     with pytest.raises(PRTError, match="method"):
         run(compress_light_field_steps(ball.store.path, "jpeg"))
+
+
+def test_by_itself_the_error_is_a_share_of_white_and_no_highlight_rules_it(ball):
+    field = load_light_field(ball.store.path)
+    report = run(compress_light_field_steps(ball.store.path, "haar"))
+    assert 0.005 < report["error"] <= 0.02
+    lit = np.asarray(field.radiance[0]).max(axis=-1)
+    assert (lit <= white_level(field.radiance)).mean() >= 0.99
+    glint = np.asarray(field.radiance[:])
+    glint[0, 0, 0, 0] = 1e5
+    assert white_level(glint) == pytest.approx(white_level(field.radiance), rel=0.02)
+    assert white_level(0 * glint) == 1
+    finer = run(compress_light_field_steps(ball.store.path, "haar", tolerance=0.004))
+    assert finer["error"] <= 0.004 and finer["coded_nbytes"] > report["coded_nbytes"]
+    with pytest.raises(PRTError, match="tolerance: says how far, and so does psnr"):
+        run(compress_light_field_steps(ball.store.path, psnr=30.0, tolerance=0.1))
+    with pytest.raises(PRTError, match="tolerance: expected"):
+        run(compress_light_field_steps(ball.store.path, tolerance=1.5))
+    run(compress_light_field_steps(ball.store.path, "none"))
 
 
 def test_the_command_shows_and_compresses(ball, tmp_path, capsys):

@@ -170,7 +170,7 @@ def silver_and_glossy():
 def gold_ring():
     """Figure 1c: a ring lies on a diffuse plane that gets its caustics; six small lamps."""
     dark()
-    build.grid("floor", 37, -2, 2, material("floor", (0.5, 0.48, 0.45)))
+    build.grid("floor", 31, -2, 2, material("floor", (0.5, 0.48, 0.45)))
     bpy.ops.mesh.primitive_torus_add(
         major_segments=48, minor_segments=16, major_radius=0.8, minor_radius=0.16,
         location=(0, 0, 0.16), generate_uvs=False,
@@ -186,9 +186,9 @@ CASES = {
     f"sphere_{alpha}": Case(lambda a=alpha: sphere_on_plane(a), 32, 45.0, ("sphere",), 32)
     for alpha in ALPHAS
 } | {
-    "translucent_gold_glossy": Case(translucent_gold_glossy, 16, 65.0, seed_percent=12.0),
-    "silver_and_glossy": Case(silver_and_glossy, 16, 59.95, seed_percent=11.0),
-    "gold_ring": Case(gold_ring, 16, 67.55, seed_percent=3.6),
+    "translucent_gold_glossy": Case(translucent_gold_glossy, 8, 65.0, seed_percent=12.0),
+    "silver_and_glossy": Case(silver_and_glossy, 8, 59.95, seed_percent=11.0),
+    "gold_ring": Case(gold_ring, 8, 67.55, seed_percent=3.6),
 }
 
 

@@ -34,7 +34,7 @@ from prt_core.lightfield import SurfaceLightField  # noqa: E402
 
 FOLDER = ROOT / "build" / "bench" / "lightfield"
 ANGLES, PEAK = (32, 16), 40.0
-WIDTH, HEIGHT, CYCLES_SAMPLES = 240, 180, 64
+WIDTH, HEIGHT, CYCLES_SAMPLES = 200, 150, 64
 ALPHAS = (0.5, 0.05, 0.005)
 GOLD, SILVER = (1.0, 0.77, 0.34), (0.96, 0.95, 0.91)
 
@@ -54,7 +54,7 @@ class Case:
     objects : tuple of str, or None for all
     grid : int, optional
         Points along a side, over the object; default: its vertices.
-    seed_percent : float, optional
+    paper_percent : float, optional
         What the paper's scene of this kind takes of raw.
     """
 
@@ -63,7 +63,7 @@ class Case:
     psnr: float
     objects: tuple | None = None
     grid: int | None = None
-    seed_percent: float | None = None
+    paper_percent: float | None = None
 
 
 def material(name, diffuse=None, metal=None, alpha=0.05, share=0.5):
@@ -186,9 +186,9 @@ CASES = {
     f"sphere_{alpha}": Case(lambda a=alpha: sphere_on_plane(a), 32, 45.0, ("sphere",), 32)
     for alpha in ALPHAS
 } | {
-    "translucent_gold_glossy": Case(translucent_gold_glossy, 8, 65.0, seed_percent=12.0),
-    "silver_and_glossy": Case(silver_and_glossy, 8, 59.95, seed_percent=11.0),
-    "gold_ring": Case(gold_ring, 8, 67.55, seed_percent=3.6),
+    "translucent_gold_glossy": Case(translucent_gold_glossy, 8, 65.0, paper_percent=12.0),
+    "silver_and_glossy": Case(silver_and_glossy, 8, 59.95, paper_percent=11.0),
+    "gold_ring": Case(gold_ring, 8, 67.55, paper_percent=3.6),
 }
 
 
@@ -284,13 +284,14 @@ def field_seen(field, model=None):
         caster.close()
 
 
-def beside_cycles(name, psnr=None):
+@cache
+def beside_cycles(name):
     """Relative L2 of the rebuilt view and of Cycles' other seed, and the three pictures.
 
     Of pixels that show captured objects alone, without their lamps.
     """
     field = captured(name)
-    model = compressed(name, psnr or CASES[name].psnr)[0]
+    model = compressed(name, CASES[name].psnr)[0]
     CASES[name].build()
     truth, other = (cycles_picture(seed) for seed in (1, 2))
     ours = field_seen(field, model)

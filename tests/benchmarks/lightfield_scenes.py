@@ -26,6 +26,7 @@ from prt_core import PRTError, light_field  # noqa: E402
 from prt_core.bake.light_field import points_of  # noqa: E402
 from prt_core.bake.light_field_load import load_light_field  # noqa: E402
 from prt_core.bake.light_field_view import field_picture, view_of  # noqa: E402
+from prt_core.blender.camera import read_camera  # noqa: E402
 from prt_core.blender.light_field_scene import light_field_camera  # noqa: E402
 from prt_core.blender.passes.traces import no_output  # noqa: E402
 from prt_core.blender.small_render import small_render  # noqa: E402
@@ -192,12 +193,20 @@ CASES = {
 }
 
 
+def open_case(name):
+    """Make a case the open scene."""
+    CASES[name].build()
+    # Matrices are those of the places from here on.
+    bpy.context.view_layer.update()
+    return bpy.context.scene
+
+
 def captured(name):
     """The `LightField` of a case, captured where it is missing."""
     case, path = CASES[name], FOLDER / f"{name}.slf"
     if not (path / "zarr.json").exists() or not _complete(path):
         FOLDER.mkdir(parents=True, exist_ok=True)
-        case.build()
+        open_case(name)
         light_field(
             None, path, objects=case.objects, grid=case.grid, hidden=0, angles=ANGLES,
             samples=case.samples, denoise=True,
@@ -232,8 +241,7 @@ def denoised(name):
     noisy = field.radiance[:]
     if field.report["denoised"] == 1:
         return noisy[0], 1.0
-    CASES[name].build()
-    camera, _ = light_field_camera(bpy.context.scene.session_uid, field.scene)
+    camera, _ = light_field_camera(open_case(name).session_uid, field.scene)
     clean = camera.denoise(noisy, points_of(field.scene), field.report["samples"])
     return clean[0], float(clean.sum(dtype=np.float64) / noisy.sum(dtype=np.float64))
 
@@ -269,8 +277,8 @@ def cycles_picture(seed, samples=CYCLES_SAMPLES):
             return render.pixels(WIDTH, HEIGHT, samples)
 
 
-def field_seen(field, model=None):
-    """A picture of a field from its camera, from `model` or as it was captured."""
+def field_seen(field, camera, model=None):
+    """A picture of a field by `model`, or white where it has points."""
     caster = field.scene.make_caster(rays="camera")
     try:
         values = np.zeros((len(field.scene.points), 3), np.float32)
@@ -278,8 +286,8 @@ def field_seen(field, model=None):
             values[field.point] = 1
         else:
             positions = field.scene.to_world(field.scene.points.positions[field.point])
-            values[field.point] = model.toward(view_of(field.camera).outgoing(positions))
-        return field_picture(field, values, field.camera, caster, WIDTH, HEIGHT)
+            values[field.point] = model.toward(view_of(camera).outgoing(positions))
+        return field_picture(field, values, camera, caster, WIDTH, HEIGHT)
     finally:
         caster.close()
 
@@ -292,10 +300,10 @@ def beside_cycles(name):
     """
     field = captured(name)
     model = compressed(name, CASES[name].psnr)[0]
-    CASES[name].build()
+    camera = read_camera(open_case(name))
     truth, other = (cycles_picture(seed) for seed in (1, 2))
-    ours = field_seen(field, model)
-    seen = field_seen(field).min(axis=2) > 0.999
+    ours = field_seen(field, camera, model)
+    seen = field_seen(field, camera).min(axis=2) > 0.999
     size = np.linalg.norm(truth[seen].astype(np.float64))
     away, noise = (
         float(np.linalg.norm(picture[seen].astype(np.float64) - truth[seen]) / size)

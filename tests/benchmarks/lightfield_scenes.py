@@ -312,7 +312,7 @@ def beside_cycles(name):
     stops = -np.log2(max(float(np.percentile(truth[seen].max(axis=-1), 97)), 1e-6))
     difference = np.where(seen[..., None], np.abs(ours - truth), 0)
     shown = [to_srgb(picture, stops) for picture in (ours, truth, difference)]
-    labels = [f"{name}: light field", f"Cycles, {CYCLES_SAMPLES} samples", "difference"]
+    labels = ["light field", f"Cycles, {CYCLES_SAMPLES} samples", "difference"]
     return away, noise, list(zip(labels, shown, strict=True))
 
 

@@ -183,8 +183,9 @@ def light_field_bench_report(rows):
         "A view is of all points."
     )
     plots = {}
-    counted = [row for row in rows if row["coefficients"] is not None]
-    reached = [row for row in rows if row["goal_psnr"] is not None]
+    measured = [row for row in rows if row["failure"] is None]
+    counted = [row for row in measured if row["coefficients"] is not None]
+    reached = [row for row in measured if row["goal_psnr"] is not None]
     if counted:
         plots["coefficients"] = curve_plot(
             counted, "coefficients", "luma_psnr", "field", "label", _LABELS, ("x",)

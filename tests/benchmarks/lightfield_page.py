@@ -147,7 +147,7 @@ def like_figure_1():
     """Table 1: sizes at the paper's PSNR, and views beside Cycles."""
     rows = []
     for name in LIKE_FIGURE_1:
-        case, radiance = CASES[name], arrays_of(name)[0]
+        case, radiance = CASES[name], captured(name).radiance[0]
         # The floor's back is black: it costs nothing, so it does not count.
         raw = radiance[radiance.any(axis=(1, 2, 3))].nbytes
         floor = SHARE * case.paper_percent
@@ -191,7 +191,7 @@ def pictures():
         "Relative L2 against Cycles at 64 samples, of pixels that show captured surfaces alone, "
         "and that of Cycles with another seed. What a light field of few points and 512 angles "
         "cannot show are edges finer than its points and reflections finer than some six degrees: "
-        "that, not the coding, is most of the difference.",
+        "that, and the denoiser on few samples, not the coding, is what is seen.",
         "",
         *table(rows),
         "",

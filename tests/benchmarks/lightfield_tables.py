@@ -246,10 +246,10 @@ def orbit(positions, n_views=24, degrees=0.5, distance=4.0):
         yield (ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.float32)
 
 
-def frames_table(radiance, frames, positions, peak, n_points=60_000, count=32):
+def frames_table(radiance, frames, positions, peak, n_points=60_000, count=32, method="ceob"):
     """Milliseconds of a view of so many points: decoded, and from coefficients, by turns."""
     radiance, frames, positions = copies(radiance, frames, positions, n_points)
-    field = SurfaceLightField("ceob", n_coefficients=count, peak=peak).fit(radiance, frames)
+    field = SurfaceLightField(method, n_coefficients=count, peak=peak).fit(radiance, frames)
     began = time.perf_counter()
     decoded = field.viewer(most_bytes=1 << 40)
     seconds = time.perf_counter() - began

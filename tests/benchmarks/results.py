@@ -3,7 +3,7 @@
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
 Each part (rays, bake, large, sampling, compression, irradiance, clusters, wavelets, filters,
-figures, truth, assets) replaces its own sections.
+figures, truth, assets, lightfield) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -32,6 +32,7 @@ from tests.benchmarks import (  # noqa: E402
     assets,
     compress_tables,
     irradiance,
+    lightfield_page,
     object_clusters,
     sampling,
     wavelet4d_figures,
@@ -206,6 +207,7 @@ PARTS = {
     "figures": (wavelet4d_figures.PAGE, wavelet4d_figures.SECTIONS),
     "truth": ("cycles", {"Vertex colours": truth_table}),
     "assets": (assets.PAGE, assets.SECTIONS),
+    "lightfield": (lightfield_page.PAGE, lightfield_page.SECTIONS),
 }
 
 

@@ -7,6 +7,7 @@ import pytest
 from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.passes.cryptomatte import name_number
 from prt_core.blender.passes.openexr import read_channels
+from prt_core.blender.passes.quantities import COLUMNS, quantities_of
 from prt_core.errors import PRTError
 from prt_core.reflectance.bump import bump_mean
 from tests.blender.conftest import link_from_library
@@ -814,3 +815,19 @@ def test_what_is_no_uncompressed_image_is_refused(tmp_path):
     wanted = np.arange(60).reshape(3, 5, 4)[::-1] / 60
     for number, name in enumerate("RGBA"):
         np.testing.assert_allclose(channels[name], wanted[..., number], atol=1e-6)
+
+
+def test_glass_glows_where_it_would_be_black():
+    passes = {
+        "diffuse": np.float32([[0, 0, 0], [0.3, 0.4, 0.2], [0.01, 0.025, 0]]),
+        "glossy": np.zeros((3, 3), np.float32),
+        "transmission": np.float32([[0.9, 0.6, 0.3]] * 3),
+        "emission": np.zeros((3, 3), np.float32),
+        "normal": np.float32([[0, 0, 1]] * 3),
+        "share": np.ones(3, np.float32),
+    }
+    values, signs = quantities_of(passes)
+    shown = values[:, COLUMNS["transmission"]]
+    np.testing.assert_allclose(shown, [[0.9, 0.6, 0.3], [0, 0, 0], [0.45, 0.3, 0.15]], atol=1e-3)
+    np.testing.assert_allclose(values[:, COLUMNS["opacity"]], 0.4, atol=1e-3)
+    assert signs["glass"].all()

@@ -1,7 +1,8 @@
 """What Cycles' passes mean: albedo, emission, opacity, translucency and shading normals.
 
 Metal has no diffuse colour; until gloss is baked its specular one stands in for it, for black would
-be worse. The few per cent that dielectrics reflect do not.
+be worse. The few per cent that dielectrics reflect do not. Nor has glass, which is shown by what it
+lets through.
 """
 
 import numpy as np
@@ -22,6 +23,8 @@ N_COLUMNS = 17
 # Colourless specular reflection seen from straight on, over a diffuse colour and over none: as a
 # dielectric may have it, and for certain more.
 _OVER, _BARE = (0.2, 0.3), (0.085, 0.1)
+# What has no more diffuse colour than this would be black: it is shown by what it lets through.
+_GLASS = 0.05
 # Below this a pass is taken to be empty.
 _NOTHING = 2e-3
 # A thousandth of what an eye tells apart: another machine's last bits shall not be another surface.
@@ -30,8 +33,8 @@ _STEPS = 4096
 LINES = {
     "metal": "metal; until gloss is baked, its specular reflection counts as diffuse",
     "specular": "specular reflection is ignored, the diffuse colour is baked",
-    "glass": "glass is taken as thin; light goes straight through, as grey as its colour, and is "
-    "shown as a glow of that colour",
+    "glass": "glass is taken as thin; light goes straight through, as grey as its colour, and what "
+    "has no other colour is shown as a glow of that one",
     "tinted": "coloured transparency lets light of all colours through alike",
     "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
     "scatters": "subsurface scattering counts as diffuse",
@@ -73,7 +76,8 @@ def quantities_of(passes, plain=None):
     values[:, COLUMNS["albedo"]] = diffuse - translucency + metal
     values[:, COLUMNS["translucency"]] = translucency
     values[:, COLUMNS["opacity"]] = (passes["share"] - through.mean(axis=1))[:, None]
-    values[:, COLUMNS["transmission"]] = through
+    most = diffuse.max(axis=1, keepdims=True)
+    values[:, COLUMNS["transmission"]] = through * np.clip(1 - most / _GLASS, 0, 1)
     values[:, COLUMNS["normal"]] = passes["normal"]
     steps = np.round(values * _STEPS) / _STEPS
     emission = np.maximum(np.nan_to_num(passes["emission"], posinf=0), 0)

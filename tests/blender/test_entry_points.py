@@ -281,4 +281,6 @@ def test_nothing_of_ours_listens_when_python_ends():
         [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["now:", "1", "left:", "0"]
+    # Blender may have lines of its own to say.
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("now:", "left:"))]
+    assert lines == ["now: 1", "left: 0"]

@@ -31,6 +31,7 @@ def story(hand, report):
     yield 12.0  # shaders are compiled by the processor here
     hand.picture("materials 1 baked")
     hand.view.spaces.active.shading.type = "SOLID"
+    yield 2.0  # until it is drawn so
     yield from recolour(hand, report)
     hand.picture("materials 3 green neon")
     render(report)

@@ -33,7 +33,9 @@ def test_what_is_only_near_is_said_in_few_lines(report):
 def test_the_neon_changes_while_one_watches(report):
     # The lamps stayed as they were, so the first colours are those of all rays.
     assert [len(delays) for delays in report["delays"]] == [1, 1, 1]
-    assert max(map(max, report["delays"])) < 0.3, report["delays"]
+    # What the first change works out is kept for the others.
+    (first,), *others = report["delays"]
+    assert first < 0.6 and max(map(max, others)) < 0.3, report["delays"]
     before, after = report["baked"], report["recoloured"]
     # Pink became green, on the tube and on the wall behind it.
     for name in ("tube", "wall"):

@@ -12,7 +12,6 @@ from prt_core.blender.compat import PATH_OPTIONS, custom_camera_missing
 from prt_core.blender.stand_ins import ORIGINAL
 from prt_core.errors import expect
 from prt_core.runtime.progress import run
-from prt_core.store import remove_bake
 
 from . import field_list, following, light_fields, live, plan, preview, saving, views, work
 from .buttons import Button
@@ -166,34 +165,10 @@ class PRT_OT_light_field_clear(Button, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PRT_OT_light_field_remove(Button, bpy.types.Operator):
-    """Delete a light field from the disk"""
-
-    bl_idname = "prt.light_field_remove"
-    bl_label = "Delete Light Field"
-    bl_options = {"REGISTER", "INTERNAL"}
-    object_mode = False
-
-    filepath: StringProperty(name="Light Field", subtype="DIR_PATH", options=PATH_OPTIONS)
-
-    def invoke(self, context, event):
-        return context.window_manager.invoke_confirm(self, event)
-
-    def execute(self, context):
-        try:
-            remove_bake(bpy.path.abspath(self.filepath))
-        except work.FAILURES as error:
-            return self.fail(error)
-        field_list.refresh(context.scene)
-        work.say(f"{Path(self.filepath).name} deleted")
-        return {"FINISHED"}
-
-
 register, unregister = bpy.utils.register_classes_factory(
     (
         PRT_OT_light_field_bake,
         PRT_OT_light_field_load,
         PRT_OT_light_field_clear,
-        PRT_OT_light_field_remove,
     )
 )

@@ -87,7 +87,7 @@ class PRT_PT_field_list(Panel, bpy.types.Panel):
             layout.label(text=f"None in {plan.folder(context.scene).name}")
             return
         item = state.fields[state.active_field]
-        side.operator("prt.light_field_remove", text="", icon="TRASH").filepath = item.path
+        side.operator("prt.remove", text="", icon="TRASH").filepath = item.path
         row = layout.row()
         row.enabled = item.complete
         row.operator("prt.light_field_load", icon="IMPORT").filepath = item.path

@@ -12,10 +12,9 @@ from bpy.app.handlers import persistent
 from prt_core import run
 from prt_core.blender import casters
 from prt_core.blender.identity import by_uid
-from prt_core.blender.render_scene import is_reading
 
 from . import light_fields, viewport, work
-from .own_changes import own_changes
+from .own_changes import is_own, own_changes
 
 # Seconds: between looks at the view; of work in one call; of quiet before objects that moved are
 # looked at.
@@ -173,15 +172,11 @@ def show_steps(scene, view=None):
     return shown
 
 
-def _is_ours(scene):
-    return casters.is_temporary(scene) or is_reading(scene)
-
-
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame that is rendered, or that no window shows: at once."""
     settings = scene.prt
-    if not (settings.field.loaded and settings.live) or _is_ours(scene):
+    if not (settings.field.loaded and settings.live) or is_own(scene):
         return
     if not (_NOW.rendering or bpy.app.background):
         return
@@ -195,7 +190,7 @@ def _frame_changed(scene, depsgraph=None):
 
 @persistent
 def _render_begins(scene, *_):
-    if _is_ours(scene):
+    if is_own(scene):
         return
     stop()
     _NOW.rendering = True

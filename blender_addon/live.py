@@ -13,11 +13,10 @@ from bpy.app.handlers import persistent
 from prt_core import run
 from prt_core.blender import casters
 from prt_core.blender.identity import by_uid
-from prt_core.blender.render_scene import is_reading
 from prt_core.blender.stand_ins import arrange
 
 from . import bakes, field_list, following, freshness, plan, preview, work
-from .own_changes import are_own, own_changes
+from .own_changes import are_own, is_own, own_changes
 from .request import request
 
 # Seconds: between looks when there is nothing to do; of quiet before lamps get all their rays
@@ -285,15 +284,10 @@ def show_steps(uid, held, radiance, asked, pace=None):
     work.redraw()
 
 
-def _is_ours(scene):
-    """Whether Blender tells of a scene because rays are cast or a scene is read there."""
-    return casters.is_temporary(scene) or is_reading(scene)
-
-
 @persistent
 def _updated(scene, depsgraph):
     """Blender evaluated a change: was it the light, or what is baked?"""
-    if are_own() or bpy.app.background or _is_ours(scene):
+    if are_own() or bpy.app.background or is_own(scene):
         return
     light, geometry = _what_changed(depsgraph)
     if not geometry and any(isinstance(u.id, bpy.types.Collection) for u in depsgraph.updates):
@@ -328,7 +322,7 @@ def _what_changed(depsgraph):
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
-    if not scene.prt.loaded or _is_ours(scene):
+    if not scene.prt.loaded or is_own(scene):
         return
     if not (_NOW.rendering or bpy.app.background):
         if depsgraph is not None and _what_changed(depsgraph)[1]:
@@ -358,7 +352,7 @@ def _frame_steps(scene, depsgraph):
 
 @persistent
 def _render_begins(scene, *_):
-    if _is_ours(scene):
+    if is_own(scene):
         return
     stop()
     _NOW.rendering = True

@@ -237,10 +237,10 @@ class PRT_OT_clear(Button, bpy.types.Operator):
 
 
 class PRT_OT_remove(Button, bpy.types.Operator):
-    """Delete a bake from the disk"""
+    """Delete a bake or a light field from the disk"""
 
     bl_idname = "prt.remove"
-    bl_label = "Delete Bake"
+    bl_label = "Delete"
     bl_options = {"REGISTER", "INTERNAL"}
     object_mode = False
 
@@ -255,6 +255,7 @@ class PRT_OT_remove(Button, bpy.types.Operator):
         except work.FAILURES as error:
             return self.fail(error)
         bakes.refresh(context.scene)
+        field_list.refresh(context.scene)
         work.say(f"{Path(self.filepath).name} deleted")
         return {"FINISHED"}
 

@@ -1,6 +1,9 @@
-"""Tells Blender's notes of our own colours from those of what the user changed."""
+"""Tells Blender's notes of what we do ourselves from those of what the user does."""
 
 from contextlib import contextmanager
+
+from prt_core.blender import casters
+from prt_core.blender.render_scene import is_reading
 
 _UNDER_WAY = []
 
@@ -21,3 +24,8 @@ def own_changes(scene):
 def are_own():
     """Whether what Blender tells of now was written by us."""
     return bool(_UNDER_WAY)
+
+
+def is_own(scene):
+    """Whether Blender tells of a scene because rays are cast or a scene is read there."""
+    return casters.is_temporary(scene) or is_reading(scene)

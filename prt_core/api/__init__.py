@@ -129,9 +129,10 @@ def bake_blend_steps(
     else:
         messages += open_blend(blend)
     from prt_core.blender.camera import read_camera
-    from prt_core.blender.depsgraph import read_meshes_steps, say_copies
+    from prt_core.blender.depsgraph import read_meshes_steps
     from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
+    from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
     from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap

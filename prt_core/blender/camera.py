@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 
+from prt_core.blender.render_scene import rendered_layer
 from prt_core.scene import Camera
 
 _PANORAMAS = {
@@ -26,6 +27,8 @@ def read_camera(scene=None, messages=None):
     item = scene.camera
     if item is None or item.type != "CAMERA":
         return None
+    # A script may have moved it a moment ago.
+    rendered_layer(scene)[0].update()
     data, render = item.data, scene.render
     what = f"camera '{item.name}'"
     lens = {"PERSP": "perspective", "ORTHO": "orthographic"}.get(data.type)

@@ -10,20 +10,19 @@ import numpy as np
 from prt_core.blender.identity import display_names, place_of, scene_of
 from prt_core.blender.left_out import (
     NO_MATERIAL,
-    culling_remarks,
     holdout_remarks,
-    layer_remarks,
     material_remarks,
-    missing_remarks,
     plain_colour,
+    say_copies,
+    scene_remarks,
     surface_kind,
 )
 from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of, weights_of
 from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.raw_mesh import RawMesh
 from prt_core.blender.ray_visibility import ray_visibility
-from prt_core.blender.render_scene import as_rendered, rendered_layer
-from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
+from prt_core.blender.render_scene import as_rendered
+from prt_core.blender.stand_ins import rendered_objects, stands_in
 from prt_core.blender.strands import curve_strands, particle_strands, point_octahedra, tubes
 from prt_core.errors import PRTError
 from prt_core.reflectance import Materials
@@ -119,7 +118,7 @@ def read_meshes_steps(
             f"scene '{scene.name}': nothing that renders has faces; add a mesh, "
             "or show its collection in renders"
         )
-    _say_left_out(scene, messages)
+    messages += scene_remarks(scene, _GEOMETRY)
     start = time.perf_counter()
     for number in range(len(reading.parts)):
         if pace is not None and time.perf_counter() - start > pace:
@@ -129,25 +128,6 @@ def read_meshes_steps(
     if materials:
         yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages, pace)
     return reading.whole()
-
-
-def _say_left_out(scene, messages):
-    rendered = rendered_objects(scene)
-    kept = [
-        item.name
-        for item in scene.objects
-        if item.type in _GEOMETRY and item.session_uid in rendered
-        and not is_copy(item) and stands_in(item, rendered)
-    ]  # fmt: skip
-    if kept:
-        few = ", ".join(kept[:4]) + (" …" if len(kept) > 4 else "")
-        messages.append(
-            f"{len(kept)} objects hold kept colours ({few}); not they, but the objects that "
-            "they were made of are baked"
-        )
-    messages += layer_remarks(*rendered_layer(scene))
-    messages += culling_remarks(scene)
-    messages += missing_remarks()
 
 
 @dataclass
@@ -262,7 +242,7 @@ class _Reading:
         part.two_sided = bool(called & self.two_sided)
         part.place = place_of(owner)
         part.source = source.original.name if owner != source.original else ""
-        part.own_mesh = parent is None and _own_mesh(source, raw)
+        part.own_mesh = parent is None and raw.is_own_of(source)
         part.rays = ray_visibility(source, parent or source, view_layer)
         random_id = 0 if parent is None else instance.random_id
         part.record = raw.surface.placed(part.name, owner, source, part.matrix, random_id)
@@ -404,34 +384,9 @@ def _slots(source, view_layer):
     return list(source.material_slots)
 
 
-def _own_mesh(evaluated, raw):
-    """Whether the object's own mesh has the corners that were evaluated, and nobody shares it."""
-    original = evaluated.original
-    if original.type != "MESH" or original.data.users > 1 or original.data.library:
-        return False
-    if len(original.data.loops) != len(raw.corner_vertex):
-        return False
-    own = np.empty(len(original.data.loops), np.int32)
-    original.data.loops.foreach_get("vertex_index", own)
-    return len(original.data.vertices) == len(raw.vertices) and bool(
-        (own == raw.corner_vertex).all()
-    )
-
-
 def read_scene(scene=None, receivers=None, two_sided=(), messages=None):
     """The current Blender scene as a `Scene` (see `read_meshes`)."""
     messages = [] if messages is None else messages
     meshes = read_meshes(scene, receivers, two_sided, messages)
     say_copies(meshes, messages)
     return Scene.from_meshes(meshes)
-
-
-def say_copies(meshes, messages):
-    """Say which objects' colours cannot go to their own meshes."""
-    copies = [mesh.name for mesh in meshes if mesh.receives and not mesh.own_mesh]
-    if copies:
-        few = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
-        messages.append(
-            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({few});"
-            " their colours go to realised copies in the collection 'PRT'"
-        )

@@ -5,6 +5,8 @@ import bpy
 import numpy as np
 
 from prt_core.blender.compat import has_nodes
+from prt_core.blender.render_scene import rendered_layer
+from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
 
 _DISPLACED = {"DISPLACEMENT", "BOTH"}
 # What Blender shows for a face without material.
@@ -68,6 +70,44 @@ def material_remarks(name, materials):
                 f"{name}: true displacement by its material is not baked; apply it as a Displace "
                 "modifier"
             )
+
+
+def scene_remarks(scene, kinds):
+    """List of lines on a scene as a whole, before its objects are read.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    kinds : set of str
+        Types of the objects that are baked.
+    """
+    rendered = rendered_objects(scene)
+    kept = [
+        item.name
+        for item in scene.objects
+        if item.type in kinds and item.session_uid in rendered
+        and not is_copy(item) and stands_in(item, rendered)
+    ]  # fmt: skip
+    lines = []
+    if kept:
+        few = ", ".join(kept[:4]) + (" …" if len(kept) > 4 else "")
+        lines.append(
+            f"{len(kept)} objects hold kept colours ({few}); not they, but the objects that "
+            "they were made of are baked"
+        )
+    lines += layer_remarks(*rendered_layer(scene))
+    return [*lines, *culling_remarks(scene), *missing_remarks()]
+
+
+def say_copies(meshes, messages):
+    """Say which objects' colours cannot go to their own meshes."""
+    copies = [mesh.name for mesh in meshes if mesh.receives and not mesh.own_mesh]
+    if copies:
+        few = ", ".join(copies[:4]) + (" …" if len(copies) > 4 else "")
+        messages.append(
+            f"{len(copies)} objects are made by modifiers, curves, instances or libraries ({few});"
+            " their colours go to realised copies in the collection 'PRT'"
+        )
 
 
 def layer_remarks(layer, others):

@@ -88,6 +88,19 @@ class RawMesh:
         kept = ~np.isin(self.corner_slot[self.triangles[:, 0]], list(slots))
         return RawMesh(**{**self.__dict__, "triangles": self.triangles[kept]})
 
+    def is_own_of(self, evaluated):
+        """Whether an evaluated object's own mesh has these corners, and nobody shares it."""
+        original = evaluated.original
+        if original.type != "MESH" or original.data.users > 1 or original.data.library:
+            return False
+        if len(original.data.loops) != len(self.corner_vertex):
+            return False
+        own = np.empty(len(original.data.loops), np.int32)
+        original.data.loops.foreach_get("vertex_index", own)
+        return len(original.data.vertices) == len(self.vertices) and bool(
+            (own == self.corner_vertex).all()
+        )
+
     def placed(self, name, matrix, messages):
         """The `Mesh` of that name.
 

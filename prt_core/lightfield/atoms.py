@@ -5,6 +5,8 @@
 of Miandji et al. 2013.
 """
 
+from abc import abstractmethod
+
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -38,9 +40,9 @@ class AtomCompressor(HRDFCompressor):
         Weights of each HRDF in multiples of `step_`; its basis is its cluster.
     """
 
+    @abstractmethod
     def _weights(self, rows, cluster):
         """(n, k) float32: weights of (n, n_cells) HRDFs less the mean, 0 where none is kept."""
-        raise NotImplementedError
 
     def encode_steps(self, hrdfs, labels):
         self.n_points_, self.shape_ = len(hrdfs), hrdfs.shape[1:]

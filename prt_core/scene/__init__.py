@@ -25,7 +25,8 @@ from prt_core.scene.mesh import RAYS, Mesh
 from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
-from prt_core.scene.scene import Scene, SceneObject
+from prt_core.scene.scene import Scene
+from prt_core.scene.scene_object import SceneObject
 
 __all__ = [
     "BakePoints",

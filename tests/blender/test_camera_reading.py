@@ -114,3 +114,9 @@ def test_a_lens_that_is_not_followed_is_said(camera):
     assert "a lens of type MIRRORBALL is not followed" in messages[1]
     bpy.context.scene.camera = None
     assert read_camera() is None
+
+
+def test_a_camera_that_was_just_moved_is_where_it_is_now(camera):
+    bpy.context.view_layer.update()
+    camera.parent, camera.location, camera.rotation_euler = None, (7, -2, 3), (0, 0, 0)
+    np.testing.assert_allclose(read_camera().matrix[:3, 3], (7, -2, 3), atol=1e-6)

@@ -237,7 +237,7 @@ def test_what_cannot_be_captured_is_said(scene):
     Path(preview.path_of(scene)).rename(field_list.output_path(scene))
     assert "is a bake, not a light field" in why_not("light_field_bake")
     assert "is a bake, not a light field" in why_not("light_field_load")
-    bpy.ops.prt.light_field_remove(filepath=str(field_list.output_path(scene)))
+    bpy.ops.prt.remove(filepath=str(field_list.output_path(scene)))
     assert "there is no such" in why_not("light_field_load")
     assert not scene.prt.field.loaded and work.status().failed
 

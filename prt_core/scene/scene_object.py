@@ -1,0 +1,48 @@
+"""`SceneObject`: an object of a scene, as a bake knows it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One object of a scene: its name, its corners and how they map to points.
+
+    Attributes
+    ----------
+    name : str
+    corner_point : (n_corners,) int32
+        The point of each corner, -1 where a corner belongs to no triangle of area.
+    corner_vertex : (n_corners,) int32
+    face_sizes : (n_faces,) int32
+    n_vertices : int
+    receives, two_sided, own_mesh : bool
+    owner, library, source : str
+    shadow_rays, diffuse_rays, camera_rays : bool
+        As those of the `Mesh` it was made from.
+    """
+
+    name: str
+    corner_point: np.ndarray
+    corner_vertex: np.ndarray
+    face_sizes: np.ndarray
+    n_vertices: int
+    receives: bool
+    two_sided: bool
+    own_mesh: bool
+    owner: str
+    library: str = ""
+    source: str = ""
+    shadow_rays: bool = True
+    diffuse_rays: bool = True
+    camera_rays: bool = True
+
+    @property
+    def known_as(self):
+        """What lamps call it: the name of its owner, or for an instance "owner/source".
+
+        A linked owner is called "name [library]".
+        """
+        owner = f"{self.owner} [{self.library}]" if self.library else self.owner
+        return f"{owner}/{self.source}" if self.source else owner

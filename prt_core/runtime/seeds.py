@@ -37,6 +37,8 @@ class Stage(IntEnum):
     POWER_ITERATION = 28
     HRDF_SAMPLE = 29
     LIGHT_FIELD = 31
+    REFLECTIONS = 32
+    LOBES = 33
 
 
 def generator(seed, stage, *key):

@@ -1,5 +1,6 @@
 """The ground floor of directions: cube map, rotations, frames, warps, maps of (half) the sphere."""
 
+from prt_core.sphere.blocks import Blocks
 from prt_core.sphere.cubemap import FACES, CubeMap
 from prt_core.sphere.frames import tangent_frames, tangents
 from prt_core.sphere.hemisphere import (
@@ -20,6 +21,7 @@ from prt_core.sphere.warp import (
 )
 
 __all__ = [
+    "Blocks",
     "CubeMap",
     "FACES",
     "cone_density",

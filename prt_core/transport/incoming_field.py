@@ -1,0 +1,169 @@
+"""The field of incoming light: what arrives at glossy points from each block of directions.
+
+Made once a light: for each point and block of texels the mean of the radiance that comes from
+there, V L + (1 - V) times what is in the way sends out. The brightest texels are taken out before:
+where a sun stands within a block matters, so each of them is asked for by its own visibility bit.
+A view is then a few look-ups for each point (see `transport.glossy_view`).
+"""
+
+from functools import cached_property
+
+import numpy as np
+
+from prt_core.errors import expect_array, expect_kind
+from prt_core.runtime.threads import on_all_cores
+from prt_core.transport.reflections import Reflections
+from prt_core.transport.visibility import expect_bits
+
+# Texels that are taken out at most, and how many times brighter than the mean each of them is.
+MOST_BRIGHT, _BRIGHTER = 48, 8.0
+# Points worked on at once.
+_PART = 1024
+# The largest value that is kept in float16: its small ones stay exact to 3 digits.
+_TOP = 2.0**14
+
+
+class IncomingField:
+    """Light that arrives at glossy points.
+
+    Parameters
+    ----------
+    reflections : Reflections
+    bits : (n_points, n_bytes) uint8
+        Visibility of all bake points.
+
+    Attributes
+    ----------
+    values : (n, n_blocks, 3) float16
+        Mean radiance of each block times `scale`, without the bright texels.
+    scale : float
+    bright : (n_bright,) int32
+        Texels that are apart.
+    bright_light : (n_bright, 3) float32
+        What each of them has more than the rest of its block: radiance times solid angle.
+    rest : (n_directions, 3) float32
+        The light without that.
+    """
+
+    def __init__(self, reflections, bits):
+        self.reflections = expect_kind("reflections", reflections, Reflections)
+        blocks = reflections.blocks
+        self._bits = expect_bits("bits", bits, blocks.cube_map.n_directions)
+        parts = [
+            slice(first, min(first + _PART, len(reflections)))
+            for first in range(0, len(reflections), _PART)
+        ]
+        self._parts = parts
+        patterns = on_all_cores(
+            lambda part: blocks.patterns(self._bits[reflections.points[part]]), parts
+        )
+        n_bytes = -(-blocks.n_texels // 8)
+        empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
+        self._patterns = np.concatenate([empty, *patterns])
+        self.values = np.zeros((len(reflections), len(blocks), 3), np.float16)
+        self.scale = 1.0
+
+    @cached_property
+    def open(self):
+        """(n, n_blocks) uint8: how much of each block the sky shows in, in 255ths."""
+        blocks = self.reflections.blocks
+        angles = blocks.cube_map.solid_angles
+        whole = np.maximum(blocks.sums(angles), 1e-30)
+
+        def one(part):
+            share = blocks.pattern_sums(self._patterns[part], angles) / whole
+            return np.rint(255 * np.minimum(share, 1)).astype(np.uint8)
+
+        parts = on_all_cores(one, self._parts)
+        return np.concatenate([np.zeros((0, len(blocks)), np.uint8), *parts])
+
+    def update(self, light, sent):
+        """Fill the field in for a light.
+
+        Parameters
+        ----------
+        light : (n_directions, 3) float32, or None
+            Radiance of the sky; None: black.
+        sent : (n_points, 3) float32, or (m, 3) float32
+            What bake points send out, of which one is met; or of every entry of the reflections,
+            what is sent towards the point that sees it.
+        """
+        blocks, reflections = self.reflections.blocks, self.reflections
+        cube_map = blocks.cube_map
+        if light is None:
+            light = np.zeros((cube_map.n_directions, 3), np.float32)
+        light = expect_array("light", light, (cube_map.n_directions, 3), np.float32)
+        by_entry = len(sent) == len(reflections.met) and len(sent) != len(self._bits)
+        shape = (len(reflections.met) if by_entry else len(self._bits), 3)
+        sent = expect_array("sent", sent, shape, np.float32)
+        self.bright, more = bright_texels(light, blocks)
+        angles = cube_map.solid_angles[self.bright, None]
+        self.bright_light = (more * angles).astype(np.float32)
+        self.rest = light.copy()
+        self.rest[self.bright] -= more
+        top = max(float(self.rest.max(initial=0)), float(sent.max(initial=0)), 1e-30)
+        self.scale = _TOP / top
+        areas = np.repeat(blocks.solid_angles, 256)[:, None]
+        weighted = self.rest * cube_map.solid_angles[:, None] * self.scale
+        tables = (blocks.pattern_tables(weighted) / areas).astype(np.float32)
+        base = 256 * np.arange(len(blocks), dtype=np.int32)
+        # Two rows at the end, which negative indices count from, are of what returns no light.
+        shining = np.zeros((len(sent) + 2, 3), np.float32)
+        np.multiply(sent, np.float32(self.scale / 255), out=shining[:-2])
+
+        def one(part):
+            patterns = self._patterns[part]
+            total = np.zeros((patterns.shape[0] * len(blocks), 3), np.float32)
+            for byte, table in enumerate(tables):
+                index = (base + patterns[..., byte]).ravel()
+                some = np.flatnonzero(patterns[..., byte].ravel())
+                total[some] += table.take(index[some], axis=0)
+            places, entries = reflections.places(part)
+            who = np.arange(entries.start, entries.stop) if by_entry else reflections.met[entries]
+            total[places] += shining[who] * reflections.share[entries, None]
+            self.values[part] = total.reshape(-1, len(blocks), 3)
+
+        on_all_cores(one, self._parts)
+
+    def seen_bits(self, texels):
+        """(n, len(texels)) bool: whether the sky is seen in some texels."""
+        rows = self.reflections.points
+        texels = np.asarray(texels)
+        return (self._bits[rows[:, None], texels >> 3] >> (texels & 7).astype(np.uint8)) & 1 == 1
+
+    @property
+    def nbytes(self):
+        """Of the arrays."""
+        return self.values.nbytes + self._patterns.nbytes + self.reflections.nbytes
+
+
+def bright_texels(light, blocks):
+    """Texels that are far brighter than the sky in the mean.
+
+    Parameters
+    ----------
+    light : (n_directions, 3) float32
+    blocks : Blocks
+
+    Returns
+    -------
+    texels : (k,) int32
+        By what they bring, at most `MOST_BRIGHT`.
+    more : (k, 3) float32
+        What each has more than the mean of the other texels of its block.
+    """
+    cube_map, value = blocks.cube_map, light.max(axis=1)
+    power = value * cube_map.solid_angles
+    mean = power.sum() / (4 * np.pi)
+    chosen = np.flatnonzero(value > _BRIGHTER * mean)
+    if len(chosen) > MOST_BRIGHT:
+        chosen = chosen[np.argpartition(-power[chosen], MOST_BRIGHT)[:MOST_BRIGHT]]
+    chosen = np.sort(chosen).astype(np.int32)
+    others = light.astype(np.float64)
+    others[chosen] = 0
+    weights = np.ones(len(light))
+    weights[chosen] = 0
+    counts = np.maximum(blocks.sums(weights), 1)
+    mean_of_others = (blocks.sums(others) / counts[:, None])[blocks.of_texel[chosen]]
+    more = light[chosen] - np.minimum(mean_of_others, light[chosen])
+    return chosen, more.astype(np.float32)

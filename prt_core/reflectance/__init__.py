@@ -13,6 +13,7 @@ from prt_core.reflectance.materials import (
 from prt_core.reflectance.microfacet import SMALLEST_ALPHA, Microfacet, alphas
 from prt_core.reflectance.oren_nayar import OrenNayar
 from prt_core.reflectance.phong import Phong
+from prt_core.reflectance.principled import GLOSSY_LOBES, Lobe, PrincipledLobes, principled_lobes
 
 __all__ = [
     "AshikhminShirley",
@@ -20,11 +21,14 @@ __all__ = [
     "Constant",
     "Dielectric",
     "F82Tint",
+    "GLOSSY_LOBES",
     "Lambert",
+    "Lobe",
     "Materials",
     "Microfacet",
     "OrenNayar",
     "Phong",
+    "PrincipledLobes",
     "QUANTITIES",
     "Quantity",
     "RealSchlick",
@@ -35,4 +39,5 @@ __all__ = [
     "directional_albedo",
     "expect_materials",
     "local_frames",
+    "principled_lobes",
 ]

@@ -5,13 +5,13 @@ sums of bright spots, known in every direction without an image between.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
-from prt_core.reflectance import principled_lobes
+from prt_core.reflectance import AshikhminShirley, glossy_anisotropy, local_frames, principled_lobes
 from prt_core.sphere import CubeMap
 
 GOLDEN = Path(__file__).parent / "core" / "reflectance" / "golden" / "gloss.json"
@@ -58,6 +58,10 @@ class Case:
         GLOSSY, DIFFUSE or COMBINED.
     node : str
     sky : str
+    settings : dict of str -> value
+        Of the node.
+    reflectance : Reflectance, optional
+        What it is, where it is no lobe of the Principled BSDF.
     """
 
     inputs: dict
@@ -66,6 +70,8 @@ class Case:
     passes: str = "GLOSSY"
     node: str = "ShaderNodeBsdfPrincipled"
     sky: str = "spots"
+    settings: dict = field(default_factory=dict)
+    reflectance: object = None
 
 
 BLACK = {"Base Color": (0, 0, 0), "Specular IOR Level": 0.0}
@@ -90,6 +96,11 @@ def _level(level, ior):
     return (1 + root) / (1 - root)
 
 
+def _turned_tangent(normals):
+    """The tangent turned by a right angle, as the Glossy BSDF has it where it is anisotropic."""
+    return np.cross(normals, TANGENT)
+
+
 _SPECULAR = {"Base Color": (0, 0, 0), "IOR": 1.5}
 _COAT = {"Coat Weight": 1.0, "Coat Roughness": 0.3}
 _TINTED = {"Coat Weight": 0.7, "Coat Roughness": 0.3, "Coat IOR": 1.6, "Coat Tint": BLUE}
@@ -98,6 +109,16 @@ CASES = {
     "glossy 0.2": _glossy(0.2, 0.02),
     "glossy 0.5": _glossy(0.5, 0.01),
     "glossy 1.0": _glossy(1.0, 0.01, sky="sides"),
+    "glossy 0.5 anisotropic 0.5": Case(
+        {"Color": GREY, "Roughness": 0.5, "Anisotropy": 0.5},
+        {"glossy": GREY, "roughness": 0.5, "anisotropy": float(glossy_anisotropy(0.5)[0]),
+         "tangent": _turned_tangent}, 0.02, node="ShaderNodeBsdfAnisotropic",
+    ),
+    "ashikhmin-shirley": Case(
+        {"Color": (1, 1, 1), "Roughness": 0.5, "Anisotropy": 0.5}, {"tangent": TANGENT}, 0.02,
+        node="ShaderNodeBsdfAnisotropic", settings={"distribution": "ASHIKHMIN_SHIRLEY"},
+        reflectance=AshikhminShirley(2 / 0.125**2 - 2, 2 / 0.5**2 - 2),
+    ),
     "metal 0.2": _metal(0.2, 0.02),
     "metal 0.5": _metal(0.5, 0.01),
     "metal 0.8 edge": _metal(
@@ -176,6 +197,8 @@ def materials_of(case, albedo):
         "coat_roughness": 0.03, "coat_ior": 1.5, "coat_tint": 1, "diffuse_roughness": 0,
         "opacity": 1, **case.quantities,
     }  # fmt: skip
+    if callable(values["tangent"]):
+        values["tangent"] = values["tangent"](places()[0])
     one = {"dielectric", "ior", "roughness", "anisotropy", "coat", "coat_roughness", "coat_ior",
            "diffuse_roughness", "opacity"}  # fmt: skip
     return SimpleNamespace(**{
@@ -200,8 +223,9 @@ def dense_sum(case, albedo, resolution, at_once=4096):
     cube_map = CubeMap(resolution)
     radiance = sky_radiance(case.sky, cube_map.directions) * cube_map.solid_angles[:, None]
     normals, views = places()
-    lobes = principled_lobes(materials_of(case, albedo))
-    frames = lobes.frames(normals).astype(np.float32)
+    materials = materials_of(case, albedo)
+    lobes = case.reflectance or principled_lobes(materials)
+    frames = local_frames(normals, materials.tangent).astype(np.float32)
     outgoing = np.einsum("nij,nj->ni", frames, views.astype(np.float32))[:, None]
     result = np.zeros((N_PLACES, 3))
     for first in range(0, cube_map.n_directions, at_once):

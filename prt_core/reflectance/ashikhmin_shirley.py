@@ -43,6 +43,11 @@ class AshikhminShirley:
         """Of the reflectance."""
         return self.reflectance.shape[-1]
 
+    @property
+    def roughness(self):
+        """(...) slider of a GGX lobe that is as wide near its peak, where it is narrowest."""
+        return (2 / (np.maximum(self.exponent_x, self.exponent_y) + 2)) ** 0.25
+
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
         incoming, outgoing = expect_both(incoming, outgoing)

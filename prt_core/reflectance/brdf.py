@@ -74,6 +74,12 @@ class Sum:
             f"lobes: expected one number of channels, or 1, got {sorted(channels)}",
         )
 
+    @property
+    def roughness(self):
+        """Slider of the narrowest lobe that says it; 1 where none does."""
+        said = (getattr(lobe, "roughness", 1.0) for lobe in self.lobes)
+        return min(float(np.min(roughness)) for roughness in said)
+
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
         return sum(lobe.eval(incoming, outgoing) for lobe in self.lobes)

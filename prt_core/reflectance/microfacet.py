@@ -38,6 +38,25 @@ def alphas(roughness, anisotropy=0.0):
     return tuple(np.clip(a, SMALLEST_ALPHA, 1) for a in (alpha / aspect, alpha * aspect))
 
 
+def glossy_anisotropy(slider):
+    """The anisotropy of Blender's Glossy BSDF, in that of the Principled BSDF.
+
+    Parameters
+    ----------
+    slider : float or (...) array_like
+        -1 to 1. Beyond 0.68 lobes are narrower than the Principled BSDF makes them; these are 1.
+
+    Returns
+    -------
+    anisotropy : (...) float64
+        0 to 1, see `alphas`.
+    turned : (...) bool
+        Whether the tangent turns by a right angle about the normal.
+    """
+    slider = expect_parameter("slider", slider, -1, 1)
+    return np.minimum((1 - (1 - np.abs(slider)) ** 2) / 0.9, 1), slider > 0
+
+
 class Microfacet:
     """A GGX lobe with the Smith term of both directions together.
 

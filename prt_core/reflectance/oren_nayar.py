@@ -39,7 +39,7 @@ class OrenNayar:
 
     def __init__(self, albedo=1.0, roughness=0.0, colour=None):
         self.albedo = expect_colour("albedo", albedo)
-        self.roughness = expect_parameter("roughness", roughness, 0, 1)
+        self.diffuse_roughness = expect_parameter("roughness", roughness, 0, 1)
         self.colour = np.minimum(
             self.albedo if colour is None else expect_colour("colour", colour), 1
         )
@@ -52,7 +52,9 @@ class OrenNayar:
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
         incoming, outgoing = expect_both(incoming, outgoing)
-        albedo, rough, colour = in_type_of(incoming, self.albedo, self.roughness, self.colour)
+        albedo, rough, colour = in_type_of(
+            incoming, self.albedo, self.diffuse_roughness, self.colour
+        )
         a = 1 / (np.pi + rough * _MOST).astype(incoming.dtype)
         b = rough * a
         cosines = [np.clip(d[..., 2], 0, 1) for d in (incoming, outgoing)]

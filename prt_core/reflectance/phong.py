@@ -37,6 +37,12 @@ class Phong:
         """Of the reflectance."""
         return self.reflectance.shape[-1]
 
+    @property
+    def roughness(self):
+        """(...) slider of a GGX lobe that is as wide near its peak."""
+        # Half vectors turn by half the angle: their exponent is four times as large.
+        return (2 / (4 * self.exponent + 2)) ** 0.25
+
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
         incoming, outgoing = expect_both(incoming, outgoing)

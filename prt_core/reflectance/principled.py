@@ -76,6 +76,7 @@ class PrincipledLobes:
     """All lobes of n points; `eval`, `sample` and `pdf` are of the glossy ones together.
 
     Directions are (n, m, 3), or have 1 in place of n or m, in the frames of the points (`frames`).
+    Of one point, directions may have any number in place of n.
 
     Parameters
     ----------
@@ -116,6 +117,11 @@ class PrincipledLobes:
             rough = read["diffuse_roughness"][rows]
             lobe = OrenNayar(diffuse[rows, None], rough, colour[rows, None])
             self.lobes += (Lobe("diffuse", rows, lobe, np.ones((1, 1, 1))),)
+
+    @property
+    def roughness(self):
+        """Slider of the narrowest glossy lobe; 1 where there is none."""
+        return min((float(lobe.reflectance.roughness.min()) for lobe in self._glossy), default=1.0)
 
     def frames(self, normals):
         """The frames that directions are in, of normals (n, 3): (n, 3, 3), see `local_frames`."""
@@ -172,7 +178,7 @@ class PrincipledLobes:
         (n, m, 3) array
         """
         outgoing = self._fitting(outgoing, outgoing)[1]
-        shape = (self.n_points, outgoing.shape[1], 3)
+        shape = (max(self.n_points, len(outgoing)), outgoing.shape[1], 3)
         # What lets nothing through straight above has no albedo either.
         least = np.where(self._straight > 1e-6, self._straight, 1)
         ratio = np.where(self._straight > 1e-6, self._through(outgoing) / least, 1)
@@ -192,7 +198,9 @@ class PrincipledLobes:
         """
         self._expect_gloss()
         outgoing, uv = expect_viewed(outgoing, uv)
-        outgoing, uv = (np.broadcast_to(a, (self.n_points, *a.shape[1:])) for a in (outgoing, uv))
+        outgoing = self._fitting(outgoing, outgoing)[1]
+        n = max(len(outgoing), self.n_points)
+        outgoing, uv = (np.broadcast_to(a, (n, *a.shape[1:])) for a in (outgoing, uv))
         shares = self._shares(outgoing)
         ends = np.cumsum(shares, axis=0)
         result, first = np.empty_like(outgoing), uv[..., 0]
@@ -208,11 +216,10 @@ class PrincipledLobes:
         return np.where(shares.sum(axis=0)[..., None] > 0, result, [0, 0, 1]).astype(uv.dtype)
 
     def pdf(self, incoming, outgoing):
-        """Density (n, m) of `sample` at incoming of outgoing (n, m, 3); 0 where there is no gloss."""
+        """Density (n, m) of `sample` at incoming of outgoing (n, m, 3); 0 without gloss."""
         self._expect_gloss()
         incoming, outgoing = self._fitting(incoming, outgoing)
-        result = np.zeros((self.n_points, max(incoming.shape[1], outgoing.shape[1])),
-                          incoming.dtype)  # fmt: skip
+        result = np.zeros(self._axes(incoming, outgoing), incoming.dtype)
         for share, lobe in zip(self._shares(outgoing), self._glossy, strict=True):
             density = lobe.reflectance.pdf(*_of(lobe.rows, incoming, outgoing))
             result[lobe.rows] += share[lobe.rows] * density
@@ -228,17 +235,21 @@ class PrincipledLobes:
     def _fitting(self, incoming, outgoing):
         incoming, outgoing = expect_both(incoming, outgoing)
         for name, array in (("incoming", incoming), ("outgoing", outgoing)):
-            good = array.ndim == 3 and array.shape[0] in (1, self.n_points)
+            good = array.ndim == 3 and (self.n_points == 1 or len(array) in (1, self.n_points))
             expect(
                 good,
                 f"{name}: expected shape ({self.n_points}, m, 3) or (1, m, 3), got {array.shape}",
             )
         return incoming, outgoing
 
+    def _axes(self, incoming, outgoing):
+        """(n, m) of an answer."""
+        n, m, _ = np.broadcast_shapes(incoming.shape, outgoing.shape)
+        return max(n, self.n_points), m
+
     def _sum(self, incoming, outgoing, names):
         incoming, outgoing = self._fitting(incoming, outgoing)
-        m = max(incoming.shape[1], outgoing.shape[1])
-        result = np.zeros((self.n_points, m, 3), incoming.dtype)
+        result = np.zeros((*self._axes(incoming, outgoing), 3), incoming.dtype)
         below = None
         for lobe in self.lobes:
             if lobe.name not in names:
@@ -282,13 +293,16 @@ class PrincipledLobes:
         return self._scattered(lobe.rows, 1 - self._share[lobe.rows, None] * (1 - kept), outgoing)
 
     def _scattered(self, rows, values, outgoing):
+        if isinstance(rows, slice):
+            return values
         result = np.ones((self.n_points, outgoing.shape[1], values.shape[-1]), outgoing.dtype)
         result[rows] = values
         return result
 
     def _shares(self, outgoing):
         """(n_lobes, n, m) how often each glossy lobe is sampled: by what it reflects."""
-        shares = np.zeros((len(self._glossy), self.n_points, outgoing.shape[1]), outgoing.dtype)
+        n = max(self.n_points, len(outgoing))
+        shares = np.zeros((len(self._glossy), n, outgoing.shape[1]), outgoing.dtype)
         for share, lobe in zip(shares, self._glossy, strict=True):
             (view,) = _of(lobe.rows, outgoing)
             value = lobe.reflectance.fresnel(np.clip(view[..., 2], 0, 1)) * lobe.weight

@@ -114,6 +114,8 @@ def _material(case):
     tree = material.node_tree
     tree.nodes.clear()
     node = tree.nodes.new(case.node)
+    for name, value in case.settings.items():
+        setattr(node, name, value)
     for name, value in case.inputs.items():
         socket = node.inputs[name]
         socket.default_value = (*value, 1) if socket.type == "RGBA" else value

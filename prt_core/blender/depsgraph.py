@@ -33,7 +33,7 @@ _MESHES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 _GEOMETRY = _MESHES | {"CURVES", "POINTCLOUD", "VOLUME"}
 
 
-def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=True):
+def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=True, gloss=False):
     """Every mesh that renders, in world space.
 
     Parameters
@@ -49,6 +49,8 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
         Told what was ignored or replaced.
     strict : bool
         Whether a name that renders nothing is an error.
+    gloss : bool
+        Whether materials have their gloss as well.
 
     Returns
     -------
@@ -60,7 +62,7 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
         A name belongs to no object that renders, or nothing renders.
     """
     uid = (scene or bpy.context.scene).session_uid
-    return run(read_meshes_steps(uid, receivers, two_sided, messages, strict))
+    return run(read_meshes_steps(uid, receivers, two_sided, messages, strict, gloss=gloss))
 
 
 def read_meshes_steps(
@@ -72,6 +74,7 @@ def read_meshes_steps(
     pace=None,
     read_too=None,
     materials=True,
+    gloss=False,
 ):
     """`read_meshes` as a generator of `Progress`.
 
@@ -90,6 +93,8 @@ def read_meshes_steps(
         Reads more from the same evaluation (see `as_rendered`).
     materials : bool
         Whether Cycles is asked for materials; else all have that of surfaces without one.
+    gloss : bool
+        Whether it is asked for their gloss as well.
     """
     messages = [] if messages is None else messages
     start = time.perf_counter()
@@ -126,7 +131,8 @@ def read_meshes_steps(
             start = time.perf_counter()
         reading.place(number)
     if materials:
-        yield from evaluate_surfaces(uid, reading.meshes, reading.records(), messages, pace)
+        records = reading.records()
+        yield from evaluate_surfaces(uid, reading.meshes, records, messages, pace, gloss)
     return reading.whole()
 
 

@@ -88,6 +88,30 @@ QUANTITIES = {
     "transmission": Quantity(3, 0, 1, step=1 / 32, default=0.0),
     # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
     "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),
+    # The part of `albedo` that stands in for gloss, as metals have it; the rest is truly diffuse.
+    "stand_in": Quantity(3, 0, 64, step=1 / 32, default=0.0),
+    # Reflectance of a microfacet lobe that is the same from all sides, as Glossy BSDFs have it.
+    "glossy": Quantity(3, 0, 64, step=1 / 32, default=0.0),
+    # Metal: its reflectance seen from straight on (F0), and what tints it near 82 degrees (F82).
+    "metal": Quantity(3, 0, 64, step=1 / 32, default=0.0),
+    "metal_edge": Quantity(3, 0, 1, step=1 / 32, default=1.0),
+    # Weight of a dielectric's reflection, what tints that seen from straight on, and its index of
+    # refraction, in which a specular level is contained.
+    "dielectric": Quantity(1, 0, 64, step=1 / 32, default=0.0),
+    "tint": Quantity(3, 0, 64, step=1 / 32, default=1.0),
+    "ior": Quantity(1, 1, 1000, step=1 / 32, default=1.5),
+    # Of these three lobes: alpha is the square of roughness; along the tangent it is divided, and
+    # across it multiplied, by sqrt(1 - 0.9 anisotropy). Without a tangent there is no direction.
+    "roughness": Quantity(1, 0, 1, step=1 / 32, default=1.0),
+    "anisotropy": Quantity(1, 0, 1, step=1 / 32, default=0.0),
+    "tangent": Quantity(3, -1, 1, step=1 / 32, default=0.0, is_direction=True),
+    # A clear layer over everything; light that crosses it once, straight, takes on its tint.
+    "coat": Quantity(1, 0, 1, step=1 / 32, default=0.0),
+    "coat_roughness": Quantity(1, 0, 1, step=1 / 32, default=0.03),
+    "coat_ior": Quantity(1, 1, 1000, step=1 / 32, default=1.5),
+    "coat_tint": Quantity(3, 0, 1, step=1 / 32, default=1.0),
+    # Roughness of the diffuse reflection.
+    "diffuse_roughness": Quantity(1, 0, 1, step=1 / 32, default=0.0),
 }
 
 

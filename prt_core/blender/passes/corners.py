@@ -7,7 +7,7 @@ chequer those two may be alike; from a third, at right angles to them, it is see
 
 import numpy as np
 
-from prt_core.blender.passes.quantities import COLUMNS
+from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS
 
 _TOLERANCE = 1 / 64
 
@@ -77,10 +77,9 @@ class CornerGroups:
         """
         n = len(self._best)
         group = np.concatenate([self._second, self._third])
-        one, two = values[group], values[n:]
-        looks = slice(0, COLUMNS["normal"].start)
-        largest = np.maximum(1, np.abs(one[:, looks]).max(axis=1, initial=0))
-        apart = np.abs(one - two)[:, looks].max(axis=1, initial=0) > _TOLERANCE * largest
+        one, two = looks_of(values[group]), looks_of(values[n:])
+        largest = np.maximum(1, np.abs(one).max(axis=1, initial=0))
+        apart = np.abs(one - two).max(axis=1, initial=0) > _TOLERANCE * largest
         split = np.zeros(n, bool)
         split[group[apart]] = True
         self._split = np.flatnonzero(split[self._group])
@@ -108,3 +107,13 @@ class CornerGroups:
             used, first = np.unique(corner[mine], return_index=True)
             result.append((used, every[mine[first]]))
         return result
+
+
+def looks_of(values):
+    """The columns of samples by which corners are told apart: without normals and tangents."""
+    plain = values[:, : COLUMNS["normal"].start]
+    if values.shape[1] == N_COLUMNS:
+        return plain
+    gloss = values[:, N_COLUMNS:].copy()
+    gloss[:, COLUMNS["tangent"].start - N_COLUMNS : COLUMNS["tangent"].stop - N_COLUMNS] = 0
+    return np.concatenate([plain, gloss], axis=1)

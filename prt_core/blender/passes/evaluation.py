@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from prt_core.blender.passes.closures import LEFT_OUT
 from prt_core.blender.passes.corners import CornerGroups
 from prt_core.blender.passes.lattices import (
     ROUNDS,
@@ -15,12 +16,18 @@ from prt_core.blender.passes.lattices import (
     n_samples,
 )
 from prt_core.blender.passes.place_reader import PlaceReader
-from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, settled
+from prt_core.blender.passes.quantities import (
+    COLUMNS,
+    N_COLUMNS,
+    N_GLOSSY_COLUMNS,
+    columns_of,
+    default_columns,
+    settled,
+)
 from prt_core.reflectance import QUANTITIES
 from prt_core.reflectance.bump import bump_mean, bump_strength
 from prt_core.scene.lattice_paint import LatticePaint
 
-_GREY = 0.8
 # Which rays see each look.
 _RAYS = {"shown": "camera", "bounced": "diffuse", "back": "diffuse", "shadow": "shadow"}
 # Normals between points may differ by this cosine from what the points show.
@@ -48,7 +55,8 @@ class Evaluation:
     """Asks for the surfaces of meshes that are not known yet.
 
     `look`: "shown", as rays of the camera see fronts; "bounced", as diffuse rays meet them; "back",
-    as these meet backs; "shadow", as shadow rays meet fronts.
+    as these meet backs; "shadow", as shadow rays meet fronts. Gloss is evaluated where `materials`
+    are glossy.
     """
 
     def __init__(self, uid, meshes, records, all_records, materials, levels, look):
@@ -57,8 +65,10 @@ class Evaluation:
         self._family = self._triangles.families()
         self._levels = levels
         self._reader = PlaceReader(
-            uid, self._triangles, records, all_records, materials.graph, _RAYS[look]
-        )
+            uid, self._triangles, records, all_records, materials.graph, _RAYS[look],
+            materials.gloss,
+        )  # fmt: skip
+        self._default = default_columns(N_GLOSSY_COLUMNS if materials.gloss else N_COLUMNS)
         self._signs = [set() for _ in meshes]
         self._unseen = np.zeros(len(meshes), np.int64)
 
@@ -132,20 +142,17 @@ class Evaluation:
         if not len(unseen):
             return values
         pairs = self._triangles.mesh[triangle] * 65536 + self._triangles.slot[triangle]
-        default = np.zeros(N_COLUMNS, np.float32)
-        default[COLUMNS["albedo"]], default[COLUMNS["opacity"]] = _GREY, 1
         for pair in np.unique(pairs[unseen]):
             mine = pairs == pair
             seen = mine & ~np.isnan(values[:, 0])
-            mean = values[seen].mean(axis=0) if seen.any() else default
+            mean = values[seen].mean(axis=0) if seen.any() else self._default
             values[unseen[pairs[unseen] == pair]] = mean
         return values
 
     def _surface(self, index, used, values, lattices):
         """The `Surface` of a mesh from the values (n, n_columns) of its used corners."""
         mesh, record = self._meshes[index], self._records[index]
-        corners = np.zeros((len(mesh.corner_vertex), N_COLUMNS), np.float32)
-        corners[:, COLUMNS["albedo"]], corners[:, COLUMNS["opacity"]] = _GREY, 1
+        corners = np.tile(self._default, (len(mesh.corner_vertex), 1))
         notes = self._notes_of(index)
         if used is None or not len(used):
             return Surface(corners, notes=notes)
@@ -190,7 +197,8 @@ class Evaluation:
         cosine = np.einsum("nx,nx->n", normals[dimmed], mesh.corner_normal[dimmed])
         strength = np.float32(bump_strength(cosine))
         corners[dimmed, COLUMNS["bump"].start] = strength
-        corners[dimmed, COLUMNS["albedo"]] *= bump_mean(strength)[:, None]
+        for name in _evenly(corners):
+            corners[dimmed, COLUMNS[name]] *= bump_mean(strength)[:, None]
         return normals
 
     def _dim(self, record, triangles, levels, starts, samples):
@@ -200,21 +208,35 @@ class Evaluation:
             if graph.bends and graph.softens:
                 part = samples[start : start + n_samples(level, 1)]
                 cosine = part[:, COLUMNS["normal"]] @ self._triangles.normal[triangle]
-                part[:, COLUMNS["albedo"]] *= bump_mean(bump_strength(cosine))[:, None]
+                for name in _evenly(part):
+                    part[:, COLUMNS[name]] *= bump_mean(bump_strength(cosine))[:, None]
 
     def _notes_of(self, index):
-        record, notes = self._records[index], sorted(self._signs[index])
+        record, notes = self._records[index], []
+        for kind, name in sorted(self._signs[index]):
+            line = kind in LEFT_OUT and ("line", _left_out(record, name, kind))
+            notes.append(line or (kind, name))
         for slot in np.unique(record.slot_of_corner):
             graph = self._materials.graph(record.slot(slot))
             kinds = "rough scatters tinted bumpy toon lengths views holdouts".split()
             notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
             notes += [("line", line) for line in _missing_images(graph)]
+            notes += [("line", _left_out(record, graph.name, k)) for k in sorted(graph.left_out)]
         if self._unseen[index]:
             notes.append(
                 ("line", f"{record.name}: Cycles did not see {self._unseen[index]} places; they "
                          "have the mean of the others; is something in the same place?")
             )  # fmt: skip
         return notes
+
+
+def _left_out(record, material, kind):
+    return f"material '{material}' on {record.name}: {LEFT_OUT[kind]}"
+
+
+def _evenly(values):
+    """Names of what leaves evenly to all sides."""
+    return {"albedo", "stand_in"} & set(columns_of(values.shape[1]))
 
 
 def _missing_images(graph):
@@ -255,8 +277,11 @@ def _paint(corners, triangle_corners, levels, starts, samples):
     Normals between the corners are means of theirs, and so is what belongs to bent ones.
     """
     names = []
-    for name, quantity in QUANTITIES.items():
-        columns = COLUMNS[name]
+    known = columns_of(corners.shape[1])
+    for name in QUANTITIES:
+        if name not in known:
+            continue
+        quantity, columns = QUANTITIES[name], COLUMNS[name]
         both = corners[:, columns], samples[:, columns]
         if name == "bump":
             continue

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from prt_core.blender.compat import has_nodes
+from prt_core.blender.passes.closures import CLOSURES, OTHERS
 from prt_core.blender.passes.light_paths import CERTAIN
 
 # Nodes that give the same everywhere on one object, when what goes into them does.
@@ -22,6 +23,10 @@ _EVEN = {
     "CLAMP", "BLACKBODY", "WAVELENGTH", "RGBTOBW", "SHADERTORGB", "GROUP_INPUT", "GROUP_OUTPUT",
     "REROUTE", "FRAME", "OUTPUT_MATERIAL", "OBJECT_INFO", "LIGHT_PATH",
 }  # fmt: skip
+# Shaders that pass on what others reflect.
+_JOINTS = {"MIX_SHADER", "ADD_SHADER", "GROUP", "GROUP_INPUT", "REROUTE", "SHADERTORGB"}
+# The anisotropy of Glossy BSDFs that is 1 of Principled ones: (1 - x)^2 = 1 - 0.9.
+_MOST_ANISOTROPY = 1 - 0.1**0.5
 # Nodes that depend on UV maps alone, if they do (see `_by_uv`).
 _LAID_ON = {"TEX_IMAGE", "UVMAP", "TEX_COORD"}
 # Nodes whose pattern has no corners.
@@ -88,6 +93,8 @@ class Graph:
         Holes in pictures; to light they are black.
     displaced : list of bpy.types.NodeLink
         What moves the surface, or bends its normals as if it did.
+    left_out : set of str
+        What of its gloss is not carried, by the keys of `closures.LEFT_OUT`.
     """
 
     name: str
@@ -113,10 +120,15 @@ class Graph:
     displaced: list = field(default_factory=list)
     images: list = field(default_factory=list)
     without_image: list = field(default_factory=list)
+    left_out: set = field(default_factory=set)
 
 
-def graph_of(material):
-    """The `Graph` of a material; None is Blender's default surface."""
+def graph_of(material, gloss=False):
+    """The `Graph` of a material; None is Blender's default surface.
+
+    `gloss` : bool
+        Whether it counts that gloss may lie otherwise at each place of an object.
+    """
     graph = Graph(material.name if material is not None else "")
     if material is None or not has_nodes(material):
         return graph
@@ -131,6 +143,10 @@ def graph_of(material):
     graph.bumpy = bool(graph.displaced) and bends
     for node in _nodes_behind(output.inputs["Surface"]):
         _note(graph, node)
+        if gloss and not node.mute:
+            _note_gloss(graph, node)
+    if gloss and graph.bends:
+        graph.left_out.add("bent")
     return graph
 
 
@@ -198,6 +214,28 @@ def _note(graph, node):
             graph.images.append(node.image)
 
 
+def _note_gloss(graph, node):
+    """What of gloss differs with the place on an object, and what is not carried."""
+    kind, left_out = node.type, graph.left_out
+    if any(_is_some(node, name) for name in ("Anisotropic", "Anisotropy")):
+        # Tangents do; they have no corners.
+        graph.even = graph.flat = False
+    glossy = node.inputs.get("Anisotropy") if kind in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC"} else None
+    if glossy is not None and (glossy.is_linked or abs(glossy.default_value) > _MOST_ANISOTROPY):
+        left_out.add("anisotropy")
+    if any(s.type == "SHADER" for s in node.outputs) and kind not in {*CLOSURES, *_JOINTS}:
+        left_out.add(OTHERS.get(kind, "closure"))
+    for name, socket in (("sheen", "Sheen Weight"), ("thin film", "Thin Film Thickness")):
+        if _is_some(node, socket):
+            left_out.add(name)
+    coat = node.inputs.get("Coat Normal")
+    if coat is not None and coat.is_linked and _is_some(node, "Coat Weight"):
+        left_out.add("coat normal")
+    if getattr(node, "distribution", "") in {"BECKMANN", "ASHIKHMIN_SHIRLEY"}:
+        if kind != "BSDF_REFRACTION":
+            left_out.add("distribution")
+
+
 def _by_uv(node):
     """Whether a node gives what UV maps and images say, and nothing else of the object."""
     if node.type == "TEX_COORD":
@@ -211,3 +249,9 @@ def _may_be(node, name):
     """Whether an input of a node is there and may be other than 0."""
     socket = node.inputs.get(name)
     return socket is not None and (socket.is_linked or socket.default_value > 0)
+
+
+def _is_some(node, name):
+    """The same of one that may be negative."""
+    socket = node.inputs.get(name)
+    return socket is not None and (socket.is_linked or socket.default_value != 0)

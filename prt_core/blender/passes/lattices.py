@@ -7,7 +7,7 @@ lattice is made twice as fine, a few times.
 
 import numpy as np
 
-from prt_core.blender.passes.quantities import COLUMNS
+from prt_core.blender.passes.quantities import COLUMNS, columns_of
 from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice_size
 from prt_core.scene.lattice_paint import lattice_starts
 
@@ -269,8 +269,8 @@ class Lattices:
         kept = []
         for level, families, first, values in self.blocks:
             differ = unlike(level, _scaled(values), level) > TOLERANCE / 2
-            normals = values[..., COLUMNS["normal"]]
-            differ |= unlike(level, normals, level) > _BENT
+            for name in {"normal", "tangent"} & set(columns_of(values.shape[-1])):
+                differ |= unlike(level, values[..., COLUMNS[name]], level) > _BENT
             if differ.any():
                 kept.append((level, families[differ], first[differ], values[differ]))
         self.blocks = kept
@@ -306,11 +306,12 @@ class Lattices:
 
 
 def _scaled(values):
-    """Samples as they are compared: emission by its largest value, normals by a quarter."""
+    """Samples as they are compared: emission by its largest value, directions not at all."""
     looks = values.copy()
     emission = looks[..., COLUMNS["emission"]]
     emission /= max(1.0, float(emission.max(initial=0)))
-    looks[..., COLUMNS["normal"]] = 0
+    for name in {"normal", "tangent"} & set(columns_of(values.shape[-1])):
+        looks[..., COLUMNS[name]] = 0
     return looks
 
 

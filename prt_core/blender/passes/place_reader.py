@@ -8,10 +8,20 @@ import numpy as np
 
 from prt_core.blender.identity import by_uid
 from prt_core.blender.passes.cryptomatte import name_number
+from prt_core.blender.passes.gloss import with_gloss
+from prt_core.blender.passes.gloss_copies import telling_gloss
+from prt_core.blender.passes.graphs import graph_of
 from prt_core.blender.passes.light_paths import answering
 from prt_core.blender.passes.probe import MOST_PLACES, probe
-from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS, quantities_of
+from prt_core.blender.passes.quantities import (
+    COLUMNS,
+    N_COLUMNS,
+    N_GLOSSY_COLUMNS,
+    columns_of,
+    quantities_of,
+)
 from prt_core.blender.passes.traces import switched
+from prt_core.blender.render_scene import rendered_layer
 from prt_core.errors import PRTError
 from prt_core.runtime.progress import Progress
 
@@ -42,10 +52,13 @@ class PlaceReader:
         `Graph` of a material by its `session_uid`.
     ray : {"camera", "diffuse", "shadow"}
         To which kind of ray Light Path nodes answer.
+    gloss : bool
+        Whether gloss is read as well.
     """
 
-    def __init__(self, uid, triangles, records, all_records, graph_of_uid, ray="camera"):
-        self._uid, self._records, self._ray = uid, records, ray
+    def __init__(self, uid, triangles, records, all_records, graph_of_uid, ray, gloss=False):
+        self._uid, self._records, self._ray, self._gloss = uid, records, ray, gloss
+        self._n_columns = N_GLOSSY_COLUMNS if gloss else N_COLUMNS
         self._triangles, self._turns = _before_simulation(uid, triangles, records)
         triangles = self._triangles
         self._all, self._graph = all_records, graph_of_uid
@@ -79,7 +92,7 @@ class PlaceReader:
             See `COLUMNS`; NaN where Cycles did not see the place.
         signs : dict of str -> (n,) bool
         """
-        values = np.full((len(triangle), N_COLUMNS), np.nan, np.float32)
+        values = np.full((len(triangle), self._n_columns), np.nan, np.float32)
         signs = {}
         for first in range(0, len(triangle), MOST_PLACES):
             yield Progress("materials", first, len(triangle))
@@ -91,7 +104,7 @@ class PlaceReader:
 
     def _some(self, triangle, weights):
         """Those of as many places as one render has."""
-        values = np.full((len(triangle), N_COLUMNS), np.nan, np.float32)
+        values = np.full((len(triangle), self._n_columns), np.nan, np.float32)
         signs = {}
         left = np.arange(len(triangle))
         with self._open() as look:
@@ -108,7 +121,8 @@ class PlaceReader:
                 left = np.concatenate([*rest, np.zeros(0, np.int64)])
         for mesh, turn in self._turns.items():
             mine = self._triangles.mesh[triangle] == mesh
-            values[mine, COLUMNS["normal"]] = values[mine, COLUMNS["normal"]] @ turn
+            for name in {"normal", "tangent"} & set(columns_of(self._n_columns)):
+                values[mine, COLUMNS[name]] = values[mine, COLUMNS[name]] @ turn
         return values, signs
 
     def _try(self, look, triangle, weights, which, pull, values, signs):
@@ -141,8 +155,13 @@ class PlaceReader:
         good = (near & ~other & ~(strange & (passes["material"] != expected))) | empty
         for name in ("diffuse", "glossy", "transmission"):
             passes[name][empty & ~near] = 0
+        for plane in passes.get("gloss", {}).values():
+            plane[empty & ~near] = 0
         plain = self._without_translucent(look, mine, start, good, passes["diffuse"])
         evaluated, more = quantities_of(passes, plain)
+        if self._gloss:
+            evaluated, also = with_gloss(evaluated, passes)
+            more |= also
         values[which[good]] = evaluated[good]
         for name, where in more.items():
             signs.setdefault(name, np.zeros(len(triangle), bool))[which[good]] = where[good]
@@ -154,7 +173,7 @@ class PlaceReader:
         letting = np.zeros(len(triangle), bool)
         pairs = np.stack([triangles.mesh[triangle], triangles.slot[triangle]], axis=1)
         for mesh, slot in np.unique(pairs, axis=0):
-            nodes_here = self._graph(self._records[mesh].slot(slot)).translucent
+            nodes_here = look.translucent(self._records[mesh].slot(slot))
             if nodes_here:
                 letting |= (pairs == [mesh, slot]).all(axis=1)
                 nodes |= {node.as_pointer(): node for node in nodes_here}
@@ -219,8 +238,13 @@ class PlaceReader:
                 else:
                     stack.enter_context(switched(strength, "default_value", 0.0))
         samples = _NOISY_SAMPLES if noisy else 1
+        override = rendered_layer(scene)[0].material_override
+        told = [] if override is not None or not self._gloss else materials.values()
+        copies = stack.enter_context(telling_gloss(told))
         built = stack.enter_context(probe(scene, objects, centre, size, samples))
-        return _Look(stack, built, every)
+        if self._gloss:
+            built.tell_gloss(copies.planes)
+        return _Look(stack, built, every, copies, self._graph)
 
 
 def _before_simulation(uid, triangles, records):
@@ -251,8 +275,11 @@ def _before_simulation(uid, triangles, records):
 class _Look:
     """An open probe."""
 
-    def __init__(self, stack, built, every):
+    def __init__(self, stack, built, every, copies, graph):
         self._stack, self._probe, self._every = stack, built, every
+        self._copies, self._graph = copies, graph
+        self._numbers = np.array(sorted(copies.number), np.uint32)
+        self._own = np.array([copies.number[int(n)] for n in self._numbers], np.uint32)
 
     def __enter__(self):
         return self
@@ -261,7 +288,18 @@ class _Look:
         return self._stack.__exit__(*raised)
 
     def __call__(self, places, directions, first_only=False):
-        return self._probe.look(places, directions, first_only)
+        passes = self._probe.look(places, directions, first_only)
+        if len(self._numbers):
+            row = np.searchsorted(self._numbers, passes["material"])
+            row = np.minimum(row, len(self._numbers) - 1)
+            copied = self._numbers[row] == passes["material"]
+            passes["material"] = np.where(copied, self._own[row], passes["material"])
+        return passes
+
+    def translucent(self, uid):
+        """The translucent nodes of a material as it is looked at, by its `session_uid`."""
+        copy = self._copies.material.get(uid)
+        return (self._graph(uid) if copy is None else graph_of(copy)).translucent
 
     def show(self, owners):
         """Only these objects, by their `session_uid`."""

@@ -11,7 +11,9 @@ from contextlib import ExitStack, contextmanager
 import bpy
 import numpy as np
 
+from prt_core.blender.casters import remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
+from prt_core.blender.passes.gloss_tree import PREFIX, add_gloss_outputs
 from prt_core.blender.passes.traces import same_images, switched
 from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
@@ -53,7 +55,25 @@ class Probe:
 
     def __init__(self, scene, idle, centre, size, samples):
         self.scene, self._idle, self.samples = scene, idle, samples
+        self._planes, self._groups = None, []
         self._screen(np.asarray(centre, np.float64), max(float(size), 1e-6))
+
+    def tell_gloss(self, planes):
+        """Read what materials write of their gloss, from now on.
+
+        Parameters
+        ----------
+        planes : set of str
+            That they write (see `closures.PLANES`).
+        """
+        planes, layer = set(planes), self.scene.view_layers[0]
+        if layer.material_override is not None:
+            # The one material that everything has lies on the plate as well, and knows it.
+            planes |= add_gloss_outputs(self._material.node_tree, self._groups.append)
+        self._planes = sorted(planes)
+        for name in self._planes:
+            passed = layer.aovs.add()
+            passed.name, passed.type = PREFIX + name, "COLOR"
 
     def show_only(self, objects):
         """Let these objects render, and no others."""
@@ -79,7 +99,8 @@ class Probe:
         dict of str -> array
             diffuse, glossy, transmission, emission, normal, position (n, 3) float32; share (n,):
             of the light that does not go straight through; name, material (n,) uint32:
-            `cryptomatte.name_number` of both; met (n,) bool (with `first_only`).
+            `cryptomatte.name_number` of both; met (n,) bool (with `first_only`). After
+            `tell_gloss` gloss: a dict of (n, 3) float32 by the names of planes.
 
         Raises
         ------
@@ -116,6 +137,8 @@ class Probe:
             passes[key] = passes[key].view(np.uint32)
             passes["share"] = np.maximum(layer[:, 1], layer[:, 3])
         passes["met"] = values("Combined", "A")[:, 0] > 0.5
+        if self._planes is not None:
+            passes["gloss"] = {name: values(PREFIX + name, "RGB") for name in self._planes}
         return passes
 
     def _screen(self, centre, size):
@@ -181,6 +204,7 @@ class Probe:
         bpy.data.meshes.remove(mesh)
         bpy.data.cameras.remove(camera)
         bpy.data.materials.remove(self._material)
+        remove_blocks(self._groups)
 
 
 def _plain_material(override):

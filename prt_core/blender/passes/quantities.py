@@ -9,17 +9,28 @@ import numpy as np
 
 from prt_core.reflectance import QUANTITIES
 
-# Columns of one sample.
-COLUMNS = {
-    "albedo": slice(0, 3),
-    "emission": slice(3, 6),
-    "opacity": slice(6, 7),
-    "translucency": slice(7, 10),
-    "transmission": slice(10, 13),
-    "normal": slice(13, 16),
-    "bump": slice(16, 17),
-}
-N_COLUMNS = 17
+# What is known of gloss where it is asked for.
+GLOSS = (
+    "stand_in", "glossy", "metal", "metal_edge", "dielectric", "tint", "ior", "roughness",
+    "anisotropy", "tangent", "coat", "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
+)  # fmt: skip
+
+
+def _columns():
+    """Name -> columns of one sample; those of gloss come last, and are there where it is."""
+    sizes = {name: QUANTITIES[name].n_channels for name in GLOSS}
+    sizes = {"albedo": 3, "emission": 3, "opacity": 1, "translucency": 3, "transmission": 3,
+             "normal": 3, "bump": 1} | sizes  # fmt: skip
+    starts = np.cumsum([0, *sizes.values()]).tolist()
+    return {
+        name: slice(start, start + size)
+        for (name, size), start in zip(sizes.items(), starts, strict=False)
+    }
+
+
+COLUMNS = _columns()
+# Without those of gloss, and all.
+N_COLUMNS, N_GLOSSY_COLUMNS = COLUMNS["bump"].stop, COLUMNS[GLOSS[-1]].stop
 # Colourless specular reflection seen from straight on, over a diffuse colour and over none: as a
 # dielectric may have it, and for certain more.
 _OVER, _BARE = (0.2, 0.3), (0.085, 0.1)
@@ -49,10 +60,16 @@ LINES = {
     "subdivide the mesh to see it",
     "coarse": "has more detail than was sampled between the corners",
 }
+# What is said otherwise where gloss is baked.
+GLOSS_LINES = {
+    "metal": "metal; its reflections are seen in views, on the mesh they count as diffuse",
+    "specular": None,
+    "rough": "its diffuse roughness is seen in views, on the mesh light leaves evenly to all sides",
+}
 
 
 def quantities_of(passes, plain=None):
-    """(n, 17) float32 of what was rendered, by `COLUMNS`.
+    """(n, N_COLUMNS) float32 of what was rendered, by `COLUMNS`.
 
     Parameters
     ----------
@@ -63,7 +80,7 @@ def quantities_of(passes, plain=None):
 
     Returns
     -------
-    values : (n, 17) float32
+    values : (n, N_COLUMNS) float32
     signs : dict of str -> (n,) bool
         Where there is metal, specular reflection and glass, by the keys of `LINES`.
     """
@@ -111,21 +128,49 @@ def _metal(diffuse, glossy, through):
     return share * colour + weight[:, None] * rest
 
 
+def stand_in_of(passes):
+    """(n, 3) float32: what `quantities_of` takes for diffuse of what is not."""
+    diffuse, glossy, through = (
+        np.nan_to_num(passes[k]) for k in ("diffuse", "glossy", "transmission")
+    )
+    return np.round(_metal(diffuse, glossy, through) * _STEPS) / _STEPS
+
+
+def columns_of(n_columns):
+    """Those `COLUMNS` that samples of so many have."""
+    return {name: part for name, part in COLUMNS.items() if part.stop <= n_columns}
+
+
+def default_columns(n_columns, grey=0.8):
+    """(n_columns,) float32: a sample of a grey surface that reflects evenly to all sides."""
+    sample = np.zeros(n_columns, np.float32)
+    sample[COLUMNS["albedo"]], sample[COLUMNS["opacity"]] = grey, 1
+    for name in set(GLOSS) & set(columns_of(n_columns)):
+        sample[COLUMNS[name]] = QUANTITIES[name].default
+    return sample
+
+
 def settled(values):
     """`values` within their ranges, and whether an albedo was not."""
     albedo = values[:, COLUMNS["albedo"]]
     outside = bool((albedo > QUANTITIES["albedo"].most).any() or (albedo < -1e-3).any())
-    for name in ("albedo", "opacity", "translucency", "transmission"):
+    limited = {"albedo", "opacity", "translucency", "transmission", *GLOSS} - {"tangent"}
+    for name in limited & set(columns_of(values.shape[1])):
         part = values[:, COLUMNS[name]]
-        np.clip(part, 0, QUANTITIES[name].most, out=part)
+        np.clip(part, QUANTITIES[name].least, QUANTITIES[name].most, out=part)
     return values, outside
 
 
-def lines_of(notes):
-    """Messages of notes (kind, name of a material), or ("line", a whole message)."""
+def lines_of(notes, gloss=False):
+    """Messages of notes (kind, name of a material), or ("line", a whole message).
+
+    `gloss` : bool
+        Whether it was evaluated.
+    """
+    texts = {**LINES, **GLOSS_LINES} if gloss else LINES
     lines = [
-        name if kind == "line" else f"material '{name}': {LINES[kind]}"
+        name if kind == "line" else f"material '{name}': {texts[kind]}"
         for kind, name in notes
-        if name
+        if name and (kind == "line" or texts[kind])
     ]
     return list(dict.fromkeys(lines))

@@ -17,7 +17,7 @@ from prt_core.blender.passes.digests import MaterialDigests
 from prt_core.blender.passes.evaluation import Evaluation
 from prt_core.blender.passes.graphs import graph_of
 from prt_core.blender.passes.lattices import Triangles, first_levels
-from prt_core.blender.passes.quantities import COLUMNS, lines_of
+from prt_core.blender.passes.quantities import COLUMNS, GLOSS, columns_of, lines_of
 from prt_core.errors import PRTError
 from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.runtime.progress import Progress
@@ -26,7 +26,7 @@ from prt_core.scene.paint import LOOKS, Look, look_of
 _KEPT, _MOST_BYTES = OrderedDict(), 256 << 20
 
 
-def evaluate_surfaces(uid, meshes, records, messages, pace=None):
+def evaluate_surfaces(uid, meshes, records, messages, pace=None, gloss=False):
     """Give meshes their materials, as a generator of `Progress`.
 
     Parameters
@@ -44,6 +44,8 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
         Seconds a step may take where a window waits; a render of a second or so cannot be cut. It
         comes after steps of the stage `materials` that are as long as two of these together, so
         that the window can say what it will wait for.
+    gloss : bool
+        Whether the quantities of gloss are evaluated as well.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
     meshes, records = [meshes[i] for i in known], [records[i] for i in known]
     if not meshes:
         return
-    materials = _Materials(scene)
+    materials = _Materials(scene, gloss)
     triangles = Triangles(meshes, records, materials.graph)
     levels = first_levels(triangles, triangles.families(), _size_of(meshes))
     levels = [levels[triangles.mesh == index] for index in range(len(meshes))]
@@ -74,7 +76,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None):
         notes += _mixed_emission(records[index], looks, materials)
         notes += _mixed_sides(records[index], looks, materials)
         _apply(mesh, looks)
-    messages += [line for line in lines_of(notes) if line not in messages]
+    messages += [line for line in lines_of(notes, gloss) if line not in messages]
 
 
 def _evaluated(uid, meshes, records, materials, levels, pace, look, wanted):
@@ -99,7 +101,8 @@ def _evaluated(uid, meshes, records, materials, levels, pace, look, wanted):
 class _Materials:
     """The graphs and digests of a scene's materials, each worked out once."""
 
-    def __init__(self, scene):
+    def __init__(self, scene, gloss):
+        self.gloss = gloss
         self._by_uid = {m.session_uid: m for m in bpy.data.materials}
         self._graphs, self._digests = {}, MaterialDigests(scene.frame_current)
         self.look = str(getattr(getattr(scene, "cycles", None), "shading_system", ""))
@@ -107,7 +110,7 @@ class _Materials:
     def graph(self, uid):
         """The `Graph` of a material by its `session_uid`."""
         if uid not in self._graphs:
-            self._graphs[uid] = graph_of(self._by_uid.get(uid))
+            self._graphs[uid] = graph_of(self._by_uid.get(uid), self.gloss)
         return self._graphs[uid]
 
     def asked(self, record):
@@ -136,7 +139,7 @@ def _key(mesh, record, levels, materials, look):
                   record.slot_of_corner, record.key_of_corner, levels):  # fmt: skip
         digest.update(np.ascontiguousarray(array))
     digest.update(record.digest + materials.digest(record) + materials.look.encode())
-    digest.update(f"{record.name}\0{look}".encode())
+    digest.update(f"{record.name}\0{look}\0{'gloss' if materials.gloss else ''}".encode())
     return digest.digest()
 
 
@@ -180,13 +183,16 @@ def _apply(mesh, looks):
 
 
 def _materials(surface):
-    return Materials(
-        **{
-            name: surface.corners[:, COLUMNS[name]].astype(np.float64)
-            for name in COLUMNS
-            if name in QUANTITIES
-        }
-    )
+    values = {}
+    for name, columns in columns_of(surface.corners.shape[1]).items():
+        # Gloss that is nowhere is left out: it takes no room then.
+        if name in QUANTITIES and not (name in GLOSS and _is_default(surface, name)):
+            values[name] = surface.corners[:, columns].astype(np.float64)
+    return Materials(**values)
+
+
+def _is_default(surface, name):
+    return (surface.corners[:, COLUMNS[name]] == np.float32(QUANTITIES[name].default)).all()
 
 
 def _same(one, two):

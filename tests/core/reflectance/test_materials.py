@@ -19,16 +19,16 @@ CAMERA = Camera([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]], 0.3)
 
 
 @pytest.fixture
-def roughness(monkeypatch):
+def shine(monkeypatch):
     """One line, as whoever adds a quantity writes it."""
-    monkeypatch.setitem(QUANTITIES, "roughness", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
+    monkeypatch.setitem(QUANTITIES, "shine", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
 
 
 def rough(scale=0.1, **options):
-    """A square whose roughness is linear in x, from 0 at x = -2."""
+    """A square whose shine is linear in x, from 0 at x = -2."""
     mesh = quad(**options)
     x = mesh.vertices[mesh.corner_vertex, :1]
-    mesh.materials = mesh.materials.replaced(roughness=scale * (x + 2))
+    mesh.materials = mesh.materials.replaced(shine=scale * (x + 2))
     return mesh
 
 
@@ -41,20 +41,20 @@ def wanted(scene):
     return 0.1 * (scene.to_world(scene.points.positions)[:, :1] + 2)
 
 
-def test_points_have_it_between_the_corners(roughness):
+def test_points_have_it_between_the_corners(shine):
     scene = Scene.from_meshes(meshes(rough(two_sided=True)), max_hidden=400)
     points = scene.points
     mine = points.object_index == 0
     hidden = mine & ~points.visible
     assert hidden.sum() > 200
-    assert points.materials.roughness.shape == (len(points), 1)
-    assert points.materials.roughness.dtype == points.materials.albedo.dtype == np.float32
+    assert points.materials.shine.shape == (len(points), 1)
+    assert points.materials.shine.dtype == points.materials.albedo.dtype == np.float32
     for materials in (points.materials, points.mean_materials):
-        np.testing.assert_allclose(materials.roughness[mine], wanted(scene)[mine], atol=1e-6)
-        np.testing.assert_array_equal(materials.roughness[~mine], np.float32(DEFAULT))
+        np.testing.assert_allclose(materials.shine[mine], wanted(scene)[mine], atol=1e-6)
+        np.testing.assert_array_equal(materials.shine[~mine], np.float32(DEFAULT))
 
 
-def test_details_and_pixels_have_it(roughness):
+def test_details_and_pixels_have_it(shine):
     scene = Scene.from_meshes([rough()], max_hidden=0)
     places = np.array([[0.2, 0.5], [0.7, 0.1], [0.1, 0.05]], np.float32)
     detailed = with_details(scene, np.array([0, 1, 1]), places, np.zeros(3, bool))
@@ -64,24 +64,24 @@ def test_details_and_pixels_have_it(roughness):
         # Where only points are known as well: those of a scene that was read.
         more.surfaces = None
         for materials in (more.points.materials, more.points.mean_materials):
-            np.testing.assert_allclose(materials.roughness, wanted(more), atol=1e-6)
+            np.testing.assert_allclose(materials.shine, wanted(more), atol=1e-6)
         middle = more.materials_at(np.array([0]), np.array([[0.5, 0.25]]), np.array([False]))
         corners = scene.to_world(scene.vertices[scene.triangles[0]])[:, 0]
         np.testing.assert_allclose(
-            middle.roughness, [[0.1 * (corners @ [0.25, 0.5, 0.25] + 2)]], atol=1e-6
+            middle.shine, [[0.1 * (corners @ [0.25, 0.5, 0.25] + 2)]], atol=1e-6
         )
 
 
-def test_what_is_painted_is_told_in_part(roughness):
-    """Stripes of albedo; the roughness beneath is that of the corners, and its mean of the area."""
+def test_what_is_painted_is_told_in_part(shine):
+    """Stripes of albedo; the shine beneath is that of the corners, and its mean of the area."""
     mesh = rough()
     mesh.paint = Stripes(mesh, 0.0)
     scene = Scene.from_meshes([mesh], max_hidden=400)
     points, x = scene.points, scene.to_world(scene.points.positions)[:, 0]
     inside = (np.abs(x) < 1.9) & ~points.visible
-    np.testing.assert_allclose(points.materials.roughness, wanted(scene), atol=1e-6)
+    np.testing.assert_allclose(points.materials.shine, wanted(scene), atol=1e-6)
     np.testing.assert_allclose(
-        points.mean_materials.roughness[inside], wanted(scene)[inside], atol=0.01
+        points.mean_materials.shine[inside], wanted(scene)[inside], atol=0.01
     )
     left = inside & (x < 0)
     np.testing.assert_allclose(points.albedo[left], np.tile([0.8, 0.1, 0], (left.sum(), 1)))
@@ -90,7 +90,7 @@ def test_what_is_painted_is_told_in_part(roughness):
         """Paint of another quantity."""
 
         def at(self, corners, weights):
-            return {"roughness": np.full((len(corners), 1), 0.9)}
+            return {"shine": np.full((len(corners), 1), 0.9)}
 
         def alike(self, corners):
             return np.arange(len(corners))
@@ -104,29 +104,29 @@ def test_what_is_painted_is_told_in_part(roughness):
     mesh.paint = Matte()
     matte = Scene.from_meshes([mesh], max_hidden=400).points
     hidden = ~matte.visible
-    np.testing.assert_allclose(matte.materials.roughness[hidden], 0.9)
+    np.testing.assert_allclose(matte.materials.shine[hidden], 0.9)
     np.testing.assert_allclose(matte.albedo, 0.5)
 
 
-def test_corners_share_a_point_where_it_agrees(roughness):
+def test_corners_share_a_point_where_it_agrees(shine):
     def count(step):
         mesh = plane(3)
         values = np.full((len(mesh.corner_vertex), 1), 0.5)
         # Of the four corners at the middle vertex one differs.
         values[np.flatnonzero(mesh.corner_vertex == 4)[1]] += step
-        mesh.materials = mesh.materials.replaced(roughness=values)
+        mesh.materials = mesh.materials.replaced(shine=values)
         return len(Scene.from_meshes([mesh], max_hidden=0).points)
 
     assert count(0.01) == 9 and count(0.2) == 10
 
 
-def test_it_is_in_all_digests(roughness):
+def test_it_is_in_all_digests(shine):
     one, other = [Scene.from_meshes(meshes(rough(scale))) for scale in (0.1, 0.11)]
     again = Scene.from_meshes(meshes(rough(0.1)))
     assert one.fingerprint() != other.fingerprint() and one.fingerprint() == again.fingerprint()
     for name in ("materials", "mean_materials"):
         materials = getattr(one.points, name)
-        halved = materials.replaced(roughness=materials.roughness / 2)
+        halved = materials.replaced(shine=materials.shine / 2)
         changed = replace(one, points=replace(one.points, **{name: halved}))
         assert changed.fingerprint() != one.fingerprint()
     digests = [mesh_digests(meshes(rough(scale))) for scale in (0.1, 0.11)]
@@ -134,33 +134,33 @@ def test_it_is_in_all_digests(roughness):
     assert digests[0]["plane"] == digests[1]["plane"]
 
 
-def test_a_transport_has_it_and_lets_it_be_replaced(roughness, tmp_path):
+def test_a_transport_has_it_and_lets_it_be_replaced(shine, tmp_path):
     scene = Scene.from_meshes(meshes(rough()), max_hidden=0)
     run(bake_steps(scene, tmp_path / "a.prt", SETTINGS))
     bake = load(tmp_path / "a.prt")
     scene, transport = bake.scene, bake.transport
     kept, before = transport.materials, transport.fingerprint()
-    np.testing.assert_allclose(kept.roughness[scene.points.object_index == 0].max(), 0.4)
-    transport.materials = kept.replaced(roughness=kept.roughness * np.float32(0.5))
+    np.testing.assert_allclose(kept.shine[scene.points.object_index == 0].max(), 0.4)
+    transport.materials = kept.replaced(shine=kept.shine * np.float32(0.5))
     assert transport.fingerprint() != before
     transport.materials = kept
     assert transport.fingerprint() == before
-    transport.mean_materials = kept.replaced(roughness=kept.roughness * np.float32(0.5))
+    transport.mean_materials = kept.replaced(shine=kept.shine * np.float32(0.5))
     assert transport.fingerprint() != before
 
 
-def test_it_is_in_the_store(roughness, tmp_path):
+def test_it_is_in_the_store(shine, tmp_path):
     scene = Scene.from_meshes(meshes(rough()), max_hidden=50)
     run(bake_steps(scene, tmp_path / "a.prt", SETTINGS))
     store = BakeStore(tmp_path / "a.prt")
-    assert {"point_roughness", "point_mean_roughness"} <= set(store.names())
-    assert store.attributes["materials"] == ["albedo", "roughness"]
+    assert {"point_shine", "point_mean_shine"} <= set(store.names())
+    assert store.attributes["materials"] == ["albedo", "shine"]
     result = read_scene(store)
     for name in ("materials", "mean_materials"):
         assert getattr(result.points, name).equals(getattr(scene.points, name))
     assert result.fingerprint() == scene.fingerprint()
-    scene.points.materials.roughness[3] = 1.1
-    with pytest.raises(PRTError, match="'roughness' are not finite, not distinct or out of"):
+    scene.points.materials.shine[3] = 1.1
+    with pytest.raises(PRTError, match="'shine' are not finite, not distinct or out of"):
         run(bake_steps(scene, tmp_path / "b.prt", SETTINGS))
 
 
@@ -176,42 +176,42 @@ def test_bakes_from_before_it_was_known_stay_what_they_are(tmp_path, monkeypatch
     # As it was written before its materials were named.
     store._attributes.pop("materials")
     store.update()
-    monkeypatch.setitem(QUANTITIES, "roughness", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
+    monkeypatch.setitem(QUANTITIES, "shine", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
     assert prints()[1] == before
     bake = load(tmp_path / "a.prt")
     assert bake.scene.fingerprint() == before[1] and bake.transport.fingerprint() == transport
-    np.testing.assert_array_equal(bake.transport.materials.roughness, DEFAULT)
+    np.testing.assert_array_equal(bake.transport.materials.shine, DEFAULT)
     run(bake_steps(prints()[0], tmp_path / "a.prt", SETTINGS))
 
 
 def test_a_bake_of_what_is_not_known_is_refused(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(QUANTITIES, "roughness", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
+        patch.setitem(QUANTITIES, "shine", Quantity(1, 0, 1, step=1 / 8, default=DEFAULT))
         run(bake_steps(Scene.from_meshes([rough()]), tmp_path / "a.prt", SETTINGS))
-    with pytest.raises(PRTError, match="its materials have albedo, roughness, this library knows"):
+    with pytest.raises(PRTError, match="its materials have albedo, shine, this library knows"):
         load(tmp_path / "a.prt")
     store = BakeStore(tmp_path / "a.prt", "r+")
-    for named in ([], "albedo", None, ["roughness"], [["albedo"]]):
+    for named in ([], "albedo", None, ["shine"], [["albedo"]]):
         store.update(materials=named)
         with pytest.raises(PRTError):
             load(tmp_path / "a.prt")
 
 
 def test_means_of_directions_are_directions(monkeypatch):
-    tangent = Quantity(3, -1, 1, step=1e-3, default=(1, 0, 0), is_direction=True)
-    monkeypatch.setitem(QUANTITIES, "tangent", tangent)
+    grain = Quantity(3, -1, 1, step=1e-3, default=(1, 0, 0), is_direction=True)
+    monkeypatch.setitem(QUANTITIES, "grain", grain)
     mesh = quad()
     # A corner each of four directions, a right angle from the next.
     turned = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
-    mesh.materials = mesh.materials.replaced(tangent=turned)
+    mesh.materials = mesh.materials.replaced(grain=turned)
     points = Scene.from_meshes(meshes(mesh), max_hidden=300).points
-    length = np.linalg.norm(points.materials.tangent, axis=1)
+    length = np.linalg.norm(points.materials.grain, axis=1)
     hidden = (points.object_index == 0) & ~points.visible
-    assert hidden.sum() > 100 and np.ptp(points.materials.tangent[hidden], axis=0)[:2].min() > 1
+    assert hidden.sum() > 100 and np.ptp(points.materials.grain[hidden], axis=0)[:2].min() > 1
     # In the very middle of opposite ones there is none.
     assert ((abs(length - 1) < 1e-6) | (length < 1e-6)).all()
     assert (abs(length - 1) < 1e-6).mean() > 0.9
-    assert (points.materials.tangent[points.object_index == 1] == [1, 0, 0]).all()
+    assert (points.materials.grain[points.object_index == 1] == [1, 0, 0]).all()
 
 
 def test_means_stay_in_their_range():
@@ -243,7 +243,7 @@ def test_materials_are_taken_joined_and_compared():
     [
         (lambda: Materials(), "materials: expected albedo, \\(n, 3\\); it has no default"),
         (lambda: Materials(albedo=np.ones((5, 2))), "albedo: expected an array of shape \\(n, 3"),
-        (lambda: Materials(shine=1), "materials: expected albedo, .*got shine"),
+        (lambda: Materials(gleam=1), "materials: expected albedo, .*got gleam"),
         (
             lambda: expect_materials("a", Materials(albedo=np.ones((5, 3))), 7),
             "a: materials: expec",

@@ -11,7 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
+from prt_core.runtime.halves import halves
 from prt_core.runtime.threads import on_all_cores
+from prt_core.transport.lobe_cuts import COARSER, detail_of
 from prt_core.transport.reflections import Reflections
 from prt_core.transport.visibility import expect_bits
 
@@ -19,8 +21,6 @@ from prt_core.transport.visibility import expect_bits
 MOST_BRIGHT, _BRIGHTER = 48, 8.0
 # Points worked on at once.
 _PART = 1024
-# The largest value that is kept in float16: its small ones stay exact to 3 digits.
-_TOP = 2.0**14
 
 
 class IncomingField:
@@ -34,9 +34,10 @@ class IncomingField:
 
     Attributes
     ----------
-    values : (n, n_blocks, 3) float16
-        Mean radiance of each block times `scale`, without the bright texels.
-    scale : float
+    values : (n, 3, n_blocks) uint16
+        Mean radiance of each block without the bright texels (see `runtime.halves`).
+    coarse : (n, 3, n_coarse) uint16
+        Of blocks `COARSER` times as wide.
     bright : (n_bright,) int32
         Texels that are apart.
     bright_light : (n_bright, 3) float32
@@ -60,8 +61,9 @@ class IncomingField:
         n_bytes = -(-blocks.n_texels // 8)
         empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
         self._patterns = np.concatenate([empty, *patterns])
-        self.values = np.zeros((len(reflections), len(blocks), 3), np.float16)
-        self.scale = 1.0
+        coarse = 6 * max(blocks.side // COARSER, 1) ** 2
+        self.values = np.zeros((len(reflections), 3, len(blocks)), np.uint16)
+        self.coarse = np.zeros((len(reflections), 3, coarse), np.uint16)
 
     @cached_property
     def open(self):
@@ -101,15 +103,14 @@ class IncomingField:
         self.bright_light = (more * angles).astype(np.float32)
         self.rest = light.copy()
         self.rest[self.bright] -= more
-        top = max(float(self.rest.max(initial=0)), float(sent.max(initial=0)), 1e-30)
-        self.scale = _TOP / top
+        self._details = {}
         areas = np.repeat(blocks.solid_angles, 256)[:, None]
-        weighted = self.rest * cube_map.solid_angles[:, None] * self.scale
+        weighted = self.rest * cube_map.solid_angles[:, None]
         tables = (blocks.pattern_tables(weighted) / areas).astype(np.float32)
         base = 256 * np.arange(len(blocks), dtype=np.int32)
         # Two rows at the end, which negative indices count from, are of what returns no light.
         shining = np.zeros((len(sent) + 2, 3), np.float32)
-        np.multiply(sent, np.float32(self.scale / 255), out=shining[:-2])
+        np.multiply(sent, np.float32(1 / 255), out=shining[:-2])
 
         def one(part):
             patterns = self._patterns[part]
@@ -121,20 +122,42 @@ class IncomingField:
             places, entries = reflections.places(part)
             who = np.arange(entries.start, entries.stop) if by_entry else reflections.met[entries]
             total[places] += shining[who] * reflections.share[entries, None]
-            self.values[part] = total.reshape(-1, len(blocks), 3)
+            total = np.ascontiguousarray(total.reshape(-1, len(blocks), 3).swapaxes(1, 2))
+            self.values[part] = halves(total)
+            self.coarse[part] = halves(self._coarser(total))
 
         on_all_cores(one, self._parts)
 
-    def seen_bits(self, texels):
-        """(n, len(texels)) bool: whether the sky is seen in some texels."""
-        rows = self.reflections.points
+    def _coarser(self, values):
+        """(n, 3, n_coarse) means of (n, 3, n_blocks)."""
+        blocks = self.reflections.blocks
+        side = max(blocks.side // COARSER, 1)
+        step = blocks.side // side
+
+        def sums(array):
+            parts = array.reshape(-1, 6, side, step, side, step)
+            return parts.sum(axis=(3, 5)).reshape(*array.shape[:-1], 6 * side * side)
+
+        angles = blocks.solid_angles.astype(np.float32)
+        return sums(values * angles) / sums(angles)
+
+    def detail(self, parts):
+        """What parts of blocks have more of the light than the blocks (see `detail_of`)."""
+        if parts not in self._details:
+            blocks = self.reflections.blocks
+            self._details[parts] = detail_of(self.rest, blocks.cube_map, blocks.side, parts)
+        return self._details[parts]
+
+    def seen_bits(self, rows, texels):
+        """(n, m) bool: whether the sky is seen in texels (m,) from points by `rows` (n,)."""
+        rows = self.reflections.points[rows]
         texels = np.asarray(texels)
         return (self._bits[rows[:, None], texels >> 3] >> (texels & 7).astype(np.uint8)) & 1 == 1
 
     @property
     def nbytes(self):
         """Of the arrays."""
-        return self.values.nbytes + self._patterns.nbytes + self.reflections.nbytes
+        return self.values.nbytes + self.coarse.nbytes + self._patterns.nbytes + self.reflections.nbytes
 
 
 def bright_texels(light, blocks):

@@ -1,0 +1,28 @@
+"""Numbers in half the room: the upper half of a float32, which has its range and 8 bits.
+
+Both ways are a shift, which is several times quicker than float16. Source: the bfloat16 format.
+"""
+
+import numpy as np
+
+_HALF = np.uint32(0x8000)
+
+
+def halves(values):
+    """Float32 values, not negative, rounded to the nearest that 16 bits hold.
+
+    Parameters
+    ----------
+    values : array of float32
+
+    Returns
+    -------
+    array of uint16, of the same shape
+    """
+    bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
+    return ((bits + _HALF) >> np.uint32(16)).astype(np.uint16)
+
+
+def wholes(values):
+    """Float32 array of what `halves` made, `values` (an array of uint16)."""
+    return np.left_shift(values, 16, dtype=np.uint32).view(np.float32)

@@ -1,6 +1,5 @@
 """A finished bake back into memory, checked: digests of all that is read, and every range."""
 
-
 import numpy as np
 
 from prt_core.bake.bake import Bake

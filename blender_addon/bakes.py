@@ -53,6 +53,7 @@ def refresh(scene, select=""):
         item.visibility_error = -1.0 if visibility_error is None else visibility_error
         item.back_end = report.get("back_end", "")
         item.rate = report.get("rays_per_second") or 0.0
+        item.gloss = bool((attributes.get("settings") or {}).get("gloss"))
         item.compressed = _compressed_line(store)
         item.origin = of_another(scene, attributes, path) or ""
         item.notes = "\n".join(report.get("messages") or ())
@@ -140,7 +141,7 @@ def state(scene, item):
     if not item.complete:
         return "stopped", "PAUSE"
     read, holds = plan.reading(scene)
-    if read is None or not holds or not read.digests:
+    if read is None or not holds or not read.digests or read.gloss != item.gloss:
         return "not checked", "QUESTION"
     differences = changes({s.name: s.digest for s in item.source}, read.digests)
     return ("fresh", "CHECKMARK") if differences.fresh else (f"stale: {differences}", "ERROR")

@@ -25,7 +25,7 @@ def check_steps(scene, held, pace=None):
         read = plan.reading_of(uid)
         return Changes({}, (), (), ()) if read is None else held.compare(read)[0]
     try:
-        yield from plan.read_steps(scene, pace=pace)
+        yield from plan.read_steps(scene, pace=pace, gloss=held.gloss)
     except PRTError:
         pass  # nothing there can be baked: all is gone
     return held.compare(plan.reading_of(uid))[0]

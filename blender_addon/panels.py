@@ -105,6 +105,7 @@ class PRT_PT_bake(Panel, bpy.types.Panel):
         column.prop(settings, "all_bounces")
         if not settings.all_bounces:
             column.prop(settings, "bounces")
+        column.prop(settings, "gloss")
         column.prop(settings, "method")
         column.prop(settings, "caster")
         column.prop(settings, "name")

@@ -53,6 +53,8 @@ class Reading:
         What can be compared quickly (see `shape_of` and `groups_of`).
     seconds, held : float
         How long it took, and its longest step: Blender evaluates the scene for renders.
+    gloss : bool
+        Whether materials were read with it: digests of the others are not the same.
     """
 
     digests: dict
@@ -62,6 +64,7 @@ class Reading:
     groups: tuple = ()
     seconds: float = 0.0
     held: float = 0.0
+    gloss: bool = False
 
 
 @dataclass
@@ -95,6 +98,7 @@ def bake_settings(scene):
         tolerance=round(chosen.tolerance, 6),
         caster=chosen.caster,
         method=chosen.method,
+        gloss=chosen.gloss,
     )
 
 
@@ -156,7 +160,7 @@ def back_end(scene):
     return next(name for name in ("embree", "blender") if name in known_casters())
 
 
-def read_steps(scene, messages=None, pace=None):
+def read_steps(scene, messages=None, pace=None, gloss=False):
     """Read the meshes of a scene as its panel says they are baked, and keep its `Reading`.
 
     A generator of `Progress`; returns the meshes.
@@ -170,7 +174,7 @@ def read_steps(scene, messages=None, pace=None):
     _OLD_READINGS.discard(uid)
     try:
         wanted = receivers(scene), two_sided(scene)
-        steps = read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace)
+        steps = read_meshes_steps(uid, *wanted, messages, strict=False, pace=pace, gloss=gloss)
         meshes, held = yield from _timed(steps)
         digests = yield from in_thread("scene", mesh_digests, meshes)
     except PRTError:
@@ -186,7 +190,7 @@ def read_steps(scene, messages=None, pace=None):
     uids = {name: uid_at[place] for name, place in places.items() if place in uid_at}
     seconds = time.perf_counter() - start
     quick = shape_of(scene), groups_of(scene)
-    _READINGS[uid] = Reading(digests, places, uids, *quick, seconds, held)
+    _READINGS[uid] = Reading(digests, places, uids, *quick, seconds, held, gloss)
     return meshes
 
 
@@ -283,7 +287,7 @@ def steps(scene, pace=None, rays_per_second=None):
     _WANTED.discard(uid)
     try:
         settings = bake_settings(scene)
-        meshes = yield from read_steps(scene, planned.messages, pace)
+        meshes = yield from read_steps(scene, planned.messages, pace, settings.gloss)
         built = yield from in_thread("scene", Scene.from_meshes, meshes)
         planned.messages[:] = grouped([*planned.messages, *built.messages], meshes)
         planned.cost = preflight(built, settings, planned.back_end, rays_per_second)

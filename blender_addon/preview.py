@@ -48,7 +48,11 @@ class Preview:
     def compare(self, read):
         """`Changes` from the bake to a `plan.Reading`, and the places of its meshes now."""
         if self._compared[0] is not read:
-            differences, places, uids = changes(self.bake.source, read.digests), {}, {}
+            digests, baked = read.digests, self.bake.source
+            if read.gloss != self.gloss:
+                # What was read otherwise tells no more than what is there.
+                digests = {name: baked.get(name, digest) for name, digest in digests.items()}
+            differences, places, uids = changes(baked, digests), {}, {}
             for item in self.items:
                 name = differences.renamed.get(item.name, item.name)
                 place = read.places.get(name)
@@ -60,6 +64,11 @@ class Preview:
                         uids[item.name] = read.uids[name]
             self._compared = read, (differences, places, uids)
         return self._compared[1]
+
+    @property
+    def gloss(self):
+        """Whether its materials were read with their gloss."""
+        return bool(self.bake.settings.get("gloss"))
 
     @property
     def items(self):

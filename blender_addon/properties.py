@@ -161,6 +161,12 @@ class PRTScene(bpy.types.PropertyGroup):
         default="auto",
         update=_plan_changed,
     )
+    gloss: BoolProperty(
+        name="Gloss",
+        description="Read materials with their gloss, which views show",
+        default=False,
+        update=_plan_changed,
+    )
     folder: StringProperty(
         name="Folder", description="Where bakes are kept", default="//prt", subtype="DIR_PATH",
         options=PATH_OPTIONS, update=_plan_changed,
@@ -286,6 +292,7 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     visibility_error: FloatProperty(default=-1.0)
     back_end: StringProperty()
     rate: FloatProperty()
+    gloss: BoolProperty()
     compressed: StringProperty()
     origin: StringProperty()
     notes: StringProperty()

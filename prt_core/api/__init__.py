@@ -71,7 +71,7 @@ def bake(
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
     **settings
-        See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method.
+        See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
     Returns
     -------
@@ -144,7 +144,9 @@ def bake_blend_steps(
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
 
-    meshes = yield from read_meshes_steps(uid, objects, two_sided, messages, strict, pace, see_too)
+    meshes = yield from read_meshes_steps(
+        uid, objects, two_sided, messages, strict, pace, see_too, gloss=settings.gloss
+    )
     scene = scene_of(uid)
     lamps = [lamp_seen(each, scene, messages) for each in seen]
     messages += world_left_out(lamps)

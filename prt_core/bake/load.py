@@ -1,7 +1,5 @@
 """A finished bake back into memory, checked: digests of all that is read, and every range."""
 
-from dataclasses import asdict
-
 import numpy as np
 
 from prt_core.bake.bake import Bake
@@ -68,7 +66,7 @@ def load(path):
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
         scene.opposite if points.materials.through.any() else None,
     )
-    parts = lamps, world, camera, asdict(settings), report, source, path, origin
+    parts = lamps, world, camera, settings.stored(), report, source, path, origin
     emission = read_emission(store, scene, rounds, transport.bounced_albedo)
     return Bake(scene, transport, *parts, _read_dense(store, n_points), emission)
 

@@ -1,9 +1,9 @@
 """What a bake depends on besides the scene."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from prt_core.bake.visibility import expect_method
-from prt_core.errors import expect_kind, expect_number, expect_seed, expect_whole
+from prt_core.errors import expect_flag, expect_kind, expect_number, expect_seed, expect_whole
 from prt_core.sphere import CubeMap
 
 
@@ -26,6 +26,8 @@ class BakeSettings:
     method : str
         Which entries are traced: `exhaustive` (all), `agreement`, another registered sampler, or
         `auto`: the cheapest that meets the tolerance.
+    gloss : bool
+        Whether materials are read with their gloss, which views show.
     """
 
     resolution: int = 32
@@ -34,6 +36,7 @@ class BakeSettings:
     caster: str = "auto"
     seed: int = 0
     method: str = "auto"
+    gloss: bool = False
 
     def __post_init__(self):
         CubeMap(self.resolution)
@@ -43,6 +46,11 @@ class BakeSettings:
         expect_number("tolerance", self.tolerance, above=0, below=1)
         expect_seed(self.seed)
         expect_kind("caster", self.caster, str, "the name of one")
+        expect_flag("gloss", self.gloss)
+
+    def stored(self):
+        """Name -> value of all that a bake keeps; without gloss, as before there was any."""
+        return {k: v for k, v in asdict(self).items() if k != "gloss" or v}
 
     @property
     def series(self):

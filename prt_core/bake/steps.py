@@ -1,7 +1,6 @@
 """The bake: visibility and gather rays of a scene, block by block into a store."""
 
 import time
-from dataclasses import asdict
 
 from prt_core.bake.bounces import Bounced, bounce_steps
 from prt_core.bake.emission import bounced_emission_steps, emission_steps
@@ -121,7 +120,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     attributes, world = light_attributes(*parts)
     identity = {
         "scene": scene.fingerprint(),
-        **{k: v for k, v in asdict(settings).items() if k != "caster"},
+        **{k: v for k, v in settings.stored().items() if k != "caster"},
     }
     yield Progress("scene", 0, 0)
     store = begin_bake(path, identity, restart)
@@ -137,7 +136,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     resumed = "identity" in store.attributes
     if not resumed:
         # Whose it is at once: one of an unknown file is never replaced unasked.
-        store.update(identity=identity, settings=asdict(settings), **attributes)
+        store.update(identity=identity, settings=settings.stored(), **attributes)
     with damage_as_error(path):
         seconds = {
             stage: expect_number(f"seconds of {stage}", value, least=0)

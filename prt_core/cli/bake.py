@@ -44,6 +44,9 @@ def add_bake(commands, in_blender):
         "meets the tolerance",
     )  # fmt: skip
     bake.add_argument(
+        "--gloss", action="store_true", help="read materials with their gloss, which views show"
+    )
+    bake.add_argument(
         "--camera-pixels", type=size, metavar="WxH", help="bake what the camera sees as an image"
     )
     bake.add_argument("--pixel-samples", type=int, help="points along a side of its pixels (2)")
@@ -102,6 +105,7 @@ def _bake(options):
             caster=options.caster,
             seed=options.seed,
             method=options.method,
+            gloss=options.gloss,
             camera_pixels=options.camera_pixels,
             pixel_samples=samples,
             geometry_image=_geometry_image(options.geometry_image),

@@ -370,7 +370,7 @@ def _differs(baked):
     from prt_core.scene import changes, mesh_digests
 
     baked_as = {item.name: item for item in baked.scene.objects}
-    meshes = read_meshes()
+    meshes = read_meshes(gloss=baked.settings.get("gloss", False))
     for mesh in meshes:
         item = baked_as.get(mesh.name, mesh)
         mesh.receives, mesh.two_sided = item.receives, item.two_sided

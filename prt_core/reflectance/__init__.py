@@ -5,16 +5,12 @@ from prt_core.reflectance.brdf import Reflectance, Sum, directional_albedo, loca
 from prt_core.reflectance.factors import LEAST_ROUGHNESS, InOutFactors, in_out_factors
 from prt_core.reflectance.fresnel import Constant, Dielectric, F82Tint, RealSchlick
 from prt_core.reflectance.lambert import Lambert
-from prt_core.reflectance.materials import (
-    QUANTITIES,
-    Materials,
-    Quantity,
-    expect_materials,
-)
+from prt_core.reflectance.materials import Materials, expect_materials
 from prt_core.reflectance.microfacet import SMALLEST_ALPHA, Microfacet, alphas, glossy_anisotropy
 from prt_core.reflectance.oren_nayar import OrenNayar
 from prt_core.reflectance.phong import Phong
 from prt_core.reflectance.principled import GLOSSY_LOBES, Lobe, PrincipledLobes, principled_lobes
+from prt_core.reflectance.quantities import QUANTITIES, Quantity
 
 __all__ = [
     "AshikhminShirley",

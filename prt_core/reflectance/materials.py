@@ -5,114 +5,13 @@ are merged to points, places between points and whole areas get means, meshes an
 digested, stored, read, and replaced after a bake.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from prt_core.errors import expect, expect_array, shown
+from prt_core.reflectance.quantities import QUANTITIES
 
-# How far means of values may leave their range in float32, as a share of its bounds.
-_ROUNDING = 1e-5
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """What there is to know of a quantity of materials.
-
-    Between places that have it, and over an area, a quantity is the mean of its values by weight.
-
-    Parameters
-    ----------
-    n_channels : int
-    least, most : float
-        Range of its values.
-    step : float
-        Corners of one vertex share a bake point where they agree to it.
-    default : float or tuple of float, optional
-        Of materials that do not say it, one for all channels or one each. None: all say it.
-        A quantity that has its default everywhere is neither digested nor stored, so that bakes
-        made before the quantity was known stay what they are.
-    dtype : str
-        Of bake points, in memory and in the store.
-    is_direction : bool
-        Whether its means are unit vectors again.
-    most_bounced : float, optional
-        Largest value with which light bounces, where more than that may be shown; default: `most`.
-    """
-
-    n_channels: int
-    least: float
-    most: float
-    step: float
-    default: float | tuple | None = None
-    dtype: str = "float32"
-    is_direction: bool = False
-    most_bounced: float | None = None
-
-    @property
-    def lowest(self):
-        """The least value that rounding makes of means."""
-        return self.least - _ROUNDING * abs(self.least)
-
-    def highest(self, bounced=False):
-        """The largest value that rounding makes of means.
-
-        Parameters
-        ----------
-        bounced : bool
-            Of those by which light bounces.
-        """
-        most = self.most_bounced if bounced and self.most_bounced is not None else self.most
-        return most + _ROUNDING * abs(most)
-
-    def settled(self, means):
-        """(n, n_channels) float64 of means (n, n_channels): as values are, without rounding."""
-        if self.is_direction:
-            length = np.linalg.norm(means, axis=1, keepdims=True)
-            means = means / np.maximum(length, 1e-30)
-        return np.clip(means, self.least, self.most)
-
-
-QUANTITIES = {
-    # Diffuse albedo: the share of the received light that leaves evenly to all sides. More than all
-    # of it may be shown, as renderers do; bounces would not end then.
-    "albedo": Quantity(3, 0, 64, step=1 / 32, most_bounced=1),
-    # Radiance that the surface sends out of its own, evenly to all sides of both its faces.
-    "emission": Quantity(3, 0, 1e15, step=1 / 32, default=0.0),
-    # Share of the light that does not go straight through. What goes through is no part of albedo.
-    "opacity": Quantity(1, 0, 1, step=1 / 32, default=1.0),
-    # Share of the light on the back that leaves the front evenly to all sides.
-    "translucency": Quantity(3, 0, 1, step=1 / 32, default=0.0),
-    # Share of the light that glass lets through, bent. Rays go straight through it, as `opacity`
-    # says; glass is shown by this, as long as views are not: half of it leaves evenly either way.
-    "transmission": Quantity(3, 0, 1, step=1 / 32, default=0.0),
-    # How strongly light near the horizon is dimmed where a material bends normals (see `bump`).
-    "bump": Quantity(1, 0, 1, step=1 / 32, default=0.0),
-    # The part of `albedo` that stands in for gloss, as metals have it; the rest is truly diffuse.
-    "stand_in": Quantity(3, 0, 64, step=1 / 32, default=0.0),
-    # Reflectance of a microfacet lobe that is the same from all sides, as Glossy BSDFs have it.
-    "glossy": Quantity(3, 0, 64, step=1 / 32, default=0.0),
-    # Metal: its reflectance seen from straight on (F0), and what tints it near 82 degrees (F82).
-    "metal": Quantity(3, 0, 64, step=1 / 32, default=0.0),
-    "metal_edge": Quantity(3, 0, 1, step=1 / 32, default=1.0),
-    # Weight of a dielectric's reflection, what tints that seen from straight on, and its index of
-    # refraction, in which a specular level is contained.
-    "dielectric": Quantity(1, 0, 64, step=1 / 32, default=0.0),
-    "tint": Quantity(3, 0, 64, step=1 / 32, default=1.0),
-    "ior": Quantity(1, 1, 1000, step=1 / 32, default=1.5),
-    # Of these three lobes: alpha is the square of roughness; along the tangent it is divided, and
-    # across it multiplied, by sqrt(1 - 0.9 anisotropy). Without a tangent there is no direction.
-    "roughness": Quantity(1, 0, 1, step=1 / 32, default=1.0),
-    "anisotropy": Quantity(1, 0, 1, step=1 / 32, default=0.0),
-    "tangent": Quantity(3, -1, 1, step=1 / 32, default=0.0, is_direction=True),
-    # A clear layer over everything; light that crosses it once, straight, takes on its tint.
-    "coat": Quantity(1, 0, 1, step=1 / 32, default=0.0),
-    "coat_roughness": Quantity(1, 0, 1, step=1 / 32, default=0.03),
-    "coat_ior": Quantity(1, 1, 1000, step=1 / 32, default=1.5),
-    "coat_tint": Quantity(3, 0, 1, step=1 / 32, default=1.0),
-    # Roughness of the diffuse reflection.
-    "diffuse_roughness": Quantity(1, 0, 1, step=1 / 32, default=0.0),
-}
+# Besides albedo and translucency: shares of the light that what is partly clear sends back.
+_REFLECTED = ("stand_in", "glossy", "metal", "dielectric", "coat")
 
 
 class Materials:
@@ -123,7 +22,7 @@ class Materials:
     Parameters
     ----------
     **values : (n, n_channels) array
-        By the names of quantities; those left out have their defaults.
+        By the names of quantities; those left out have their defaults, one row for all.
 
     Attributes
     ----------
@@ -163,7 +62,10 @@ class Materials:
         return f"Materials of {len(self)} places: {', '.join(QUANTITIES)}"
 
     def __getitem__(self, places):
-        return self.map(lambda _, values: values[places])
+        count = np.shape(np.broadcast_to(True, len(self))[places])
+        if not count:
+            return self.map(lambda _, values: values[places])
+        return self.gathered(count[0], lambda _, values: values[places])
 
     @property
     def front(self):
@@ -187,6 +89,38 @@ class Materials:
             {name: function(QUANTITIES[name], values) for name, values in self.arrays().items()}
         )
 
+    def gathered(self, count, function):
+        """`Materials` of places each of which is made of some of these.
+
+        A quantity of one value for all, as those have that were left out, stays that: it takes no
+        room and no time.
+
+        Parameters
+        ----------
+        count : int
+            Places that there are then.
+        function : callable(quantity, values)
+            The (count, n_channels) values of one that differs.
+        """
+
+        def made(quantity, values):
+            if not _is_one(values):
+                return function(quantity, values)
+            return np.broadcast_to(values[:1], (count, quantity.n_channels))
+
+        return self.map(made)
+
+    def put(self, places, other):
+        """Change those of some places to `other` ones, which have as many."""
+        for name, values in other.arrays().items():
+            own = getattr(self, name)
+            if _is_one(own):
+                if _is_one(values) and (own[0] == values[0]).all():
+                    continue
+                own = np.array(own, np.result_type(own, values))
+                setattr(self, name, own)
+            own[places] = values
+
     def replaced(self, **values):
         """`Materials` in which some quantities have other `values`."""
         return Materials(**{**self.arrays(), **values})
@@ -203,16 +137,22 @@ class Materials:
         -------
         Materials
         """
-        return _made_of(
-            {
-                name: np.concatenate(
-                    [np.zeros((0, quantity.n_channels), quantity.dtype)]
-                    if not parts
-                    else [getattr(part, name) for part in parts]
-                )
-                for name, quantity in QUANTITIES.items()
-            }
-        )
+        if not parts:
+            return _made_of(
+                {name: np.zeros((0, q.n_channels), q.dtype) for name, q in QUANTITIES.items()}
+            )
+        count = sum(len(part) for part in parts)
+
+        def whole(name):
+            values = [getattr(part, name) for part in parts if len(part)] or [
+                getattr(parts[0], name)
+            ]
+            first = values[0]
+            if all(_is_one(each) and (each[0] == first[0]).all() for each in values):
+                return np.broadcast_to(first[:1], (count, first.shape[1]))
+            return np.concatenate(values)
+
+        return _made_of({name: whole(name) for name in QUANTITIES})
 
     def between(self, around, weights):
         """Those of places between others.
@@ -235,17 +175,26 @@ class Materials:
             values = values[around].astype(np.float64, copy=False)
             return quantity.settled(np.einsum("mk,mkc->mc", weights, values))
 
-        return self.map(mean)
+        return self.gathered(len(weights), mean)
 
     def in_steps(self):
-        """(n, sum of channels) float64: equal where corners of a vertex may share a point."""
-        return np.column_stack(
-            [np.rint(getattr(self, name) / quantity.step) for name, quantity in QUANTITIES.items()]
-        )
+        """(n, channels) float64: equal where corners of a vertex may share a point."""
+        steps = [np.rint(getattr(self, n) / QUANTITIES[n].step) for n in self.differing()]
+        return np.column_stack([np.zeros((len(self), 0)), *steps])
+
+    def differing(self):
+        """Names of the quantities that are not one value for all."""
+        return [name for name, values in self.arrays().items() if not _is_one(values)]
 
     def stored(self):
         """`Materials` in the types that bake points have, and the store."""
-        return self.map(lambda quantity, values: np.ascontiguousarray(values, quantity.dtype))
+
+        def kept(quantity, values):
+            if _is_one(values):
+                return np.broadcast_to(values[:1].astype(quantity.dtype), values.shape)
+            return np.ascontiguousarray(values, quantity.dtype)
+
+        return self.map(kept)
 
     def nondefault(self):
         """Names of the quantities that are not their default everywhere."""
@@ -253,7 +202,7 @@ class Materials:
             name
             for name, quantity in QUANTITIES.items()
             if quantity.default is None
-            or (getattr(self, name) != np.asarray(quantity.default, quantity.dtype)).any()
+            or (_few(getattr(self, name)) != np.asarray(quantity.default, quantity.dtype)).any()
         ]
 
     def digested(self):
@@ -281,16 +230,20 @@ class Materials:
             part = np.where(share > 0, values / np.maximum(share, 1e-12), 0)
             return np.clip(part, 0, 1).astype(values.dtype)
 
+        shares = {"albedo", "translucency", *(set(_REFLECTED) & set(self.nondefault()))}
         return self.replaced(
-            albedo=given(self.albedo),
-            translucency=given(self.translucency),
+            **{name: given(getattr(self, name)) for name in shares},
             transmission=np.zeros_like(self.transmission),
         )
 
     def equals(self, other):
         """Whether all quantities are those of `other`, value by value."""
+        pairs = [(values, getattr(other, name)) for name, values in self.arrays().items()]
         return all(
-            np.array_equal(values, getattr(other, name)) for name, values in self.arrays().items()
+            np.array_equal(_few(one), _few(two))
+            if len(one) == len(two) and _is_one(one) and _is_one(two)
+            else np.array_equal(one, two)
+            for one, two in pairs
         )
 
 
@@ -336,9 +289,23 @@ def expect_materials(name, value, count, dtype=None, rounded=False, bounced=Fals
         if rounded:
             bounds = (quantity.lowest, quantity.highest(bounced))
         shape = count, quantity.n_channels
+        if _is_one(values) and len(values) == count:
+            row = (1, quantity.n_channels)
+            one = expect_array(f"{prefix}{name}", values[:1], row, dtype, *bounds)
+            return np.broadcast_to(one, shape)
         return expect_array(f"{prefix}{name}", values, shape, dtype, *bounds)
 
     return _made_of({name: checked(name, values) for name, values in value.arrays().items()})
+
+
+def _is_one(values):
+    """Whether an array is one row that stands for all."""
+    return values.ndim == 2 and len(values) > 0 and values.strides[0] == 0
+
+
+def _few(values):
+    """Rows that have all values of an array."""
+    return values[:1] if _is_one(values) else values
 
 
 def _made_of(arrays):

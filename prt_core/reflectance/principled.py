@@ -184,6 +184,24 @@ class PrincipledLobes:
         ratio = np.where(self._straight > 1e-6, self._through(outgoing) / least, 1)
         return np.broadcast_to(ratio.astype(outgoing.dtype, copy=False), shape)
 
+    def reaching(self, lobe, outgoing):
+        """What the coat lets through to a glossy lobe and back to the viewer.
+
+        Parameters
+        ----------
+        lobe : Lobe
+            Of these; the coat itself, and Blender's Glossy BSDF, lie under nothing.
+        outgoing : (n, m, 3) float
+            See `eval`.
+
+        Returns
+        -------
+        (n_rows, m, 3) array, or with 1 in place of n_rows or of 3
+        """
+        if lobe.name not in ("metal", "dielectric"):
+            return np.ones((1, 1, 1), outgoing.dtype)
+        return _of(lobe.rows, self._below_coat(outgoing))[0]
+
     def sample(self, outgoing, uv):
         """Directions to the light, about as densely as the glossy lobes reflect.
 
@@ -250,17 +268,15 @@ class PrincipledLobes:
     def _sum(self, incoming, outgoing, names):
         incoming, outgoing = self._fitting(incoming, outgoing)
         result = np.zeros((*self._axes(incoming, outgoing), 3), incoming.dtype)
-        below = None
         for lobe in self.lobes:
             if lobe.name not in names:
                 continue
             value = lobe.reflectance.eval(*_of(lobe.rows, incoming, outgoing))
             value = value * lobe.weight.astype(value.dtype)
-            if lobe.name in ("metal", "dielectric"):
-                below = self._below_coat(outgoing) if below is None else below
-                value = value * _of(lobe.rows, below)[0]
-            elif lobe.name == "diffuse":
+            if lobe.name == "diffuse":
                 value = value * self.diffuse_weight(outgoing)[lobe.rows]
+            else:
+                value = value * self.reaching(lobe, outgoing)
             result[lobe.rows] += value
         return result
 

@@ -47,9 +47,10 @@ def _with_their_own(scene, backs, front):
         return backs
     lattice = scene.triangle_level.astype(np.int64), scene.lattice_start, scene.lattice
     own = surfaces.back.of_points(*lattice, front)
-    every = scene.points.materials.stored().map(lambda _, values: values.astype(np.float64))
-    for name, values in own.arrays().items():
-        getattr(every, name)[front] = values
+    every = scene.points.materials.stored().gathered(
+        len(scene.points), lambda _, values: values.astype(np.float64)
+    )
+    every.put(front, own)
     mean = surfaces.back.mean(*lattice, every)[front].of_what_is_met()
     return replace(backs, materials=own.stored(), mean_materials=mean.stored())
 

@@ -143,8 +143,8 @@ class Surfaces:
         for paint in np.unique(paints[paints >= 0]):
             mine = np.flatnonzero(paints == paint)
             painted = self._paints[paint].at(self._local(triangle[mine]), weights[mine])
-            for name, values in painted.items():
-                getattr(materials, name)[mine] = QUANTITIES[name].settled(values)
+            settled = {name: QUANTITIES[name].settled(each) for name, each in painted.items()}
+            materials.put(mine, materials[mine].replaced(**settled))
         return materials
 
     def quantity_at(self, name, triangle, barycentric):
@@ -161,9 +161,7 @@ class Surfaces:
         materials = (self if shown else self.bounced).at(triangle, barycentric)
         behind = np.flatnonzero(back)
         if len(behind) and self.back is not self:
-            others = self.back.at(triangle[behind], barycentric[behind]).arrays()
-            for name, values in materials.arrays().items():
-                values[behind] = others[name]
+            materials.put(behind, self.back.at(triangle[behind], barycentric[behind]))
         return materials
 
     def emission_at(self, triangle, barycentric, back):
@@ -214,7 +212,7 @@ class Surfaces:
             return materials
         along = self._samples_along(painted, levels[painted])
         total = np.zeros(len(materials))
-        sums = materials.map(lambda _, values: np.zeros(values.shape))
+        sums = {}
         groups = np.stack([self._paint[painted], levels[painted], along], axis=1)
         for group in np.unique(groups, axis=0):
             mine = painted[(groups == group).all(axis=1)]
@@ -222,15 +220,15 @@ class Surfaces:
             points = lattice[lattice_start[mine][:, None] + np.arange(len(grid.share))].ravel()
             total += np.bincount(points, np.tile(grid.share, len(mine)), len(total))
             for name, values in self._sums(mine, grid):
+                own = sums.setdefault(name, np.zeros((len(total), values.shape[-1])))
                 for channel, column in enumerate(values.reshape(len(points), -1).T):
-                    getattr(sums, name)[:, channel] += np.bincount(points, column, len(total))
-        means = sums.map(
-            lambda quantity, summed: quantity.settled(summed / np.maximum(total, 1e-30)[:, None])
-        )
-        return Materials(
+                    own[:, channel] += np.bincount(points, column, len(total))
+        counted, total = total[:, None] > 0, np.maximum(total, 1e-30)[:, None]
+        means = {name: QUANTITIES[name].settled(summed / total) for name, summed in sums.items()}
+        return materials.replaced(
             **{
-                name: np.where(total[:, None] > 0, getattr(means, name), values)
-                for name, values in materials.arrays().items()
+                name: np.where(counted, mean, getattr(materials, name))
+                for name, mean in means.items()
             }
         )
 
@@ -262,10 +260,11 @@ class Surfaces:
             for name, column in values.items():
                 settled = QUANTITIES[name].settled(column)
                 painted.setdefault(name, []).append(grid.sums(settled, len(corners)))
+        differing = self.corner_materials.differing()
         for name, values in self.corner_materials.arrays().items():
             if name in painted:
                 yield name, np.concatenate(painted[name])[kind.ravel()]
-            else:
+            elif name in differing:
                 yield (
                     name,
                     np.einsum("sk,nkc->nsc", grid.of_corners, values[self._corners[triangles]]),

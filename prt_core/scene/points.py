@@ -172,8 +172,8 @@ def make_points(stacked, levels, frames, surfaces):
         "geometric_normals": geometric,
         "ray_offset": _ray_offset(geometric, inward, lift, sideways),
         "areas": np.bincount(columns.ravel(), share.ravel(), n_points),
-        "materials": stacked["materials"][of_corner].map(
-            lambda quantity, values: quantity.settled(summed.mean(values, weight))
+        "materials": stacked["materials"][of_corner].gathered(
+            n_points, lambda quantity, values: quantity.settled(summed.mean(values, weight))
         ),
         "object_index": np.zeros(n_points, np.int64),
         "visible": np.zeros(n_points, bool),

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from prt_core.blender.passes.closures import PLANES
 from prt_core.blender.passes.quantities import (
     COLUMNS,
     N_COLUMNS,
@@ -41,46 +40,48 @@ def with_gloss(values, passes):
     whole[:, :N_COLUMNS] = values
     stand_in = np.minimum(stand_in_of(passes), values[:, COLUMNS["albedo"]])
     whole[:, COLUMNS["stand_in"]] = stand_in
-    nothing = np.zeros((len(values), 3))
-    given = passes["gloss"]
     sums = {
-        name: np.nan_to_num(given[name].astype(np.float64)) if name in given else nothing
-        for name in PLANES
+        name: np.nan_to_num(plane.astype(np.float64)) for name, plane in passes["gloss"].items()
     }
-    _put_lobes(whole, sums)
-    signs = _put_roughness(whole, sums)
-    _put_coat(whole, sums)
-    return whole, signs
+    if "glossy" in sums:
+        _put(whole, "glossy", sums["glossy"], np.ones(len(values), bool))
+    if "weights" in sums:
+        _put_weights(whole, sums)
+    if "coat" in sums:
+        _put_coat(whole, sums)
+    if "others" in sums:
+        _, diffuse, rough = sums["others"].T
+        _put(whole, "diffuse_roughness", _ratio(rough, diffuse), diffuse > _NOTHING)
+    return whole, _put_roughness(whole, sums) if "rough" in sums else {}
 
 
-def _put_lobes(values, sums):
-    everywhere = np.ones(len(values), bool)
-    _put(values, "glossy", sums["glossy"], everywhere)
+def _put_weights(values, sums):
     of_metal, of_dielectric, f0 = sums["weights"].T
     metal = of_metal > _NOTHING
-    _put(values, "metal", sums["metal"], metal)
-    _put(values, "metal_edge", 1 - _ratio(sums["edge"], of_metal), metal)
+    _put(values, "metal", sums.get("metal", 0 * sums["weights"]), metal)
     f0 = _ratio(f0, of_dielectric)
     body = (of_dielectric > _NOTHING) & (f0 > _LEAST_F0)
     _put(values, "dielectric", of_dielectric, body)
-    _put(values, "tint", 1 - _ratio(sums["tint"], of_dielectric), body)
     _put(values, "ior", _ior(f0), body)
+    if "edge" in sums:
+        _put(values, "metal_edge", 1 - _ratio(sums["edge"], of_metal), metal)
+    if "tint" in sums:
+        _put(values, "tint", 1 - _ratio(sums["tint"], of_dielectric), body)
 
 
 def _put_roughness(values, sums):
     reflected, rough, square = sums["rough"].T
     mean, shiny = _ratio(rough, reflected), reflected > _NOTHING
     _put(values, "roughness", mean, shiny)
-    slant, diffuse, diffuse_rough = sums["others"].T
-    _put(values, "diffuse_roughness", _ratio(diffuse_rough, diffuse), diffuse > _NOTHING)
-    anisotropy = _ratio(slant, reflected)
-    # What Cycles takes of a tangent lies in the surface.
-    normals, tangent = values[:, COLUMNS["normal"]].astype(np.float64), sums["tangent"]
-    tangent = tangent - np.einsum("nx,nx->n", tangent, normals)[:, None] * normals
-    length = np.linalg.norm(tangent, axis=1)
-    lying = shiny & (anisotropy > _LEAST_ANISOTROPY) & (length > 1e-9)
-    _put(values, "anisotropy", anisotropy, lying)
-    _put(values, "tangent", tangent / np.maximum(length, 1e-30)[:, None], lying)
+    if "tangent" in sums:
+        anisotropy = _ratio(sums["others"][:, 0], reflected)
+        # What Cycles takes of a tangent lies in the surface.
+        normals, tangent = values[:, COLUMNS["normal"]].astype(np.float64), sums["tangent"]
+        tangent = tangent - np.einsum("nx,nx->n", tangent, normals)[:, None] * normals
+        length = np.linalg.norm(tangent, axis=1)
+        lying = shiny & (anisotropy > _LEAST_ANISOTROPY) & (length > 1e-9)
+        _put(values, "anisotropy", anisotropy, lying)
+        _put(values, "tangent", tangent / np.maximum(length, 1e-30)[:, None], lying)
     spread = np.sqrt(np.maximum(_ratio(square, reflected) - mean**2, 0))
     return {"roughnesses": shiny & (spread > _APART)}
 
@@ -91,12 +92,15 @@ def _put_coat(values, sums):
     _put(values, "coat", coat, coated)
     _put(values, "coat_roughness", _ratio(rough, coat), coated)
     _put(values, "coat_ior", _ior(_ratio(f0, coat)), coated)
-    _put(values, "coat_tint", 1 - _ratio(sums["coat_tint"], coat), coated)
+    if "coat_tint" in sums:
+        _put(values, "coat_tint", 1 - _ratio(sums["coat_tint"], coat), coated)
 
 
 def _put(values, name, given, where):
     """Set a quantity at places; another machine's last bits shall not be another surface."""
     quantity = QUANTITIES[name]
+    if not where.any():
+        return
     given = np.clip(given.reshape(len(values), -1)[where], quantity.least, quantity.most)
     stepped = np.round(given * _STEPS) / _STEPS
     usual = np.abs(given - quantity.default) < 0.5 / _STEPS

@@ -298,8 +298,8 @@ class _Look:
 
     def translucent(self, uid):
         """The translucent nodes of a material as it is looked at, by its `session_uid`."""
-        copy = self._copies.material.get(uid)
-        return (self._graph(uid) if copy is None else graph_of(copy)).translucent
+        own, copy = self._graph(uid).translucent, self._copies.material.get(uid)
+        return graph_of(copy).translucent if own and copy is not None else own
 
     def show(self, owners):
         """Only these objects, by their `session_uid`."""

@@ -273,7 +273,7 @@ def compress_bake_steps(
 
 
 @renamed_keyword(transport="form")
-def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
+def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """Colours of a baked scene under a light.
 
     Parameters
@@ -288,6 +288,8 @@ def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
     form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
+    view : View, optional
+        From where a bake with gloss is looked at; default: only what leaves evenly to all sides.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
         lamp_samples, bounces, exposure, emission.
@@ -298,17 +300,17 @@ def relight(bake, light=None, *, caster="auto", form="auto", **keywords):
         Linear Rec.709 radiance in Blender's loop order, for each object that receives.
     """
     bake = _loaded(bake)
-    asked = {"caster": caster, "form": form, **keywords}
+    asked = {"caster": caster, "form": form, "view": view, **keywords}
     return bake.colours(relight_points(bake, light, **asked))
 
 
 @renamed_keyword(transport="form")
-def relight_points(bake, light=None, *, caster="auto", form="auto", **keywords):
+def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
     lighting = lighting_of(light, **keywords)
     relighter = Relighter(_loaded(bake), caster, form)
     try:
-        return run(relighter.steps(lighting))
+        return run(relighter.steps(lighting, view=view))
     finally:
         relighter.close()
 

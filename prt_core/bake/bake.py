@@ -35,6 +35,8 @@ class Bake:
         The points that were sampled densely, where the bake's method has such: ascending.
     emission : Emission, or None
         What points receive of surfaces that emit light, where there are such.
+    reflections : tuple of Reflections
+        What glossy points see, where it was baked; one for each size of blocks.
     """
 
     scene: Scene
@@ -49,6 +51,7 @@ class Bake:
     origin: dict = field(default_factory=dict)
     dense: np.ndarray | None = None
     emission: Emission | None = None
+    reflections: tuple = ()
 
     @property
     def cube_map(self):

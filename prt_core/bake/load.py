@@ -7,6 +7,7 @@ from prt_core.bake.bounces import MOST_ROUNDS
 from prt_core.bake.emission import read_emission
 from prt_core.bake.gather import read_gather, stored_hits
 from prt_core.bake.lights import read_lights
+from prt_core.bake.reflections import read_reflections
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import DENSE
 from prt_core.errors import expect, expect_path
@@ -68,7 +69,8 @@ def load(path):
     )
     parts = lamps, world, camera, settings.stored(), report, source, path, origin
     emission = read_emission(store, scene, rounds, transport.bounced_albedo)
-    return Bake(scene, transport, *parts, _read_dense(store, n_points), emission)
+    reflections = read_reflections(store, scene, cube_map)
+    return Bake(scene, transport, *parts, _read_dense(store, n_points), emission, reflections)
 
 
 def _read_dense(store, n_points):

@@ -13,10 +13,12 @@ from prt_core.version import __version__
 
 # Share of the bounce rays that may meet places without a bake point before it is said.
 _MANY_HIDDEN = 0.005
-_RAY_STAGES = "details", "visibility", "certificate", "emission", "gather"
+_RAY_STAGES = "details", "visibility", "certificate", "reflections", "emission", "gather"
 
 
-def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store):
+def bake_report(
+    scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
+):
     """What a finished bake says of itself (see `bake_steps`).
 
     Parameters
@@ -32,6 +34,7 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
     seconds : dict of str -> float
         By stage.
     store : BakeStore
+    reflected : ReflectionResult
 
     Returns
     -------
@@ -55,6 +58,8 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
     }
     if emitted.emitters:
         by_kind["rays_emission"] = emitted.rays
+    if reflected.points:
+        by_kind["rays_reflections"] = reflected.rays + reflected.short_rays
     rays = sum(by_kind.values())
     within = [value is None or value <= settings.tolerance for value in (error, emitted.error)]
     met = seen["tolerance_met"] and all(within)
@@ -75,6 +80,7 @@ def bake_report(scene, cube_map, caster, settings, seen, emitted, bounced, secon
         "hidden_hits": bounced.hidden,
         "back_points": len(np.unique(scene.lattice_back[scene.lattice_back >= 0])),
         "dark_backs": bounced.dark_backs,
+        **({"glossy_points": reflected.points} if reflected.points else {}),
         **({"emitters": emitted.emitters} if emitted.emitters else {}),
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
         "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},

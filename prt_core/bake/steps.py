@@ -6,6 +6,7 @@ from prt_core.bake.bounces import Bounced, bounce_steps
 from prt_core.bake.emission import bounced_emission_steps, emission_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
+from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import visibility_steps
@@ -148,6 +149,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     seen = yield from visibility_steps(
         store, scene, cube_map, caster, settings, lights, seconds, pace
     )
+    reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
     emitted = yield from emission_steps(store, scene, caster, settings, seconds)
     bounced = Bounced()
     if settings.bounces != 0:
@@ -156,7 +158,7 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
         report = bake_report(
-            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store
+            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
         )
     if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")

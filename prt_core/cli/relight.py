@@ -25,6 +25,7 @@ from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
+from prt_core.transport import View
 
 _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
@@ -62,6 +63,11 @@ def add_relight(commands, in_blender):
     relight.add_argument(
         "--bounces", type=bounces, default="baked", help="default: as baked; 0 is direct light"
     )
+    relight.add_argument(
+        "--view", metavar="VIEW",
+        help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z (a "
+        "picture is seen from the camera: 'camera' with --png)",
+    )  # fmt: skip
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
     relight.add_argument(
@@ -106,11 +112,12 @@ def _relight(options):
     options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
         return _relight_turn(baked, lighting, options)
+    view = _view(options.view, baked)
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
     try:
-        radiance = relighter.radiance(lighting, of=of)
+        radiance = relighter.radiance(lighting, of=of, view=view)
         spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
         sky = relighter.sky(lighting) if options.png else None
     finally:
@@ -176,6 +183,16 @@ def _expect_request(options):
         )
     if options.png and options.size:
         expect_view(*options.size)
+    if options.view is not None:
+        expect(not options.turn, "--view: not with --turn; leave one of them out")
+        expect(
+            options.output or options.png or options.blend,
+            "--view: an image that was baked is not shown again; give --output, --png or --blend",
+        )
+        expect(
+            not options.png or options.view == "camera",
+            "--view: a picture is seen from the camera; give --view camera with --png",
+        )
     paths = []
     for name, path in outputs.items():
         if path is not None:
@@ -219,6 +236,27 @@ def _lighting(options):
         field, _, said = str(error).partition(":")
         flag = _FLAGS.get(field, field).replace("_", "-")
         raise PRTError(f"--{flag}:{said}") from error
+
+
+def _view(text, baked):
+    """The `View` that is asked for, None without one."""
+    if text is None:
+        return None
+    if text == "camera":
+        expect(
+            baked.camera is not None,
+            "--view camera: the baked scene has no camera whose lens is followed; give x,y,z",
+        )
+        return View.of_camera(baked.camera)
+    try:
+        place = [float(part) for part in text.split(",")]
+    except ValueError:
+        place = []
+    expect(
+        len(place) == 3 and np.isfinite(place).all(),
+        f"--view: expected 'camera' or a place as x,y,z, got '{text}'",
+    )
+    return View(np.array(place))
 
 
 def _emission(words):

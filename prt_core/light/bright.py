@@ -72,6 +72,22 @@ class BrightPixels:
         """Whether one sample is enough: never."""
         return False
 
+    def seen_from(self, positions):
+        """As `Lamp.seen_from`: towards the middle of their power, as wide as that is spread."""
+        z = (self._top + self._bottom) / 2
+        angle = np.pi - 2 * np.pi * (self.columns + 0.5) / self.shape[1]
+        radius = np.sqrt(np.maximum(0, 1 - z * z))
+        ways = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+        middle = self._share @ ways
+        length = np.linalg.norm(middle)
+        area = (self._top - self._bottom) * 2 * np.pi / self.shape[1]
+        # The length of a mean of directions tells how far they are spread.
+        spread = np.arccos(np.clip(2 * length - 1, -1, 1)) if length > 0 else np.pi
+        width = max(spread, float(np.sqrt((self._share @ area) / np.pi)))
+        middle = middle / length if length > 1e-9 else np.array([0, 0, 1.0])
+        directions = np.broadcast_to(self.rotation @ middle, np.shape(positions))
+        return directions, np.full(len(positions), width)
+
     def sample(self, positions, uv):
         """As `Lamp.sample`: direction, distance, irradiance for each point."""
         u = np.minimum(uv[:, 0], 1 - 1e-9)

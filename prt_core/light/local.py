@@ -144,6 +144,34 @@ class Lamp:
         plain = self.casts_shadow and self.receivers is None and self.blockers is None
         return self.kind == "sun" and plain and not self.of_world and self.power.min() >= 0
 
+    def seen_from(self, positions):
+        """Where the lamp stands as seen from places, and how large it looks.
+
+        Parameters
+        ----------
+        positions : (n, 3) float
+
+        Returns
+        -------
+        directions : (n, 3) float64
+            Unit vectors to its middle.
+        angles : (n,) float64
+            Half its width, in radians: of a disc as large as it is, which faces the place.
+        """
+        positions = np.asarray(positions, np.float64)
+        if self.kind == "sun":
+            directions = np.broadcast_to(self.towards, positions.shape)
+            return directions, np.full(len(positions), self.angle / 2)
+        ways = self.position - positions
+        distances = np.maximum(np.linalg.norm(ways, axis=1), 1e-30)
+        directions, radius = ways / distances[:, None], np.full(len(positions), self.radius)
+        if self.kind == "area":
+            area = self.size[0] * self.size[1] / (4 / np.pi if self.ellipse else 1)
+            # What is seen at an angle looks smaller.
+            facing = np.abs(directions @ self.axes[:, 2])
+            radius = np.sqrt(area * facing / np.pi)
+        return directions, np.arctan2(radius, distances)
+
     @property
     def towards(self):
         """(3,) float64: from the scene towards a sun."""

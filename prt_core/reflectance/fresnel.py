@@ -121,7 +121,7 @@ class F82Tint:
         self.tint = np.minimum(expect_colour("tint", tint), 1)
         self.weight = expect_colour("weight", weight)
         schlick = self.f0 + (self.weight - self.f0) * _F82_SHARE
-        self._dip = schlick * (1 - self.tint) / (_F82_SHARE * (1 - _F82_COSINE) * _F82_COSINE)
+        self.dip = schlick * (1 - self.tint) / (_F82_SHARE * (1 - _F82_COSINE) * _F82_COSINE)
 
     @property
     def n_channels(self):
@@ -131,12 +131,12 @@ class F82Tint:
     @property
     def mean(self):
         """(..., n_channels) array: the mean of what is not white, where that has a weight."""
-        mean = self.f0 + (self.weight - self.f0) / 21 - self._dip / 126
+        mean = self.f0 + (self.weight - self.f0) / 21 - self.dip / 126
         return mean / np.where(self.weight > 0, self.weight, 1)
 
     def __call__(self, cosine):
         """(..., n_channels) array at cosine (...)."""
-        f0, dip, weight = in_type_of(cosine, self.f0, self._dip, self.weight)
+        f0, dip, weight = in_type_of(cosine, self.f0, self.dip, self.weight)
         near = np.clip(1 - cosine, 0, 1)
         fifth = (near * near) ** 2 * near
         value = f0 + (weight - f0) * fifth[..., None] - dip * (cosine * fifth * near)[..., None]

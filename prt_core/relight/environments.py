@@ -123,27 +123,41 @@ class Environments:
         _, turning, sun = self._turning[key]
         return turning.at(matrix), sun and replace(sun, rotation=matrix)
 
-    def on_texels(self, lighting):
+    def on_texels(self, lighting, without_sun=False):
         """(n_directions, 3) float32 radiance of what a `Lighting` has of light from far away.
 
         None where it has only lamps.
+
+        Parameters
+        ----------
+        lighting : Lighting
+        without_sun : bool
+            Leave out what `distant` takes out as a sun.
         """
         light = self.read(lighting)
         if light is None:
             return None
+        if without_sun and isinstance(light, EnvironmentMap):
+            light = split_sun(light, lighting.matrix)[0]
         return self._on_texels(light, lighting.matrix) * np.float32(lighting.strength)
 
     def _on_texels(self, light, matrix):
         image = isinstance(light, EnvironmentMap)
         return light.to_cube_map(self._bake.cube_map, matrix) if image else light
 
-    def sky(self, lighting):
+    def sky(self, lighting, exposed=True):
         """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.
 
         None, which is black, where a `Lighting` has no image.
+
+        Parameters
+        ----------
+        lighting : Lighting
+        exposed : bool
+            Whether its exposure counts.
         """
         if not lighting.is_image:
             return None
         image, turned_back = self.read(lighting), lighting.matrix
-        factor = np.float32(lighting.strength * lighting.exposure_factor)
+        factor = np.float32(lighting.strength * (lighting.exposure_factor if exposed else 1))
         return lambda directions: image.sample(directions @ turned_back) * factor

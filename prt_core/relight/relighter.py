@@ -17,11 +17,13 @@ from prt_core.light.images import reads_in_threads
 from prt_core.relight.emission import EmittedLight
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import FormInUse
+from prt_core.relight.gloss import Gloss
 from prt_core.relight.lamps import LampLight, chosen_lamps, world_suns
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed, renamed_keyword
+from prt_core.transport import View
 
 FORMS = ("auto", "exact", "compressed")
 
@@ -68,8 +70,9 @@ class Relighter:
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
         self._emitted = EmittedLight(bake)
+        self._gloss = None
 
-    def radiance(self, light=None, *, of="points", **keywords):
+    def radiance(self, light=None, *, of="points", view=None, **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
 
         Parameters
@@ -77,14 +80,16 @@ class Relighter:
         light : Lighting, or what its environment may be, optional
         of : {"points", "image"}
             See `steps`.
+        view : View, optional
+            See `steps`.
         **keywords
             The other fields of `Lighting`.
         """
-        return run(self.steps(lighting_of(light, **keywords), of=of))
+        return run(self.steps(lighting_of(light, **keywords), of=of, view=view))
 
     relight = renamed("relight", "radiance")
 
-    def steps(self, lighting, pace=None, of="points"):
+    def steps(self, lighting, pace=None, of="points", view=None):
         """Relight, as a generator of `Progress`.
 
         Parameters
@@ -95,6 +100,9 @@ class Relighter:
         of : {"points", "image"}
             What is shown: all points, or the image that was baked. A compressed form of the
             image shows nothing else.
+        view : View, optional
+            From where points are looked at: adds what the lobes of a bake with gloss reflect
+            towards it. Default: only what leaves evenly to all sides, with gloss as a colour.
 
         Returns
         -------
@@ -105,6 +113,11 @@ class Relighter:
         if pace is not None:
             expect_number("pace", pace, above=0)
         subject = Subject.of_bake(self.bake, expect_one_of("of", of, ("points", "image")))
+        if view is not None:
+            expect_kind("view", view, View)
+            expect(of == "points", "view: an image that was baked has its own; leave out the view")
+            if self._gloss is None:
+                self._gloss = yield from maybe_in_thread(pace, "gloss", Gloss, self.bake)
         lamps, image = chosen_lamps(self.bake, lighting), lighting.environment
         apart = pace and isinstance(image, Path) and reads_in_threads(image)
         light = yield from maybe_in_thread(apart, "image", self._environments.read, lighting)
@@ -127,17 +140,30 @@ class Relighter:
         if distant is not None and evaluator is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
         radiance = None
+        received_in_all = []
         if evaluator is not None:
             own = self._compressed.read().of == of
             radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
+            received_in_all.append(distant)
         if parts or (evaluator is None and emitted is None):
             work = (self._with_bounces, parts, factors, lighting.bounces)
             received = yield from maybe_in_thread(pace, "bounces", *work)
             exact = subject.radiance_of_points(received)
             radiance = exact if evaluator is None else exact + radiance
+            received_in_all.append(received)
         if emitted is not None:
             shining = subject.radiance_of_points(*emitted)
             radiance = shining if radiance is None else shining + radiance
+            received_in_all.append(emitted[0])
+        if view is not None:
+            first = len(parts) - len(lamps)
+            lit = [
+                (lamp, part * np.float32(factor))
+                for lamp, part, factor in zip(lamps, parts[first:], factors[first:], strict=True)
+            ]
+            own = None if emitted is None else emitted[1]
+            work = (self._with_gloss, radiance, sum(received_in_all), own, lighting, sun, lit, view)
+            radiance = yield from maybe_in_thread(pace, "gloss", *work)
         return subject.shaped(_exposed(radiance, lighting))
 
     def has_lamps(self, lighting):
@@ -185,8 +211,20 @@ class Relighter:
             total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.with_bounces(total, bounces)
 
+    def _with_gloss(self, radiance, received, own, lighting, sun, lamps, view):
+        """Radiance towards a view: `radiance` is what leaves evenly to all sides."""
+        # Lights that are lamps here have their highlights from there, not from texels.
+        texels = self._environments.on_texels(lighting, without_sun=sun is not None)
+        sky = self._environments.sky(lighting, exposed=False) if sun is None else None
+        even = radiance - self.bake.transport.materials.stand_in * received
+        self._gloss.light(texels, radiance, even, sky)
+        reflected, share = self._gloss.toward(view, lamps)
+        own = 0 if own is None else own
+        return (even - own) * share + own + reflected
+
     def close(self):
         """Let go of everything."""
+        self._gloss = None
         for part in (self._environments, self._lamps, self._emitted, self._compressed):
             part.close()
 

@@ -8,6 +8,7 @@ from prt_core.transport.gather import gather_directions, gather_hits, gather_par
 from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
 from prt_core.transport.operator import gather_operator, ray_ends
 from prt_core.transport.reference import reference_rows
+from prt_core.transport.reflections import Reflections, reflection_hits
 from prt_core.transport.sharing import Sharing
 from prt_core.transport.sides import side_steps
 from prt_core.transport.transport import Transport
@@ -16,6 +17,7 @@ from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
     "ExitRadiance",
+    "Reflections",
     "Sharing",
     "Transport",
     "View",
@@ -33,6 +35,7 @@ __all__ = [
     "received_light",
     "received_with_bounces",
     "reference_rows",
+    "reflection_hits",
     "side_steps",
     "surface_lights",
     "visibility_bits",

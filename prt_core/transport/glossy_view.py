@@ -3,7 +3,7 @@
 For each point that faces the viewer the lobe is evaluated at the directions of a cut (see
 `transport.lobe_cuts`) and multiplied with the field; within the blocks around the mirror direction
 the light of the sky has its finer detail, as far as the block is open; and the brightest texels
-come in by their own visibility bits. The lobe's Fresnel term is a sum of three powers, so that all
+come in by their own visibility bits. The lobe's Fresnel term is a sum of powers, so that all
 lobes of one roughness are evaluated together.
 """
 
@@ -17,7 +17,6 @@ from prt_core.transport.lobe_cuts import cells, lobe_cut, parts_along
 _PART = 128
 # Classes of roughness: each ends at this times the alpha at which it begins.
 _CLASS = 1.6
-N_POWERS = 3
 
 
 class GlossyView:
@@ -48,7 +47,7 @@ class GlossyView:
         alpha : (k,) or (k, 2) float
             Of the lobes; two of them along and across a tangent.
         powers : (k, N_POWERS, 3) float32
-            Fresnel term of the lobes (see `reflectance.fresnel`).
+            Fresnel term of the lobes (see `fresnel_powers`).
         axes : (k, 2, 3) float32, optional
             Tangents, where there are two alphas.
 
@@ -148,7 +147,7 @@ class GlossyView:
 def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
     """Lobes times the cosine, times powers of Schlick's kind: (p, m) each.
 
-    1, (1 - c)^5, and c (1 - c)^6 of the cosine c between light and facet.
+    Those of `fresnel_powers`, of the cosine between light and facet.
 
     Parameters
     ----------
@@ -202,6 +201,11 @@ def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
         fifth *= value
         lobes.append(fifth)
         if n_powers > 2:
+            third = rest * rest
+            third *= rest
+            third *= value
+            lobes.append(third)
+        if n_powers > 3:
             rest *= facet
             rest *= fifth
             lobes.append(rest)

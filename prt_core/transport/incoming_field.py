@@ -79,25 +79,28 @@ class IncomingField:
         parts = on_all_cores(one, self._parts)
         return np.concatenate([np.zeros((0, len(blocks)), np.uint8), *parts])
 
-    def update(self, light, sent):
+    def update(self, light, sent, by_entry=None):
         """Fill the field in for a light.
 
         Parameters
         ----------
         light : (n_directions, 3) float32, or None
             Radiance of the sky; None: black.
-        sent : (n_points, 3) float32, or (m, 3) float32
-            What bake points send out, of which one is met; or of every entry of the reflections,
-            what is sent towards the point that sees it.
+        sent : (n_points, 3) float32
+            What bake points send out to all sides.
+        by_entry : (m, 3) float32, optional
+            What is sent towards the points that see it, of every entry of the reflections, where
+            that depends on the side from which it is seen.
         """
         blocks, reflections = self.reflections.blocks, self.reflections
         cube_map = blocks.cube_map
         if light is None:
             light = np.zeros((cube_map.n_directions, 3), np.float32)
         light = expect_array("light", light, (cube_map.n_directions, 3), np.float32)
-        by_entry = len(sent) == len(reflections.met) and len(sent) != len(self._bits)
-        shape = (len(reflections.met) if by_entry else len(self._bits), 3)
-        sent = expect_array("sent", sent, shape, np.float32)
+        sent = expect_array("sent", sent, (len(self._bits), 3), np.float32)
+        if by_entry is not None:
+            shape = len(reflections.met), 3
+            by_entry = expect_array("by_entry", by_entry, shape, np.float32)
         self.bright, more = bright_texels(light, blocks)
         angles = cube_map.solid_angles[self.bright, None]
         self.bright_light = (more * angles).astype(np.float32)
@@ -120,8 +123,11 @@ class IncomingField:
                 some = np.flatnonzero(patterns[..., byte].ravel())
                 total[some] += table.take(index[some], axis=0)
             places, entries = reflections.places(part)
-            who = np.arange(entries.start, entries.stop) if by_entry else reflections.met[entries]
-            total[places] += shining[who] * reflections.share[entries, None]
+            share = reflections.share[entries, None]
+            if by_entry is None:
+                total[places] += shining[reflections.met[entries]] * share
+            else:
+                total[places] += by_entry[entries] * (share * np.float32(1 / 255))
             total = np.ascontiguousarray(total.reshape(-1, len(blocks), 3).swapaxes(1, 2))
             self.values[part] = halves(total)
             self.coarse[part] = halves(self._coarser(total))

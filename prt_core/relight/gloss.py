@@ -1,0 +1,144 @@
+"""Gloss in one bake: what its glossy points reflect towards a view, under one light after another.
+
+Once a light the field of incoming light is filled in (see `transport.incoming_field`); a view is
+lobes over it. Lobes that are narrower than texels mirror what stands in their direction.
+"""
+
+import hashlib
+
+import numpy as np
+
+from prt_core.errors import expect
+from prt_core.relight.glossy_points import GlossyPoints, SeenMetal
+
+# Sweeps over what reflects what reflects, at most.
+_SWEEPS = 3
+
+
+class Gloss:
+    """What the glossy points of a bake reflect.
+
+    Parameters
+    ----------
+    bake : Bake
+        Baked with gloss.
+
+    Raises
+    ------
+    PRTError
+        The bake has none.
+    """
+
+    def __init__(self, bake):
+        expect(
+            bake.reflections,
+            "view: this bake knows of no gloss, and looks the same from everywhere; bake with "
+            "--gloss, and with materials that have some",
+        )
+        self._points = bake.scene.points
+        self._world = bake.scene.to_world(self._points.positions)
+        self._parts = [GlossyPoints(bake, reflections) for reflections in bake.reflections]
+        self._metal = self._light = None
+
+    @property
+    def nbytes(self):
+        """Of the fields."""
+        return sum(part.field.nbytes for part in self._parts)
+
+    def light(self, texels, sent, even, sky=None, tolerance=0.01):
+        """Take in a light: as many sweeps as it takes until reflections of reflections settle.
+
+        Parameters
+        ----------
+        texels : (n_directions, 3) float32, or None
+            Radiance of what is far away.
+        sent : (n_points, 3) float32
+            Radiance that points send out to all sides, with colours that stand in for gloss.
+        even : (n_points, 3) float32
+            The same without those.
+        sky : callable((m, 3) directions) -> (m, 3), optional
+            The same light in full detail, for mirrors; default: texels.
+        tolerance : float
+            Change of what is reflected at which sweeps end, in parts of it.
+        """
+        key = _digest(texels, sent, even)
+        if key == self._light:
+            return
+        self._light = None
+        for part in self._parts:
+            part.light(texels, sent, sky)
+        seen = self._seen_metal()
+        if seen is not None:
+            # What stood in for it until now.
+            before = np.zeros((len(seen), 3), np.float32)
+            for index, part in enumerate(self._parts):
+                mine = seen.part == index
+                who = part.points[seen.row[mine]]
+                before[mine] = sent[who] - even[who]
+        for _ in range(_SWEEPS if seen is not None else 0):
+            reflected = self._of_seen(seen)
+            for part, by_entry in zip(self._parts, self._by_entry(seen, reflected, sent, even),
+                                      strict=True):  # fmt: skip
+                part.light(texels, sent, sky, by_entry)
+            change = float(np.abs(reflected - before).sum())
+            if change <= tolerance * float(np.abs(reflected).sum()):
+                break
+            before = reflected
+        self._light = key
+
+    def _seen_metal(self):
+        """Where reflections see what reflects as much as metals do, and from where; or None."""
+        if self._metal is None:
+            self._metal = SeenMetal(self._parts, len(self._world))
+        return self._metal if len(self._metal) else None
+
+    def _of_seen(self, seen):
+        """(k, 3) radiance that what is seen reflects towards where it is seen from."""
+        result = np.zeros((len(seen), 3), np.float32)
+        for index, part in enumerate(self._parts):
+            mine = np.flatnonzero(seen.part == index)
+            result[mine] = part.toward(seen.row[mine], seen.outgoing[mine])[0]
+        return result
+
+    def _by_entry(self, seen, reflected, sent, even):
+        """Of each part what its entries send towards its points."""
+        for part, (entries, which) in zip(self._parts, seen.entries, strict=True):
+            met = part.field.reflections.met
+            # Two rows at the end are of what returns no light.
+            values = np.concatenate([sent, np.zeros((2, 3), np.float32)])[met]
+            values[entries] = even[met[entries]] + reflected[which]
+            yield values
+
+    def toward(self, view, lamps=()):
+        """Radiance that lobes send towards a view.
+
+        Parameters
+        ----------
+        view : View
+        lamps : sequence of (Lamp, (n_points, 3) float32)
+            Lamps, and what points receive of each: irradiance / pi.
+
+        Returns
+        -------
+        reflected : (n_points, 3) float32
+        diffuse : (n_points, 3) float32
+            What the lobes leave of diffuse light, in parts of what the view from straight above
+            does.
+        """
+        outgoing = view.outgoing(self._world).astype(np.float32)
+        reflected = np.zeros((len(self._world), 3), np.float32)
+        diffuse = np.ones((len(self._world), 3), np.float32)
+        for part in self._parts:
+            which = part.points
+            rows = part.facing(outgoing[which])
+            reflected[which[rows]], diffuse[which[rows]] = part.toward(rows, outgoing[which[rows]])
+            for lamp, received in lamps:
+                reflected[which] += part.highlights(lamp, received, self._world, outgoing)
+        return reflected, diffuse
+
+
+def _digest(*arrays):
+    digest = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        digest.update(b"" if array is None else np.ascontiguousarray(array))
+    return digest.digest()

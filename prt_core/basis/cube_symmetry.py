@@ -15,7 +15,7 @@ from prt_core.sphere import CubeMap
 
 
 def cube_symmetries():
-    """(48, 3, 3) float64: the matrices that hand a cube's faces to its faces; first the identity."""
+    """(48, 3, 3) float64: matrices that hand a cube's faces to its faces; first the identity."""
     matrices = [
         np.diag(signs)[list(order)]
         for order in permutations(range(3))

@@ -13,10 +13,16 @@ from prt_core.sphere.sobol import sobol_points
 from prt_core.sphere.warp import (
     cone_density,
     cosine_density,
+    cosine_power,
+    cosine_power_density,
     disc_density,
+    ggx_density,
+    ggx_normal_density,
     square_to_cone,
     square_to_cosine,
+    square_to_cosine_power,
     square_to_disc,
+    square_to_ggx_normals,
 )
 
 __all__ = [
@@ -24,7 +30,11 @@ __all__ = [
     "FACES",
     "cone_density",
     "cosine_density",
+    "cosine_power",
+    "cosine_power_density",
     "disc_density",
+    "ggx_density",
+    "ggx_normal_density",
     "hemisphere_directions",
     "hemisphere_solid_angle",
     "hemisphere_square",
@@ -35,7 +45,9 @@ __all__ = [
     "sobol_points",
     "square_to_cone",
     "square_to_cosine",
+    "square_to_cosine_power",
     "square_to_disc",
+    "square_to_ggx_normals",
     "tangent_frames",
     "tangents",
 ]

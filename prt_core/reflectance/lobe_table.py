@@ -104,7 +104,7 @@ class LobeTable:
         self._cosines = (np.arange(_SHARES) + 0.5) / _SHARES
         shares = []
         for cosine in self._cosines:
-            outgoing = np.broadcast_to([np.sqrt(1 - cosine**2), 0, cosine], incoming.shape)
+            outgoing = np.array([[np.sqrt(1 - cosine**2), 0, cosine]])
             values = evaluate(incoming, outgoing) * incoming[:, 2:]
             shares.append(values.mean(axis=0) * 2 * np.pi)
         self._shares = np.array(shares)
@@ -132,7 +132,7 @@ class LobeTable:
                 cosine = vectors @ frame[2]
                 seen = np.flatnonzero(cosine > 0)
                 incoming = directions[seen] @ frame.T
-                outgoing = np.broadcast_to((frame @ view).astype(np.float32), incoming.shape)
+                outgoing = (frame @ view)[None].astype(np.float32)
                 lobe[seen] = evaluate(incoming, outgoing).mean(axis=1) * cosine[seen]
             faces = lobes.reshape(-1, 6, n, _SAMPLES, n, _SAMPLES).sum(axis=(3, 5))
             rows = haar_rows(faces.reshape(self.n_cells, -1), n)

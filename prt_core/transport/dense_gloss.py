@@ -44,6 +44,7 @@ def dense_reflection(
     Returns
     -------
     (n_points, n_channels) float32
+        Of the channels of the light or of the reflectance, whichever has more.
 
     Raises
     ------
@@ -61,7 +62,10 @@ def dense_reflection(
     if frames is None:
         frames = tangent_frames(normals)
     frames = expect_array("frames", frames, (n_points, 3, 3), np.float64, -UNIT, UNIT)
-    result = np.zeros((n_points, light.shape[1]), np.float32)
+    up = np.array([[0.0, 0.0, 1.0]])
+    asked = (up, up, np.zeros(1, np.int64)) if per_point else (up, up)
+    n_channels = max(light.shape[1], reflectance_eval(*asked).shape[1] if n_points else 1)
+    result = np.zeros((n_points, n_channels), np.float32)
     facing = np.flatnonzero(np.einsum("ni,ni->n", normals, outgoing) > 0)
 
     def one(points):

@@ -4,8 +4,8 @@
 The light keeps its largest wavelets, so does each lobe of a table; of the visibility only what
 these ask for is read: sums and differences of squares, counted from its bits. The product of light
 and lobe is made in wavelets (`multiplication_matrix`), once for all points that share a lobe, and
-then summed against the visibility. The few brightest texels would need the finest wavelets of all three:
-they are taken out of the light and added exactly, from their bits.
+then summed against the visibility. The few brightest texels would need the finest wavelets of all
+three: they are taken out of the light and added exactly, from their bits.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ import scipy.sparse as sp
 
 from prt_core.basis.haar import haar_rows
 from prt_core.basis.triple_product import HaarSquares, multiplication_matrix
-from prt_core.errors import expect, expect_array, expect_kind, expect_whole
-from prt_core.light.environment import BRIGHTEST
+from prt_core.errors import expect, expect_array, expect_kind
 from prt_core.reflectance.lobe_table import LobeTable, kept_wavelets
 from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.threads import on_all_cores
-from prt_core.sphere import CubeMap, tangent_frames
+from prt_core.sphere import CubeMap
+from prt_core.transport.bright_texels import BrightTexels, bits_of
 from prt_core.transport.visibility import UNIT, expect_bits, unpack
 
 # Points that are prepared together; those for which light and lobes are multiplied together, and
@@ -53,8 +53,6 @@ class TripleProducts:
         shape = len(bits), 3
         self.normals = expect_array("normals", normals, shape, np.float64, -UNIT, UNIT)
         self.table = expect_kind("table", table, LobeTable)
-        expect(callable(reflectance_eval), "reflectance_eval: expected a callable")
-        self._evaluate = reflectance_eval
         blocks, n = table.cube_map.resolution, cube_map.resolution
         times = n // blocks
         expect(
@@ -62,8 +60,7 @@ class TripleProducts:
             f"cube_map: expected 2^k times the {blocks} blocks of the table along an edge, got {n}",
         )
         self.n_kept = kept_wavelets(light_kept, cube_map.n_directions)
-        self.n_bright = expect_whole("n_bright", n_bright, 0, cube_map.n_directions)
-        self._frames = tangent_frames(self.normals).astype(np.float32)
+        self.bright = BrightTexels(bits, normals, cube_map, reflectance_eval, n_bright)
         self._squares = HaarSquares(n)
         self._coarse = self._places_of_blocks(blocks)
         self._counts = self._count(blocks)
@@ -109,14 +106,8 @@ class TripleProducts:
         -------
         self
         """
-        shape = self.cube_map.n_directions, None
-        light = expect_array("light", light, shape, np.float64, 0, BRIGHTEST)
-        power = light.max(axis=1) * self.cube_map.solid_angles
-        bright = np.argsort(-power, kind="stable")[: self.n_bright]
-        rest = light.copy()
-        rest[bright] = np.delete(light, bright, axis=0).mean(axis=0) if self.n_bright else 0
-        self._bright = bright, (light - rest)[bright]
-        self._bright_seen = self._bits_of(bright)
+        rest = self.bright.split(light)
+        self._n_channels = rest.shape[1]
         n = self.cube_map.resolution
         wavelets = haar_rows(np.ascontiguousarray(rest.T), n)
         # Of two wavelets alike the one of the larger square counts for more points and lobes.
@@ -137,11 +128,6 @@ class TripleProducts:
         self._light = sp.hstack(matrices, "csr").astype(np.float32)
         return self
 
-    def _bits_of(self, texels):
-        """(n_points, m) bool of texels (m,)."""
-        shift = (texels % 8).astype(np.uint8)
-        return (self.bits[:, texels // 8] >> shift & 1).astype(bool)
-
     def _fine_counts(self, places):
         """(n_points, m) int16, as `_counts`, of wavelets of squares within the table's blocks."""
         squares, n = self._squares, self.cube_map.resolution
@@ -153,7 +139,7 @@ class TripleProducts:
             texels = (squares.face[place] * n + first[0] + row) * n + first[1] + right
             down, across = (1 - 2 * (x >= side // 2) for x in (row, right))
             sign = (across, down, across * down)[kind].astype(np.int16)
-            counts[:, column] = self._bits_of(texels) @ sign
+            counts[:, column] = bits_of(self.bits, texels) @ sign
         return counts
 
     def toward(self, outgoing):
@@ -171,7 +157,7 @@ class TripleProducts:
         """
         expect(self._light is not None, "light: none is set; call set_light first")
         outgoing = expect_array("outgoing", outgoing, self.normals.shape, np.float64, -UNIT, UNIT)
-        n_channels = max(self._bright[1].shape[1], self.table.n_channels)
+        n_channels = max(self._n_channels, self.table.n_channels)
         result = np.zeros((len(outgoing), n_channels), np.float32)
         facing = np.flatnonzero(np.einsum("ni,ni->n", self.normals, outgoing) > 0)
         keys, _, patch, scale = self.table.look_up(self.normals[facing], outgoing[facing])
@@ -182,7 +168,7 @@ class TripleProducts:
         def one(part):
             points = facing[part]
             sums = self._summed(points, *(x[part] for x in lobes))
-            result[points] = np.maximum(sums, 0) + self._of_bright(points, outgoing[points])
+            result[points] = np.maximum(sums, 0) + self.bright.toward(points, outgoing[points])
 
         with one_blas_thread():
             on_all_cores(one, parts)
@@ -192,7 +178,7 @@ class TripleProducts:
         """(m, n_channels): wavelets of the visibility times those of light and lobe."""
         used, which = np.unique(keys, return_inverse=True)
         which = which.reshape(keys.shape)
-        n_channels = self._bright[1].shape[1]
+        n_channels = self._n_channels
         products = (self.table.rows(used) @ self._light).toarray()
         products = products.reshape(len(used), n_channels, -1)
         counts = np.concatenate([self._counts[points], self._fine[points]], axis=1)
@@ -207,29 +193,11 @@ class TripleProducts:
             sums[part] = np.take_along_axis(values, place, axis=1).swapaxes(1, 2)
         return (sums * scale).sum(axis=2)
 
-    def _of_bright(self, points, outgoing):
-        """(m, n_channels): the brightest texels, exactly."""
-        texels, light = self._bright
-        point, which = np.nonzero(self._bright_seen[points])
-        frames = self._frames[points]
-        sums = np.zeros((len(points), max(light.shape[1], self.table.n_channels)))
-        if not len(point):
-            return sums
-        ways = self.cube_map.directions[texels].astype(np.float32)
-        incoming = np.einsum("mij,mj->mi", frames[point], ways[which])
-        local = np.einsum("mij,mj->mi", frames, outgoing.astype(np.float32))[point]
-        vectors = self.cube_map.vectors[texels]
-        cosine = np.einsum("mj,mj->m", self.normals[points][point], vectors[which])
-        brought = np.maximum(cosine, 0)[:, None] * light[which] * self._evaluate(incoming, local)
-        starts = np.flatnonzero(np.diff(point, prepend=-1))
-        sums[point[starts]] = np.add.reduceat(brought, starts, axis=0)
-        return sums
-
     @property
     def nbytes(self):
         """Of what frames read: counts, bits, normals, the table."""
-        arrays = self._counts, self.bits, self.normals, self._frames
-        return sum(a.nbytes for a in arrays) + self.table.nbytes
+        arrays = self._counts, self.normals
+        return sum(a.nbytes for a in arrays) + self.bright.nbytes + self.table.nbytes
 
 
 def _along_curve(texels, n):

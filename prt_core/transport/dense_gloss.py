@@ -84,3 +84,24 @@ def dense_reflection(
     step = max(1, _PAIRS // cube_map.n_directions)
     on_all_cores(one, [facing[first : first + step] for first in range(0, len(facing), step)])
     return result
+
+
+def lobe_visibility(bits, normals, cube_map, reflectance_eval, outgoing):
+    """How much of the lobe of each point is not hidden, by its weight.
+
+    Parameters
+    ----------
+    bits, normals, cube_map, reflectance_eval, outgoing
+        See `dense_reflection`.
+
+    Returns
+    -------
+    (n_points,) float32
+        0 to 1; 1 where the lobe is black.
+    """
+    normals = expect_array("normals", normals, (len(bits), 3), np.float64, -UNIT, UNIT)
+    white = np.ones((cube_map.n_directions, 1))
+    above = np.packbits(normals @ cube_map.vectors.T > 0, axis=1, bitorder="little")
+    rest = cube_map, white, reflectance_eval, outgoing
+    seen, whole = (dense_reflection(b, normals, *rest).sum(axis=1) for b in (bits, above))
+    return np.where(whole > 0, np.minimum(seen / np.where(whole > 0, whole, 1), 1), 1)

@@ -90,7 +90,7 @@ def test_the_split_sum_is_near_where_the_light_is_soft():
         wanted = dense_reflection(above, normals, CUBE, light, lobe.eval, outgoing)
         result = form.toward(normals, outgoing, 0.5, (0.9, 0.6, 0.3))
         errors.append(colour_error(result, wanted)["l2"])
-    assert errors[0] < 0.015 and 0.02 < errors[1] < 0.06, errors
+    assert 0.01 < errors[0] < 0.03 and errors[1] < 0.04, errors
     assert form.nbytes == 3 * 6 * 17 * 17 * 3 * 4
 
 

@@ -18,11 +18,13 @@ from prt_core.errors import expect, expect_array, expect_kind, expect_number, ex
 from prt_core.light.environment import BRIGHTEST
 from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.threads import on_all_cores
-from prt_core.sphere import FACES, CubeMap, ggx_density, sobol_points, square_to_ggx_normals
+from prt_core.sphere import FACES, CubeMap, sobol_points, square_to_ggx_normals
 
 _BLOCK = 256
 # 2 to this many normals of facets are summed over for each node of the table of shares.
 _POWER = 10
+# Cosines below this are taken as this: nothing that is seen, of any lobe that is one.
+_DARK = np.float32(1e-30)
 
 
 class ReflectionMap:
@@ -132,7 +134,8 @@ class PhongMap:
         exponent = np.float32(self.exponent)
 
         def lobe(cosine):
-            return scale * np.maximum(cosine, 0) ** exponent
+            # The logarithm is much quicker than the power, and as good here.
+            return scale * np.exp(exponent * np.log(np.maximum(cosine, _DARK)))
 
         values = blurred(self.cube_map, vectors.reshape(len(light), -1), lobe, self.n)
         self.map = ReflectionMap(values.reshape(*values.shape[:3], 3, -1))
@@ -170,16 +173,18 @@ class SplitSum:
     cube_map : CubeMap
     roughness : sequence of float
         Sliders (roots of alpha) of the maps, ascending; between them maps are mixed.
-    n : int
-        Of the maps' grids.
+    n : int, optional
+        Of the maps' grids; default: as fine as each lobe needs, 64 at most.
     """
 
-    def __init__(self, cube_map, roughness=(0.1, 0.2, 0.3, 0.45, 0.65, 1.0), n=64):
+    def __init__(self, cube_map, roughness=(0.1, 0.2, 0.3, 0.45, 0.65, 1.0), n=None):
         self.cube_map = expect_kind("cube_map", cube_map, CubeMap)
         self.roughness = expect_array("roughness", roughness, (None,), np.float64, 0.01, 1)
         ascending = len(self.roughness) and (np.diff(self.roughness) > 0).all()
         expect(ascending, "roughness: expected one or more numbers that ascend")
-        self.n = expect_whole("n", n, 1, 512)
+        alpha = self.roughness**2
+        sizes = np.clip(4.2 / alpha, 16, 64).astype(int) if n is None else n + 0 * alpha
+        self.sizes = [expect_whole("n", int(size), 1, 512) for size in sizes]
         self.maps = None
 
     def set_light(self, light):
@@ -189,8 +194,8 @@ class SplitSum:
         weighed = np.column_stack([light, np.ones(len(light))])
         weighed *= self.cube_map.solid_angles[:, None]
         self.maps = []
-        for roughness in self.roughness:
-            values = blurred(self.cube_map, weighed, _ggx_kernel(roughness**2), self.n)
+        for roughness, n in zip(self.roughness, self.sizes, strict=True):
+            values = blurred(self.cube_map, weighed, _ggx_kernel(roughness**2), n)
             self.maps.append(ReflectionMap(values[..., :-1] / values[..., -1:]))
         return self
 
@@ -215,16 +220,28 @@ class SplitSum:
         low, high = self.roughness[[0, -1]]
         roughness = np.broadcast_to(np.asarray(roughness, np.float64), (len(normals),))
         roughness = expect_array("roughness", roughness, (len(normals),), None, low, high)
-        mirror = 2 * cosine[:, None] * normals - outgoing
+        ways = self._ways(normals, 2 * cosine[:, None] * normals - outgoing, roughness)
         place = np.interp(roughness, self.roughness, np.arange(len(self.roughness)))
         blurred_light = 0
         for index, one in enumerate(self.maps):
             share = np.maximum(1 - np.abs(place - index), 0)
             if share.any():
-                blurred_light = blurred_light + share[:, None] * one.at(mirror)
+                blurred_light = blurred_light + share[:, None] * one.at(ways)
         scale, bias = environment_share(np.maximum(cosine, 0), roughness)
         reflected = np.atleast_1d(f0) * scale[:, None] + bias[:, None]
         return _seen((blurred_light * reflected).astype(np.float32), cosine, visibility)
+
+    @staticmethod
+    def _ways(normals, mirror, roughness):
+        """Where lobes are strongest: rough ones lean from the mirror direction to the normal.
+
+        Source: Lagarde and de Rousiers 2014, Moving Frostbite to physically based rendering.
+        """
+        alpha = roughness[:, None] ** 2
+        share = (1 - alpha) * (np.sqrt(1 - alpha) + alpha)
+        ways = normals + share * (mirror - normals)
+        # Opposite directions have no middle: a view from the horizon.
+        return np.where((ways * ways).sum(axis=1, keepdims=True) > 1e-12, ways, normals)
 
     @property
     def nbytes(self):
@@ -282,12 +299,14 @@ def _share_table(n=32):
 
 
 def _ggx_kernel(alpha):
-    """Weights of light for a lobe whose view, normal and mirror direction are one."""
+    """Weights of light for a lobe whose view, normal and mirror direction are one, to a factor."""
+    square = np.float32(alpha * alpha)
 
     def kernel(cosine):
-        height = np.sqrt(np.maximum((1 + cosine) / 2, 0))
-        half = np.stack([np.sqrt(np.maximum((1 - cosine) / 2, 0)), 0 * height, height], axis=-1)
-        return ggx_density(half, alpha, alpha) * np.maximum(cosine, 0)
+        # D of the vector half way, from the squares of its sine and cosine.
+        sine = (1 - cosine) / 2
+        density = square * (1 - sine) + sine
+        return np.maximum(cosine, 0) / (density * density)
 
     return kernel
 

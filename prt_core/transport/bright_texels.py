@@ -100,3 +100,36 @@ def bits_of(bits, texels):
     """(n_points, m) bool: which of the texels (m,) points see."""
     shift = (texels % 8).astype(np.uint8)
     return (bits[:, texels // 8] >> shift & 1).astype(bool)
+
+
+class BrightApart:
+    """A form of view-dependent transport from whose lights the brightest texels are taken.
+
+    Parameters
+    ----------
+    form : object
+        With `set_light(light)`, `toward(outgoing)` and `nbytes`.
+    bright : BrightTexels
+        Of the same points and reflectance.
+    """
+
+    def __init__(self, form, bright):
+        self.form, self.bright = form, expect_kind("bright", bright, BrightTexels)
+
+    def set_light(self, light):
+        """Take a light, (n_directions, n_channels). Returns self."""
+        self.form.set_light(self.bright.split(light))
+        return self
+
+    def toward(self, outgoing):
+        """Radiance toward a view, (n_points, n_channels) float32, of `outgoing` (n_points, 3)."""
+        result = self.form.toward(outgoing)
+        normals = self.bright.normals
+        facing = np.flatnonzero(np.einsum("ni,ni->n", normals, outgoing) > 0)
+        result[facing] += self.bright.toward(facing, outgoing[facing])
+        return result
+
+    @property
+    def nbytes(self):
+        """Of both."""
+        return self.form.nbytes + self.bright.nbytes

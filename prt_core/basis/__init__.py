@@ -10,7 +10,18 @@ from prt_core.basis.haar import (
 )
 from prt_core.basis.point_haar import PointHaar
 from prt_core.basis.point_multiwavelet import PointMultiwavelet
-from prt_core.basis.spherical_harmonics import harmonics, rotation_of_harmonics, texel_harmonics
+from prt_core.basis.spherical_harmonics import (
+    harmonic_products,
+    harmonics,
+    rotation_of_harmonics,
+    rotations_of_harmonics,
+    texel_harmonics,
+)
+from prt_core.basis.triple_product import (
+    multiplication_matrix,
+    triple_product,
+    tripling_coefficients,
+)
 from prt_core.basis.wavelets import ORTHONORMAL, WAVELETS, ImageWavelet, wavelet_rows
 
 __all__ = [
@@ -25,8 +36,13 @@ __all__ = [
     "haar_levels",
     "haar_rows",
     "haar_texels",
+    "harmonic_products",
     "harmonics",
+    "multiplication_matrix",
     "rotation_of_harmonics",
+    "rotations_of_harmonics",
     "texel_harmonics",
+    "triple_product",
+    "tripling_coefficients",
     "wavelet_rows",
 ]

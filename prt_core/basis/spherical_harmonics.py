@@ -9,6 +9,8 @@ import numpy as np
 from prt_core.errors import expect, expect_array, expect_vectors, expect_whole
 
 MOST = 32
+# Rotations at once.
+_BLOCK = 1024
 
 
 def harmonics(directions, order):
@@ -114,14 +116,69 @@ def rotation_of_harmonics(matrix, order):
         "matrix: expected a rotation, (3, 3) with orthonormal rows",
     )
     # A degree's functions at a few well spread directions determine the block.
-    n_points = 4 * (2 * order + 1)
-    height = 1 - (np.arange(n_points) + 0.5) * 2 / n_points
-    angle = np.arange(n_points) * np.pi * (3 - np.sqrt(5))
-    radius = np.sqrt(1 - height**2)
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    points = _spread(4 * (2 * order + 1))
     turned, still = harmonics(points @ matrix, order), harmonics(points, order)
     result = np.zeros((order**2, order**2))
     for degree in range(order):
         block = slice(degree**2, (degree + 1) ** 2)
         result[block, block] = np.linalg.lstsq(still[:, block], turned[:, block], rcond=None)[0]
     return result
+
+
+def rotations_of_harmonics(matrices, order):
+    """`rotation_of_harmonics` of many rotations, a block for each degree.
+
+    Parameters
+    ----------
+    matrices : (n, 3, 3) float
+        Rotations; they are not checked.
+    order : int
+
+    Returns
+    -------
+    list of (n, 2 l + 1, 2 l + 1) float64
+        For each degree l.
+    """
+    order = expect_whole("order", order, 1, MOST)
+    matrices = expect_array("matrices", matrices, (None, 3, 3), np.float64, -2, 2)
+    points = _spread(4 * (2 * order + 1))
+    still = harmonics(points, order)
+    blocks = [slice(degree**2, (degree + 1) ** 2) for degree in range(order)]
+    inverses = [np.linalg.pinv(still[:, block]) for block in blocks]
+    results = [np.empty((len(matrices), 2 * k + 1, 2 * k + 1)) for k in range(order)]
+    for first in range(0, len(matrices), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        turned = harmonics(np.matmul(points, matrices[part]), order)
+        for result, block, inverse in zip(results, blocks, inverses, strict=True):
+            result[part] = inverse @ turned[..., block]
+    return results
+
+
+def harmonic_products(order):
+    """Products of two harmonics, as sums of harmonics of twice the order.
+
+    Parameters
+    ----------
+    order : int
+        Of the two; 1 to 16.
+
+    Returns
+    -------
+    (order^2, order^2, (2 order - 1)^2) float64
+        `Y_i Y_j = sum_k result[i, j, k] Y_k`; also the integral of all three.
+    """
+    order = expect_whole("order", order, 1, MOST // 2)
+    points = _spread(16 * order**2)
+    values = harmonics(points, order)
+    products = (values[:, :, None] * values[:, None]).reshape(len(points), -1)
+    result = np.linalg.lstsq(harmonics(points, 2 * order - 1), products, rcond=None)[0]
+    result[np.abs(result) < 1e-12] = 0
+    return result.T.reshape(order**2, order**2, -1)
+
+
+def _spread(n_points):
+    """Well spread directions, (n_points, 3): a few of them determine harmonics."""
+    height = 1 - (np.arange(n_points) + 0.5) * 2 / n_points
+    angle = np.arange(n_points) * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - height**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)

@@ -3,7 +3,13 @@ import pytest
 from scipy.special import sph_harm_y
 
 from prt_core import PRTError
-from prt_core.basis import harmonics, rotation_of_harmonics, texel_harmonics
+from prt_core.basis import (
+    harmonic_products,
+    harmonics,
+    rotation_of_harmonics,
+    rotations_of_harmonics,
+    texel_harmonics,
+)
 from prt_core.sphere import FACES, CubeMap, rotation_matrix
 
 RNG = np.random.default_rng(1)
@@ -65,3 +71,29 @@ def test_what_is_no_rotation_or_order_is_refused():
         rotation_of_harmonics(np.diag([1, 2, 1]), 3)
     with pytest.raises(PRTError, match="order"):
         harmonics(np.array([0, 0, 1.0]), 0)
+
+
+def test_many_rotations_are_those_of_one_at_a_time():
+    rng = np.random.default_rng(2)
+    matrices = np.linalg.qr(rng.normal(size=(7, 3, 3)))[0]
+    matrices *= np.linalg.det(matrices)[:, None, None]
+    blocks = rotations_of_harmonics(matrices, 5)
+    for index, matrix in enumerate(matrices):
+        whole = rotation_of_harmonics(matrix, 5)
+        for degree, block in enumerate(blocks):
+            part = slice(degree**2, (degree + 1) ** 2)
+            np.testing.assert_allclose(block[index], whole[part, part], atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 3, 5])
+def test_products_of_harmonics_are_sums_of_harmonics(order):
+    rng = np.random.default_rng(order)
+    directions = rng.normal(size=(50, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    values = harmonics(directions, order)
+    result = harmonic_products(order)
+    assert result.shape == (order**2, order**2, (2 * order - 1) ** 2)
+    sums = harmonics(directions, 2 * order - 1) @ result.reshape(order**4, -1).T
+    np.testing.assert_allclose(
+        sums.reshape(50, order**2, -1), values[:, :, None] * values[:, None], atol=1e-11
+    )

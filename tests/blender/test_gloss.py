@@ -104,9 +104,9 @@ def muted(tree):
     return node
 
 
-def plastic(kind, **inputs):
+def plastic(kind, colour=(0.8, 0.4, 0.4, 1), **inputs):
     def build(tree):
-        node = mixed(0.5, shader("BsdfDiffuse"), glossy(0.25, Color=(0.8, 0.4, 0.4, 1)))(tree)
+        node = mixed(0.5, shader("BsdfDiffuse"), glossy(0.25, Color=colour))(tree)
         factor = add(tree, kind, **inputs)
         tree.links.new(factor.outputs["Fresnel"] if kind == "LayerWeight" else factor.outputs[0],
                        node.inputs[0])  # fmt: skip
@@ -188,6 +188,7 @@ CASES = {
         plastic("LayerWeight", Blend=1 / 3),
         {"dielectric": 0.8, "tint": (1, 0.5, 0.5), "roughness": 0.25, "stand_in": None},
     ),
+    "black plastic": (plastic("Fresnel", colour=(0, 0, 0, 1), IOR=1.5), {}),
     "transparent": (
         mixed(0.75, principled(Roughness=0.25), shader("BsdfTransparent")),
         {"dielectric": 0.25, "roughness": 0.25},

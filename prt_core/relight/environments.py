@@ -9,6 +9,7 @@ from prt_core.compress import IncrementalLighting
 from prt_core.errors import expect, system_errors
 from prt_core.light import EnvironmentMap, TurningLight, split_sun
 from prt_core.light.environment import expect_radiance, expect_strength
+from prt_core.sphere import CubeMap
 
 # Images, and lights to be turned, that stay in memory at once.
 _MOST_IMAGES = 4
@@ -123,22 +124,30 @@ class Environments:
         _, turning, sun = self._turning[key]
         return turning.at(matrix), sun and replace(sun, rotation=matrix)
 
-    def on_texels(self, lighting, without_sun=False):
+    def on_texels(self, lighting, without_sun=False, finer=1):
         """(n_directions, 3) float32 radiance of what a `Lighting` has of light from far away.
 
-        None where it has only lamps.
+        None where it has only lamps, or no image that is finer than the bake's texels.
 
         Parameters
         ----------
         lighting : Lighting
         without_sun : bool
             Leave out what `distant` takes out as a sun.
+        finer : int
+            Texels along the edge of one of the bake's.
         """
         light = self.read(lighting)
         if light is None:
             return None
         if without_sun and isinstance(light, EnvironmentMap):
             light = split_sun(light, lighting.matrix)[0]
+        if finer > 1:
+            if not isinstance(light, EnvironmentMap):
+                return None
+            fine = CubeMap(finer * self._bake.cube_map.resolution)
+            texels = light.to_cube_map(fine, lighting.matrix)
+            return texels * np.float32(lighting.strength)
         return self._on_texels(light, lighting.matrix) * np.float32(lighting.strength)
 
     def _on_texels(self, light, matrix):

@@ -45,7 +45,7 @@ class Gloss:
         """Of the fields."""
         return sum(part.field.nbytes for part in self._parts)
 
-    def light(self, texels, sent, even, sky=None, tolerance=0.01):
+    def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01):
         """Take in a light: as many sweeps as it takes until reflections of reflections settle.
 
         Parameters
@@ -58,6 +58,8 @@ class Gloss:
             The same without those.
         sky : callable((m, 3) directions) -> (m, 3), optional
             The same light in full detail, for mirrors; default: texels.
+        detailed : (n_texels, 3) float32, optional
+            The same light on a finer cube map (see `IncomingField.update`).
         tolerance : float
             Change of what is reflected at which sweeps end, in parts of it.
         """
@@ -66,7 +68,7 @@ class Gloss:
             return
         self._light = None
         for part in self._parts:
-            part.light(texels, sent, sky)
+            part.light(texels, sent, sky, None, detailed)
         seen = self._seen_metal()
         if seen is not None:
             # What stood in for it until now.
@@ -79,7 +81,7 @@ class Gloss:
             reflected = self._of_seen(seen)
             for part, by_entry in zip(self._parts, self._by_entry(seen, reflected, sent, even),
                                       strict=True):  # fmt: skip
-                part.light(texels, sent, sky, by_entry)
+                part.light(texels, sent, sky, by_entry, detailed)
             change = float(np.abs(reflected - before).sum())
             if change <= tolerance * float(np.abs(reflected).sum()):
                 break

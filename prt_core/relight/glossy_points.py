@@ -16,6 +16,8 @@ _TEXELS = 0.6
 _METAL = 0.15
 # Directions from which it is seen are told apart by the texels of cube maps.
 _FROM = 4
+# Blocks along an edge with which no lobe is narrow.
+_WIDE = 8
 
 
 class GlossyPoints:
@@ -45,6 +47,8 @@ class GlossyPoints:
         self._frames = lobes.frames(self._normals).astype(np.float32)
         self._factors = ViewFactors(self._materials)
         self._narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
+        # Wide lobes need no detail of the light.
+        self._is_wide = reflections.blocks.side <= _WIDE
         # Those below a coat have one roughness; a coat has its own.
         self._groups = [
             group
@@ -55,9 +59,9 @@ class GlossyPoints:
             if group.lobes
         ]
 
-    def light(self, texels, sent, sky, by_entry=None):
+    def light(self, texels, sent, sky=None, by_entry=None, detailed=None):
         """Take in a light, as `IncomingField.update` and `Mirror.update` do."""
-        self.field.update(texels, sent, by_entry)
+        self.field.update(texels, sent, by_entry, None if self._is_wide else detailed)
         self._mirror.update(texels, sent, sky, by_entry)
 
     def strength(self):

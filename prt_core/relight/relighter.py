@@ -24,6 +24,7 @@ from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed, renamed_keyword
 from prt_core.transport import View
+from prt_core.transport.incoming_field import FINER
 
 FORMS = ("auto", "exact", "compressed")
 
@@ -216,8 +217,9 @@ class Relighter:
         # Lights that are lamps here have their highlights from there, not from texels.
         texels = self._environments.on_texels(lighting, without_sun=sun is not None)
         sky = self._environments.sky(lighting, exposed=False) if sun is None else None
+        detailed = self._environments.on_texels(lighting, sun is not None, FINER)
         even = radiance - self.bake.transport.materials.stand_in * received
-        self._gloss.light(texels, radiance, even, sky)
+        self._gloss.light(texels, radiance, even, sky, detailed)
         reflected, share = self._gloss.toward(view, lamps)
         own = 0 if own is None else own
         return (even - own) * share + own + reflected

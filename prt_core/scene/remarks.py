@@ -1,7 +1,8 @@
 """Remarks on a scene: those that say the same of several objects become one line.
 
 A remark is a line `NAME: what is to be said`, where NAME is that of an object, or a kind and a
-name, as in `material 'NAME'`. What concerns most of the scene's surface comes first.
+name, as in `material 'NAME'`, or both, as in `material 'NAME' on NAME`. What concerns most of the
+scene's surface comes first.
 """
 
 import re
@@ -83,6 +84,6 @@ def _areas(meshes):
         slot = np.minimum(mesh.corner_material[corners[:, 0]], len(mesh.material_names) - 1)
         of_slot = np.bincount(slot, area, len(mesh.material_names))
         for name, part in zip(mesh.material_names, of_slot, strict=True):
-            key = f"material '{name}'"
-            areas[key] = areas.get(key, 0.0) + float(part)
+            for key in (f"material '{name}'", f"material '{name}' on {mesh.name}"):
+                areas[key] = areas.get(key, 0.0) + float(part)
     return areas

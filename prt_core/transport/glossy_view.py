@@ -97,15 +97,14 @@ class GlossyView:
 
     def _parts(self, alpha, details):
         """Parts along a block's edge, whose detail of the light is added where it is missing."""
-        cube_map = self.field.reflections.blocks.cube_map
-        parts = parts_along(self._side, alpha, cube_map.resolution)
+        parts = parts_along(self._side, alpha, self.field.light_map.resolution)
         if parts not in details:
             details[parts] = self.field.detail(parts)
         return parts
 
     def _directions(self, cut):
         """(3, m + n_bright) float32: those of the cut, and of the bright texels."""
-        bright = self.field.reflections.blocks.cube_map.directions[self.field.bright]
+        bright = self.field.bright_directions
         return np.concatenate([cut.directions, bright.T.astype(np.float32)], axis=1)
 
     def _terms(self, cut, detail, rows, lobe):
@@ -115,7 +114,7 @@ class GlossyView:
         n_near = n_blocks + len(cut.ring)
         blocks = np.empty((len(rows), n_near + n_far, len(lobe)), np.float32)
         apart = np.empty((len(lobe), len(rows), 3), np.float32)
-        seen = field.seen_bits(rows, field.bright).astype(np.float32)
+        seen = field.bright_seen(rows).astype(np.float32)
         shared = None
         if cut.n_parts > 1:
             shared = field.open[rows[:, None], cut.core] * np.float32(1 / 255)

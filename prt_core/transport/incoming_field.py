@@ -13,12 +13,15 @@ import numpy as np
 from prt_core.errors import expect_array, expect_kind
 from prt_core.runtime.halves import halves
 from prt_core.runtime.threads import on_all_cores
+from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport.lobe_cuts import COARSER, detail_of
 from prt_core.transport.reflections import Reflections
 from prt_core.transport.visibility import expect_bits
 
 # Texels that are taken out at most, and how many times brighter than the mean each of them is.
 MOST_BRIGHT, _BRIGHTER = 48, 8.0
+# Texels of light in detail, along the edge of one of the bake's.
+FINER = 4
 # Points worked on at once.
 _PART = 1024
 
@@ -38,12 +41,14 @@ class IncomingField:
         Mean radiance of each block without the bright texels (see `runtime.halves`).
     coarse : (n, 3, n_coarse) uint16
         Of blocks `COARSER` times as wide.
+    light_map : CubeMap
+        Of the light in detail, as fine as the bake's or finer.
     bright : (n_bright,) int32
-        Texels that are apart.
+        Its texels that are apart.
     bright_light : (n_bright, 3) float32
         What each of them has more than the rest of its block: radiance times solid angle.
-    rest : (n_directions, 3) float32
-        The light without that.
+    rest : (n_texels, 3) float32
+        The light in detail without that.
     """
 
     def __init__(self, reflections, bits):
@@ -79,7 +84,7 @@ class IncomingField:
         parts = on_all_cores(one, self._parts)
         return np.concatenate([np.zeros((0, len(blocks)), np.uint8), *parts])
 
-    def update(self, light, sent, by_entry=None):
+    def update(self, light, sent, by_entry=None, detailed=None):
         """Fill the field in for a light.
 
         Parameters
@@ -91,6 +96,8 @@ class IncomingField:
         by_entry : (m, 3) float32, optional
             What is sent towards the points that see it, of every entry of the reflections, where
             that depends on the side from which it is seen.
+        detailed : (n_texels, 3) float32, optional
+            The sky on a cube map `FINER` times as fine as the bake's, for narrow lobes.
         """
         blocks, reflections = self.reflections.blocks, self.reflections
         cube_map = blocks.cube_map
@@ -101,14 +108,24 @@ class IncomingField:
         if by_entry is not None:
             shape = len(reflections.met), 3
             by_entry = expect_array("by_entry", by_entry, shape, np.float32)
-        self.bright, more = bright_texels(light, blocks)
-        angles = cube_map.solid_angles[self.bright, None]
-        self.bright_light = (more * angles).astype(np.float32)
+        self.light_map = cube_map
+        if detailed is not None:
+            self.light_map = CubeMap(FINER * cube_map.resolution)
+            shape = self.light_map.n_directions, 3
+            light = expect_array("detailed", detailed, shape, np.float32)
+        fine = Blocks(self.light_map, blocks.side)
+        self.bright, more = bright_texels(light, fine)
+        self.bright_light = (more * self.light_map.solid_angles[self.bright, None]).astype(
+            np.float32
+        )
         self.rest = light.copy()
         self.rest[self.bright] -= more
         self._details = {}
+        # Of the bake's own texels what all their parts have.
+        texels = Blocks(self.light_map, cube_map.resolution)
+        angles = self.light_map.solid_angles[:, None]
         areas = np.repeat(blocks.solid_angles, 256)[:, None]
-        weighted = self.rest * cube_map.solid_angles[:, None]
+        weighted = texels.sums(self.rest * angles)
         tables = (blocks.pattern_tables(weighted) / areas).astype(np.float32)
         base = 256 * np.arange(len(blocks), dtype=np.int32)
         # Two rows at the end, which negative indices count from, are of what returns no light.
@@ -150,14 +167,20 @@ class IncomingField:
     def detail(self, parts):
         """What parts of blocks have more of the light than the blocks (see `detail_of`)."""
         if parts not in self._details:
-            blocks = self.reflections.blocks
-            self._details[parts] = detail_of(self.rest, blocks.cube_map, blocks.side, parts)
+            side = self.reflections.blocks.side
+            self._details[parts] = detail_of(self.rest, self.light_map, side, parts)
         return self._details[parts]
 
-    def seen_bits(self, rows, texels):
-        """(n, m) bool: whether the sky is seen in texels (m,) from points by `rows` (n,)."""
+    @property
+    def bright_directions(self):
+        """(n_bright, 3) float64 unit vectors."""
+        return self.light_map.directions[self.bright]
+
+    def bright_seen(self, rows):
+        """(n, n_bright) bool: which bright texels are seen from points by `rows` (n,)."""
         rows = self.reflections.points[rows]
-        texels = np.asarray(texels)
+        cube_map = self.reflections.blocks.cube_map
+        texels = cube_map.texel_along(*self.bright_directions.T)
         return (self._bits[rows[:, None], texels >> 3] >> (texels & 7).astype(np.uint8)) & 1 == 1
 
     @property

@@ -11,6 +11,11 @@
 | `traces.py` | renders that leave none |
 | `openexr.py` | reads what was rendered |
 | `quantities.py` | albedo, emission, opacity, translucency of what was rendered, and what to say |
+| `gloss.py` | the quantities of gloss, of what closures reflect |
+| `gloss_copies.py` | copies of materials that tell what they reflect |
+| `gloss_tree.py` | sums over the closures of a tree, mixed as its shaders are |
+| `closures.py` | what each closure adds to these sums; what is left out |
+| `arithmetic.py` | sums and products by nodes |
 | `corners.py` | which corners are sampled |
 | `lattices.py` | places between the corners, more where they differ |
 | `graphs.py` | what there is to know of a material's nodes without understanding them |

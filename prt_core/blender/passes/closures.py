@@ -150,6 +150,8 @@ def as_dielectric(a, sums, ior):
     ior : value
         Of the Fresnel factor.
     """
+    if "glossy" not in sums:  # it is black, or muted
+        return Sums()
     colour = sums["glossy"]
     weight = a.largest(colour)
     f0, result = _f0(a, ior), Sums()

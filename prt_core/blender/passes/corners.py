@@ -7,7 +7,7 @@ chequer those two may be alike; from a third, at right angles to them, it is see
 
 import numpy as np
 
-from prt_core.blender.passes.quantities import COLUMNS, N_COLUMNS
+from prt_core.blender.passes.quantities import compared
 
 _TOLERANCE = 1 / 64
 
@@ -77,7 +77,7 @@ class CornerGroups:
         """
         n = len(self._best)
         group = np.concatenate([self._second, self._third])
-        one, two = looks_of(values[group]), looks_of(values[n:])
+        one, two = compared(values[group]), compared(values[n:])
         largest = np.maximum(1, np.abs(one).max(axis=1, initial=0))
         apart = np.abs(one - two).max(axis=1, initial=0) > _TOLERANCE * largest
         split = np.zeros(n, bool)
@@ -107,13 +107,3 @@ class CornerGroups:
             used, first = np.unique(corner[mine], return_index=True)
             result.append((used, every[mine[first]]))
         return result
-
-
-def looks_of(values):
-    """The columns of samples by which corners are told apart: without normals and tangents."""
-    plain = values[:, : COLUMNS["normal"].start]
-    if values.shape[1] == N_COLUMNS:
-        return plain
-    gloss = values[:, N_COLUMNS:].copy()
-    gloss[:, COLUMNS["tangent"].start - N_COLUMNS : COLUMNS["tangent"].stop - N_COLUMNS] = 0
-    return np.concatenate([plain, gloss], axis=1)

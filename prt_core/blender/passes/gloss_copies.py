@@ -1,6 +1,9 @@
 """Copies of materials that tell what they reflect, which objects have for as long as it lasts."""
 
 from contextlib import ExitStack, contextmanager
+from functools import partial
+
+import bpy
 
 from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.compat import has_nodes
@@ -46,23 +49,52 @@ def telling_gloss(materials):
         mark_temporary(block)
         made.append(block)
 
+    materials = [material for material in materials if has_nodes(material)]
+    users = bpy.data.user_map(subset=materials) if materials else {}
     with ExitStack() as undo:
         undo.callback(lambda: remove_blocks(made))
         for material in materials:
-            if not has_nodes(material):
-                continue
             if material.library is not None:
                 undo.enter_context(_as_it_was(material.node_tree))
                 told = material
             else:
                 told = material.copy()
                 keep(told)
-                undo.callback(told.user_remap, material)
-                material.user_remap(told)
+                _put(material, told, users.get(material, ()), undo)
                 copies.number[name_number(told.name)] = name_number(material.name)
             copies.material[material.session_uid] = told
             copies.planes |= add_gloss_outputs(told.node_tree, keep)
         yield copies
+
+
+def _put(material, other, users, undo):
+    """Let all that a scene shows with a material have another one, until it is undone."""
+    setters = _setters(material, users)
+    if setters is None:
+        # Blender knows all places, but goes through the whole file.
+        undo.callback(other.user_remap, material)
+        material.user_remap(other)
+        return
+    for put in setters:
+        put(other)
+        undo.callback(put, material)
+
+
+def _setters(material, users):
+    """Functions that put a material where one is; None where some have it in other places."""
+    setters = []
+    for user in users:
+        if isinstance(user, bpy.types.Object):
+            own = [s for s in user.material_slots if s.link == "OBJECT" and s.material == material]
+            if not own or len(user.modifiers):
+                return None
+            setters += [partial(setattr, slot, "material") for slot in own]
+        elif hasattr(user, "materials"):
+            places = [n for n, each in enumerate(user.materials) if each == material]
+            setters += [partial(user.materials.__setitem__, place) for place in places]
+        elif not isinstance(user, bpy.types.Scene):
+            return None
+    return setters
 
 
 @contextmanager

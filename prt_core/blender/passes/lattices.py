@@ -7,7 +7,7 @@ lattice is made twice as fine, a few times.
 
 import numpy as np
 
-from prt_core.blender.passes.quantities import COLUMNS, columns_of
+from prt_core.blender.passes.quantities import COLUMNS, DIRECTIONS, columns_of, compared
 from prt_core.scene.lattice import lattice_coordinates, lattice_of_hits, lattice_size
 from prt_core.scene.lattice_paint import lattice_starts
 
@@ -269,7 +269,7 @@ class Lattices:
         kept = []
         for level, families, first, values in self.blocks:
             differ = unlike(level, _scaled(values), level) > TOLERANCE / 2
-            for name in {"normal", "tangent"} & set(columns_of(values.shape[-1])):
+            for name in DIRECTIONS & set(columns_of(values.shape[-1])):
                 differ |= unlike(level, values[..., COLUMNS[name]], level) > _BENT
             if differ.any():
                 kept.append((level, families[differ], first[differ], values[differ]))
@@ -306,12 +306,10 @@ class Lattices:
 
 
 def _scaled(values):
-    """Samples as they are compared: emission by its largest value, directions not at all."""
-    looks = values.copy()
+    """Samples as they are compared: emission by its largest value."""
+    looks = compared(values)
     emission = looks[..., COLUMNS["emission"]]
     emission /= max(1.0, float(emission.max(initial=0)))
-    for name in {"normal", "tangent"} & set(columns_of(values.shape[-1])):
-        looks[..., COLUMNS[name]] = 0
     return looks
 
 

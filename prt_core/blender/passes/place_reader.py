@@ -15,6 +15,7 @@ from prt_core.blender.passes.light_paths import answering
 from prt_core.blender.passes.probe import MOST_PLACES, probe
 from prt_core.blender.passes.quantities import (
     COLUMNS,
+    DIRECTIONS,
     N_COLUMNS,
     N_GLOSSY_COLUMNS,
     columns_of,
@@ -121,7 +122,7 @@ class PlaceReader:
                 left = np.concatenate([*rest, np.zeros(0, np.int64)])
         for mesh, turn in self._turns.items():
             mine = self._triangles.mesh[triangle] == mesh
-            for name in {"normal", "tangent"} & set(columns_of(self._n_columns)):
+            for name in DIRECTIONS & set(columns_of(self._n_columns)):
                 values[mine, COLUMNS[name]] = values[mine, COLUMNS[name]] @ turn
         return values, signs
 

@@ -29,6 +29,7 @@ def _columns():
 
 
 COLUMNS = _columns()
+DIRECTIONS = {"normal", "tangent"}
 # Without those of gloss, and all.
 N_COLUMNS, N_GLOSSY_COLUMNS = COLUMNS["bump"].stop, COLUMNS[GLOSS[-1]].stop
 # Colourless specular reflection seen from straight on, over a diffuse colour and over none: as a
@@ -139,6 +140,18 @@ def stand_in_of(passes):
 def columns_of(n_columns):
     """Those `COLUMNS` that samples of so many have."""
     return {name: part for name, part in COLUMNS.items() if part.stop <= n_columns}
+
+
+def compared(values):
+    """Samples (..., n_columns) by which surfaces are told apart: without directions and `bump`."""
+    looks = values.copy()
+    known = columns_of(values.shape[-1])
+    for name in {*DIRECTIONS, "bump"} & set(known):
+        looks[..., COLUMNS[name]] = 0
+    for name in {"ior", "coat_ior"} & set(known):
+        # As what they reflect, between 0 and 1.
+        looks[..., COLUMNS[name]] = 1 / looks[..., COLUMNS[name]]
+    return looks
 
 
 def default_columns(n_columns, grey=0.8):

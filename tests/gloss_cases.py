@@ -62,32 +62,35 @@ class Case:
         Of the node.
     reflectance : Reflectance, optional
         What it is, where it is no lobe of the Principled BSDF.
+    least : float
+        Cosine between view and normal of the places that are compared.
     """
 
     inputs: dict
     quantities: dict
-    bound: float = 0.03
+    bound: float = 0.003
     passes: str = "GLOSSY"
     node: str = "ShaderNodeBsdfPrincipled"
     sky: str = "spots"
     settings: dict = field(default_factory=dict)
     reflectance: object = None
+    least: float = 0.0
 
 
 BLACK = {"Base Color": (0, 0, 0), "Specular IOR Level": 0.0}
 GOLD, GREY, BLUE = (0.9, 0.6, 0.2), (0.7, 0.6, 0.5), (0.2, 0.4, 0.8)
 
 
-def _metal(roughness, bound=0.03, more=None, quantities=None, **others):
+def _metal(roughness, more=None, quantities=None, **others):
     inputs = {"Base Color": GOLD, "Metallic": 1.0, "Roughness": roughness, **(more or {})}
     known = {"metal": GOLD, "roughness": roughness, **(quantities or {})}
-    return Case(inputs, known, bound, **others)
+    return Case(inputs, known, **others)
 
 
-def _glossy(roughness, bound=0.03, **others):
+def _glossy(roughness, **others):
     inputs = {"Color": GREY, "Roughness": roughness}
     known = {"glossy": GREY, "roughness": roughness}
-    return Case(inputs, known, bound, node="ShaderNodeBsdfAnisotropic", **others)
+    return Case(inputs, known, node="ShaderNodeBsdfAnisotropic", **others)
 
 
 def _level(level, ior):
@@ -106,59 +109,61 @@ _COAT = {"Coat Weight": 1.0, "Coat Roughness": 0.3}
 _TINTED = {"Coat Weight": 0.7, "Coat Roughness": 0.3, "Coat IOR": 1.6, "Coat Tint": BLUE}
 _TINTED_KNOWN = {"coat": 0.7, "coat_roughness": 0.3, "coat_ior": 1.6, "coat_tint": BLUE}
 CASES = {
-    "glossy 0.2": _glossy(0.2, 0.02),
-    "glossy 0.5": _glossy(0.5, 0.01),
-    "glossy 1.0": _glossy(1.0, 0.01, sky="sides"),
+    "glossy 0.2": _glossy(0.2),
+    "glossy 0.5": _glossy(0.5),
+    "glossy 1.0": _glossy(1.0, sky="sides"),
     "glossy 0.5 anisotropic 0.5": Case(
         {"Color": GREY, "Roughness": 0.5, "Anisotropy": 0.5},
         {"glossy": GREY, "roughness": 0.5, "anisotropy": float(glossy_anisotropy(0.5)[0]),
-         "tangent": _turned_tangent}, 0.02, node="ShaderNodeBsdfAnisotropic",
+         "tangent": _turned_tangent}, node="ShaderNodeBsdfAnisotropic",
     ),
+    # Half vectors that a viewer sees from behind send Cycles' sampler astray: these matter where a
+    # wide lobe is seen from aside, and there its mean is not what it evaluates.
     "ashikhmin-shirley": Case(
-        {"Color": (1, 1, 1), "Roughness": 0.5, "Anisotropy": 0.5}, {"tangent": TANGENT}, 0.02,
+        {"Color": (1, 1, 1), "Roughness": 0.5, "Anisotropy": 0.5}, {"tangent": TANGENT}, 0.01,
         node="ShaderNodeBsdfAnisotropic", settings={"distribution": "ASHIKHMIN_SHIRLEY"},
-        reflectance=AshikhminShirley(2 / 0.125**2 - 2, 2 / 0.5**2 - 2),
+        reflectance=AshikhminShirley(2 / 0.125**2 - 2, 2 / 0.5**2 - 2), least=0.45,
     ),
-    "metal 0.2": _metal(0.2, 0.02),
-    "metal 0.5": _metal(0.5, 0.01),
+    "metal 0.2": _metal(0.2),
+    "metal 0.5": _metal(0.5),
     "metal 0.8 edge": _metal(
-        0.8, 0.01, {"Specular Tint": (0.3, 0.6, 1)}, {"metal_edge": (0.3, 0.6, 1)}, sky="sides"
+        0.8, {"Specular Tint": (0.3, 0.6, 1)}, {"metal_edge": (0.3, 0.6, 1)}, sky="sides"
     ),
     "metal 0.4 anisotropic 0.8": _metal(
-        0.4, 0.02, {"Anisotropic": 0.8}, {"anisotropy": 0.8, "tangent": TANGENT}
+        0.4, {"Anisotropic": 0.8}, {"anisotropy": 0.8, "tangent": TANGENT}
     ),
     "half metal 0.5": _metal(
-        0.5, 0.02, {"Metallic": 0.5},
+        0.5, {"Metallic": 0.5},
         {"metal": tuple(c / 2 for c in GOLD), "dielectric": 0.5}, sky="sides"
     ),
     "dielectric 0.3": Case(
-        {**_SPECULAR, "Roughness": 0.3}, {"dielectric": 1, "roughness": 0.3}, 0.02
+        {**_SPECULAR, "Roughness": 0.3}, {"dielectric": 1, "roughness": 0.3}
     ),
     "dielectric 0.7 tint": Case(
         {**_SPECULAR, "Roughness": 0.7, "Specular Tint": BLUE, "Specular IOR Level": 0.8},
         {"dielectric": 1, "roughness": 0.7, "tint": BLUE, "ior": _level(0.8, 1.5)},
-        0.02, sky="sides",
+        sky="sides",
     ),
-    "coat 0.3": Case({**BLACK, **_COAT}, {"coat": 1, "coat_roughness": 0.3}, 0.02),
-    "coat over metal": _metal(0.5, 0.02, _TINTED, _TINTED_KNOWN, sky="sides"),
+    "coat 0.3": Case({**BLACK, **_COAT}, {"coat": 1, "coat_roughness": 0.3}),
+    "coat over metal": _metal(0.5, _TINTED, _TINTED_KNOWN, sky="sides"),
     "diffuse below specular": Case(
-        {"Base Color": GREY, "Roughness": 0.4}, {"dielectric": 1, "roughness": 0.4}, 0.01,
-        "DIFFUSE",
+        {"Base Color": GREY, "Roughness": 0.4}, {"dielectric": 1, "roughness": 0.4},
+        passes="DIFFUSE",
     ),
     "diffuse below coat": Case(
-        {"Base Color": GREY, "Specular IOR Level": 0.0, **_TINTED}, _TINTED_KNOWN, 0.01,
-        "DIFFUSE", sky="sides",
+        {"Base Color": GREY, "Specular IOR Level": 0.0, **_TINTED}, _TINTED_KNOWN,
+        passes="DIFFUSE", sky="sides",
     ),
     "rough diffuse": Case(
         {"Base Color": GREY, "Specular IOR Level": 0.0, "Diffuse Roughness": 1.0},
-        {"diffuse_roughness": 1.0}, 0.01, "DIFFUSE",
+        {"diffuse_roughness": 1.0}, passes="DIFFUSE",
     ),
     "all": Case(
         {"Base Color": GREY, "Metallic": 0.3, "Roughness": 0.5, "Diffuse Roughness": 0.5,
          **_TINTED},
         {"metal": tuple(0.3 * c for c in GREY), "dielectric": 0.7, "roughness": 0.5,
          "diffuse_roughness": 0.5, **_TINTED_KNOWN},
-        0.03, "COMBINED",
+        passes="COMBINED",
     ),
 }  # fmt: skip
 
@@ -241,9 +246,16 @@ def dense_sum(case, albedo, resolution, at_once=4096):
     return result
 
 
-def difference(values, truth):
-    """Relative L2 difference of values to a truth, both (N_PLACES, 3)."""
-    return float(np.linalg.norm(values - truth) / np.linalg.norm(truth))
+def difference(case, values, truth):
+    """Relative L2 difference of values to a truth, both (N_PLACES, 3), of a case."""
+    seen = compared(case)
+    return float(np.linalg.norm((values - truth)[seen]) / np.linalg.norm(truth[seen]))
+
+
+def compared(case):
+    """(N_PLACES,) bool: the places of a case that are held against Cycles."""
+    normals, views = places()
+    return (normals * views).sum(axis=1) > case.least
 
 
 def read_golden():

@@ -46,7 +46,7 @@ class AshikhminShirley:
     @property
     def roughness(self):
         """(...) slider of a GGX lobe that is as wide near its peak, where it is narrowest."""
-        return (2 / (np.maximum(self.exponent_x, self.exponent_y) + 2)) ** 0.25
+        return (4 / (np.maximum(self.exponent_x, self.exponent_y) + 4)) ** 0.25
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
@@ -107,7 +107,7 @@ class AshikhminShirleyDiffuse:
         incoming, outgoing = expect_both(incoming, outgoing)
         colour = 28 / (23 * np.pi) * self.albedo * (1 - self.reflectance)
         (colour,) = in_type_of(incoming, colour)
-        share = np.where(both_above(incoming, outgoing), incoming.dtype.type(1), 0)
+        share = both_above(incoming, outgoing).astype(incoming.dtype)
         for direction in (incoming, outgoing):
             share = share * (1 - (1 - np.clip(direction[..., 2], 0, 1) / 2) ** 5)
         return share[..., None] * colour

@@ -41,7 +41,7 @@ class Phong:
     def roughness(self):
         """(...) slider of a GGX lobe that is as wide near its peak."""
         # Half vectors turn by half the angle: their exponent is four times as large.
-        return (2 / (4 * self.exponent + 2)) ** 0.25
+        return (4 / (4 * self.exponent + 4)) ** 0.25
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""

@@ -59,7 +59,7 @@ class OrenNayar:
         b = rough * a
         cosines = [np.clip(d[..., 2], 0, 1) for d in (incoming, outgoing)]
         flat = incoming[..., 0] * outgoing[..., 0] + incoming[..., 1] * outgoing[..., 1]
-        highest = np.maximum(np.maximum(*cosines), np.finfo(incoming.dtype).tiny)
+        highest = np.maximum(np.maximum(*cosines), np.finfo(incoming.dtype).eps)
         single = a + b * np.where(flat > 0, flat / highest, flat)
         # In this form nothing is subtracted that is almost the same: it is 0 for roughness 0.
         lost = (_MOST - _facing(cosines[0])) * (_MOST - _facing(cosines[1])) / (_MOST - _MEAN)

@@ -277,7 +277,7 @@ class PrincipledLobes:
         ior, height = lobe.reflectance.fresnel.ior, np.clip(view[..., 2], 0, 1)
         kept = np.clip(1 - lobe.weight * _reflected(lobe.reflectance, view, f0_of_ior(ior)), 0, 1)
         # The way through the coat is longer at an angle: Beer's law for its tint.
-        depth = 1 / np.sqrt(1 - (1 - height**2) / ior**2)
+        depth = 1 / np.sqrt(np.maximum(1 - (1 - height**2) / ior**2, 1e-6))
         tint = self._coat_tint[lobe.rows, None] ** depth[..., None]
         kept = kept * (1 + (tint - 1) * lobe.weight)
         return self._scattered(lobe.rows, kept, outgoing)

@@ -22,6 +22,7 @@ from prt_core.reflectance import (
     local_frames,
 )
 from tests.chi_squared import chi_squared, integral
+from tests.core.reflectance.directions import hemisphere, mirror, towards
 
 GOLD = (0.9, 0.6, 0.2)
 LOBES = {
@@ -43,21 +44,6 @@ LOBES = {
 RECIPROCAL = [
     name for name in LOBES if not name.startswith("ggx") or not LOBES[name].multiple
 ]  # fmt: skip
-
-
-def towards(cosine, turn=0.7):
-    flat = np.sqrt(1 - cosine**2)
-    return np.array([flat * np.cos(turn), flat * np.sin(turn), cosine])
-
-
-def hemisphere(n, seed=3):
-    directions = np.random.default_rng(seed).normal(size=(n, 3))
-    directions[:, 2] = np.abs(directions[:, 2]) + 1e-3
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
-def mirror(direction):
-    return direction * [-1, -1, 1]
 
 
 # Where half vectors are seen from the edge, Ashikhmin and Shirley's density has a pole.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core.reflectance import Lambert, OrenNayar, directional_albedo
-from tests.core.reflectance.test_brdf import hemisphere, towards
+from tests.core.reflectance.directions import hemisphere, towards
 
 
 def test_lambert_is_albedo_over_pi():

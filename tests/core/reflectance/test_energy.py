@@ -5,7 +5,7 @@ import pytest
 
 from prt_core.reflectance import Dielectric, Microfacet, directional_albedo
 from prt_core.reflectance.energy import ggx_albedo, ggx_fresnel_share, ggx_mean_albedo
-from tests.core.reflectance.test_brdf import towards
+from tests.core.reflectance.directions import towards
 
 # Of Cycles 5.0 (`table_ggx_E`): roughness and cosine in parts of 31.
 CYCLES = [

@@ -12,7 +12,7 @@ from prt_core.reflectance import (
     directional_albedo,
     glossy_anisotropy,
 )
-from tests.core.reflectance.test_brdf import hemisphere, towards
+from tests.core.reflectance.directions import hemisphere, towards
 
 
 def test_sliders_are_those_of_principled():

@@ -11,7 +11,7 @@ from prt_core.reflectance import (
     Sum,
     directional_albedo,
 )
-from tests.core.reflectance.test_brdf import hemisphere, towards
+from tests.core.reflectance.directions import hemisphere, towards
 
 UP = np.array([0, 0, 1.0])
 

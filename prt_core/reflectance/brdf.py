@@ -197,6 +197,8 @@ def expect_square(uv):
 def expect_both(incoming, outgoing):
     """Incoming and outgoing directions (..., 3) of one type, whose leading axes broadcast.
 
+    Their components lie apart in memory (see `from_channels`).
+
     Raises
     ------
     PRTError
@@ -212,7 +214,8 @@ def expect_both(incoming, outgoing):
             f"{outgoing.shape}; give one of them an axis of length 1"
         ) from error
     kind = np.result_type(incoming, outgoing)
-    return incoming.astype(kind, copy=False), outgoing.astype(kind, copy=False)
+    apart = (np.ascontiguousarray(np.moveaxis(d, -1, 0), kind) for d in (incoming, outgoing))
+    return tuple(np.moveaxis(planes, 0, -1) for planes in apart)
 
 
 def expect_viewed(outgoing, uv):
@@ -228,6 +231,30 @@ def expect_viewed(outgoing, uv):
     kind = np.result_type(outgoing, uv)
     outgoing = np.broadcast_to(outgoing.astype(kind, copy=False), (*shape, 3))
     return outgoing, np.broadcast_to(uv.astype(kind, copy=False), (*shape, 2))
+
+
+def from_channels(n_channels, channel):
+    """An array (..., n_channels) of its channels, which lie apart in memory.
+
+    Arithmetic over an innermost axis of three takes several times as long as over planes.
+
+    Parameters
+    ----------
+    n_channels : int
+    channel : callable
+        Of an index: (...) array.
+
+    Returns
+    -------
+    (..., n_channels) array
+        A view of (n_channels, ...).
+    """
+    return np.moveaxis(np.stack([channel(k) for k in range(n_channels)]), 0, -1)
+
+
+def channel_of(values, k):
+    """Channel k (...) of values (..., n_channels), or the one there is."""
+    return values[..., k if values.shape[-1] > 1 else 0]
 
 
 def in_type_of(directions, *parameters):

@@ -15,7 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect, expect_array, expect_one_of
-from prt_core.reflectance.brdf import Reflectance, expect_both, expect_viewed, local_frames
+from prt_core.reflectance.brdf import (
+    Reflectance,
+    channel_of,
+    expect_both,
+    expect_viewed,
+    local_frames,
+)
 from prt_core.reflectance.energy import ggx_fresnel_share
 from prt_core.reflectance.fresnel import Constant, Dielectric, F82Tint, RealSchlick, f0_of_ior
 from prt_core.reflectance.microfacet import Microfacet, alphas
@@ -249,20 +255,22 @@ class PrincipledLobes:
 
     def _sum(self, incoming, outgoing, names):
         incoming, outgoing = self._fitting(incoming, outgoing)
-        result = np.zeros((*self._axes(incoming, outgoing), 3), incoming.dtype)
+        planes = np.zeros((3, *self._axes(incoming, outgoing)), incoming.dtype)
         below = None
         for lobe in self.lobes:
             if lobe.name not in names:
                 continue
             value = lobe.reflectance.eval(*_of(lobe.rows, incoming, outgoing))
-            value = value * lobe.weight.astype(value.dtype)
+            scale = lobe.weight
             if lobe.name in ("metal", "dielectric"):
                 below = self._below_coat(outgoing) if below is None else below
-                value = value * _of(lobe.rows, below)[0]
+                scale = scale * _of(lobe.rows, below)[0]
             elif lobe.name == "diffuse":
-                value = value * self.diffuse_weight(outgoing)[lobe.rows]
-            result[lobe.rows] += value
-        return result
+                scale = scale * self.diffuse_weight(outgoing)[lobe.rows]
+            scale = scale.astype(value.dtype, copy=False)
+            for k, plane in enumerate(planes):
+                plane[lobe.rows] += channel_of(value, k) * channel_of(scale, k)
+        return np.moveaxis(planes, 0, -1)
 
     def _through(self, outgoing):
         """What reaches the diffuse lobe: (n, m, 3), or with 1 for n where there are no layers."""
@@ -338,7 +346,10 @@ def _fresnel(name, read, metal_weight):
     if name == "metal":
         return F82Tint(read["metal"], read["metal_edge"], metal_weight)
     if name == "dielectric":
-        return RealSchlick(f0_of_ior(read["ior"]) * read["tint"], 1.0, read["ior"][..., 0])
+        tint = read["tint"]
+        # Without a colour one channel does.
+        tint = tint if np.ptp(tint, axis=-1).any() else tint[..., :1]
+        return RealSchlick(f0_of_ior(read["ior"]) * tint, 1.0, read["ior"][..., 0])
     if name == "glossy":
         return Constant(read["glossy"])
     return Dielectric(np.maximum(read["coat_ior"][..., 0], 1))

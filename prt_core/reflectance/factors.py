@@ -9,7 +9,8 @@ Azimuth is part of the grid, so that anisotropic lobes and highlights keep their
 import numpy as np
 
 from prt_core.errors import expect, expect_kind, expect_numbers, expect_seed, expect_whole
-from prt_core.reflectance.brdf import Reflectance, expect_directions
+from prt_core.reflectance.arrays import expect_directions
+from prt_core.reflectance.brdf import Reflectance
 from prt_core.sphere import hemisphere_directions, hemisphere_square
 
 # Below this slider of roughness there are too many terms to be of use.
@@ -98,7 +99,7 @@ class InOutFactors:
         return k if isinstance(k, slice) else expect_whole("k", k, 0, self.n_terms - 1)
 
 
-def in_out_factors(reflectance, n_terms, size=32, seed=0):
+def in_out_factors(reflectance, n_terms, size=48, seed=0):
     """Factor a BRDF into terms of light and view.
 
     Parameters

@@ -7,9 +7,10 @@ weighted by the cosine, which is the colour of light that goes from facet to fac
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.reflectance.arrays import (
     channel_of,
     expect_colour,
+    expect_fitting,
     expect_parameter,
     from_channels,
     in_type_of,
@@ -88,6 +89,7 @@ class RealSchlick:
         self.f0 = np.minimum(expect_colour("f0", f0), 1)
         self.f90 = expect_colour("f90", f90)
         self.ior = expect_ior("ior", ior)
+        expect_fitting(f0=self.f0, f90=self.f90, ior=self.ior[..., None])
 
     @property
     def n_channels(self):
@@ -128,6 +130,7 @@ class F82Tint:
         self.f0 = expect_colour("f0", f0)
         self.tint = np.minimum(expect_colour("tint", tint), 1)
         self.weight = expect_colour("weight", weight)
+        expect_fitting(f0=self.f0, tint=self.tint, weight=self.weight)
         schlick = self.f0 + (self.weight - self.f0) * _F82_SHARE
         self._dip = schlick * (1 - self.tint) / (_F82_SHARE * (1 - _F82_COSINE) * _F82_COSINE)
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.errors import expect_flag, expect_offers
+from prt_core.reflectance.arrays import (
     both_above,
     channel_of,
     expect_both,
@@ -84,8 +85,13 @@ class Microfacet:
             np.maximum(expect_parameter(name, value, 0, 1), SMALLEST_ALPHA)
             for name, value in (("alpha_x", alpha_x), ("alpha_y", alpha_y))
         )
+        if fresnel is not None:
+            wanted = "a term of prt_core.reflectance.fresnel"
+            expect_offers("fresnel", fresnel, ("n_channels", "mean"), wanted)
         self.fresnel = Constant() if fresnel is None else fresnel
-        self.multiple = bool(multiple)
+        self.multiple = expect_flag("multiple", multiple)
+        # What has to fit the directions.
+        self._each = self.alpha_x, self.alpha_y, self.fresnel.mean[..., 0]
 
     @property
     def n_channels(self):
@@ -99,7 +105,7 @@ class Microfacet:
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, *self._each)
         alpha_x, alpha_y = in_type_of(incoming, self.alpha_x, self.alpha_y)
         half = incoming + outgoing
         # The lengths of stretched directions are the Smith terms without a quotient by a cosine.
@@ -119,12 +125,12 @@ class Microfacet:
 
     def sample(self, outgoing, uv):
         """See `Reflectance.sample`; what falls below the horizon has no reflectance."""
-        outgoing, uv = expect_viewed(outgoing, uv)
+        outgoing, uv = expect_viewed(outgoing, uv, *self._each)
         return mirrored(outgoing, square_to_ggx_normals(uv, outgoing, self.alpha_x, self.alpha_y))
 
     def pdf(self, incoming, outgoing):
         """See `Reflectance.pdf`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, *self._each)
         alpha_x, alpha_y = in_type_of(incoming, self.alpha_x, self.alpha_y)
         half = incoming + outgoing
         height = np.maximum(outgoing[..., 2], 0) + _stretched(outgoing, alpha_x, alpha_y)

@@ -6,10 +6,11 @@ facets after the OpenPBR specification, so that white is white at any roughness.
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.reflectance.arrays import (
     both_above,
     expect_both,
     expect_colour,
+    expect_fitting,
     expect_parameter,
     expect_viewed,
     in_type_of,
@@ -43,6 +44,8 @@ class OrenNayar:
         self.colour = np.minimum(
             self.albedo if colour is None else expect_colour("colour", colour), 1
         )
+        rough = self.diffuse_roughness[..., None]
+        expect_fitting(albedo=self.albedo, roughness=rough, colour=self.colour)
 
     @property
     def n_channels(self):
@@ -51,7 +54,9 @@ class OrenNayar:
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(
+            incoming, outgoing, self.diffuse_roughness, self.albedo[..., 0]
+        )
         albedo, rough, colour = in_type_of(
             incoming, self.albedo, self.diffuse_roughness, self.colour
         )

@@ -15,13 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect, expect_array, expect_one_of
-from prt_core.reflectance.brdf import (
-    Reflectance,
-    channel_of,
-    expect_both,
-    expect_viewed,
-    local_frames,
-)
+from prt_core.reflectance.arrays import channel_of, expect_both, expect_viewed
+from prt_core.reflectance.brdf import Reflectance, local_frames
 from prt_core.reflectance.energy import ggx_fresnel_share
 from prt_core.reflectance.fresnel import Constant, Dielectric, F82Tint, RealSchlick, f0_of_ior
 from prt_core.reflectance.microfacet import Microfacet, alphas

@@ -220,7 +220,16 @@ def test_frames_follow_the_tangent_and_bear_its_absence():
         ),
         (
             lambda: Lambert().eval(np.ones((4, 3)), np.ones((5, 3))),
-            "incoming, outgoing: expected shapes that broadcast, got (4, 3) and (5, 3)",
+            "incoming, outgoing: expected leading axes that broadcast, got (4,) and (5,); give one",
+        ),
+        (
+            lambda: Phong(np.ones(4)).eval(np.ones((4, 5, 3)), np.ones(3)),
+            "incoming, outgoing: expected leading axes that broadcast with the parameters of the "
+            "lobe, (4,), (), got (4, 5); give parameters an axis of length 1 for each further one",
+        ),
+        (
+            lambda: F82Tint((1, 1), (1, 1, 1)),
+            "f0, tint, weight: expected shapes that broadcast, got (2,), (3,), (1,)",
         ),
         (
             lambda: Lambert().pdf(np.ones((4, 2)), np.ones(3)),
@@ -228,7 +237,7 @@ def test_frames_follow_the_tangent_and_bear_its_absence():
         ),
         (
             lambda: Phong(1).sample(np.ones((4, 3)), np.ones((5, 2))),
-            "outgoing, uv: expected leading axes that broadcast, got (4, 3) and (5, 2)",
+            "outgoing, uv: expected leading axes that broadcast, got (4,) and (5,); give one of",
         ),
         (
             lambda: Phong(1).sample(np.ones(3), np.ones(3)),

@@ -29,7 +29,7 @@ def together(factors, incoming, outgoing):
 
 
 def test_lambert_is_one_term():
-    factors = in_out_factors(Lambert((0.2, 0.5, 0.7)), 1)
+    factors = in_out_factors(Lambert((0.2, 0.5, 0.7)), 1, size=16)
     assert factors.error < 1e-3 and factors.warning is None
     incoming, outgoing = hemisphere(200), hemisphere(200, 4)
     expected = np.array([0.2, 0.5, 0.7]) / np.pi * incoming[:, 2:]

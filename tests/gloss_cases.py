@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from prt_core.reflectance import AshikhminShirley, glossy_anisotropy, local_frames, principled_lobes
-from prt_core.sphere import CubeMap
+from prt_core.sphere import CubeMap, sobol_points
 
 GOLDEN = Path(__file__).parent / "core" / "reflectance" / "golden" / "gloss.json"
 N_PLACES = 36
@@ -64,6 +64,8 @@ class Case:
         What it is, where it is no lobe of the Principled BSDF.
     least : float
         Cosine between view and normal of the places that are compared.
+    narrow : bool
+        Whether it falls between texels, and is summed over samples of the lobe instead.
     """
 
     inputs: dict
@@ -75,6 +77,7 @@ class Case:
     settings: dict = field(default_factory=dict)
     reflectance: object = None
     least: float = 0.0
+    narrow: bool = False
 
 
 BLACK = {"Base Color": (0, 0, 0), "Specular IOR Level": 0.0}
@@ -131,6 +134,14 @@ CASES = {
     ),
     "metal 0.4 anisotropic 0.8": _metal(
         0.4, {"Anisotropic": 0.8}, {"anisotropy": 0.8, "tangent": TANGENT}
+    ),
+    "metal 0.05": _metal(0.05, narrow=True),
+    "metal 0.15 anisotropic 1.0": _metal(
+        0.15, {"Anisotropic": 1.0}, {"anisotropy": 1.0, "tangent": TANGENT}, narrow=True
+    ),
+    "coat 0.03 over metal": _metal(
+        0.5, {**_TINTED, "Coat Roughness": 0.03}, {**_TINTED_KNOWN, "coat_roughness": 0.03},
+        narrow=True,
     ),
     "half metal 0.5": _metal(
         0.5, {"Metallic": 0.5},
@@ -212,8 +223,8 @@ def materials_of(case, albedo):
     })  # fmt: skip
 
 
-def dense_sum(case, albedo, resolution, at_once=4096):
-    """(N_PLACES, 3) radiance to the camera: the BRDF times the sky, summed over all texels.
+def radiance_of(case, albedo, resolution, power=12):
+    """(N_PLACES, 3) radiance of a case to the camera, by `dense_sum`, or `sampled_sum` if narrow.
 
     Parameters
     ----------
@@ -222,16 +233,35 @@ def dense_sum(case, albedo, resolution, at_once=4096):
         As Cycles' Diffuse Color pass has it from straight above.
     resolution : int
         Of the cube map.
-    at_once : int
-        Texels that are worked on together.
+    power : int
+        2 to this many samples.
     """
-    cube_map = CubeMap(resolution)
-    radiance = sky_radiance(case.sky, cube_map.directions) * cube_map.solid_angles[:, None]
+    if case.narrow:
+        return sampled_sum(case, albedo, power)
+    return dense_sum(case, albedo, resolution)
+
+
+def lobes_at_places(case, albedo):
+    """(lobes, their frames (N_PLACES, 3, 3), views in these (N_PLACES, 1, 3)) of a case."""
     normals, views = places()
     materials = materials_of(case, albedo)
     lobes = case.reflectance or principled_lobes(materials)
     frames = local_frames(normals, materials.tangent).astype(np.float32)
-    outgoing = np.einsum("nij,nj->ni", frames, views.astype(np.float32))[:, None]
+    return lobes, frames, np.einsum("nij,nj->ni", frames, views.astype(np.float32))[:, None]
+
+
+def dense_sum(case, albedo, resolution, at_once=4096):
+    """(N_PLACES, 3): the BRDF times the sky, summed over all texels, so many `at_once`.
+
+    Parameters
+    ----------
+    case, albedo, resolution
+        See `radiance_of`.
+    at_once : int
+    """
+    cube_map = CubeMap(resolution)
+    radiance = sky_radiance(case.sky, cube_map.directions) * cube_map.solid_angles[:, None]
+    lobes, frames, outgoing = lobes_at_places(case, albedo)
     result = np.zeros((N_PLACES, 3))
     for first in range(0, cube_map.n_directions, at_once):
         texels = slice(first, first + at_once)
@@ -244,6 +274,19 @@ def dense_sum(case, albedo, resolution, at_once=4096):
         value = value * np.maximum(incoming[..., 2:], 0)
         result += np.einsum("nmc,mc->nc", value, radiance[texels])
     return result
+
+
+def sampled_sum(case, albedo, power):
+    """(N_PLACES, 3): the glossy lobes times the sky, over their own samples; see `radiance_of`."""
+    lobes, frames, outgoing = lobes_at_places(case, albedo)
+    uv = np.broadcast_to(sobol_points(power) + 0.5 / 2**power, (N_PLACES, 2**power, 2))
+    incoming = lobes.sample(outgoing, uv.astype(np.float32))
+    density = lobes.pdf(incoming, outgoing)
+    weight = np.maximum(incoming[..., 2], 0) / np.where(density > 0, density, np.inf)
+    world = incoming @ frames
+    radiance = sky_radiance(case.sky, world.reshape(-1, 3)).reshape(world.shape)
+    value = lobes.eval(incoming, outgoing) * radiance
+    return (value.astype(np.float64) * weight[..., None]).mean(axis=1)
 
 
 def difference(case, values, truth):

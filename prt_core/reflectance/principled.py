@@ -76,7 +76,7 @@ def principled_lobes(materials):
 class PrincipledLobes:
     """All lobes of n points; `eval`, `sample` and `pdf` are of the glossy ones together.
 
-    It is quickest where n m is some 60,000, say 16 points and 4,096 directions. Of answers, channels
+    It is quickest where n m is some 60,000, say 16 points and 4,096 directions. Channels of answers
     lie apart in memory (see `arrays.from_channels`).
 
     Directions are (n, m, 3), or have 1 in place of n or m, in the frames of the points (`frames`).

@@ -21,9 +21,9 @@ from tests.gloss_cases import (
     GOLDEN,
     TANGENT,
     compared,
-    dense_sum,
     difference,
     places,
+    radiance_of,
     sky_radiance,
 )
 
@@ -170,7 +170,7 @@ def main():
         case, start = CASES[name], time.perf_counter()
         radiance, albedo, noise = measured(case, options.samples)
         baked = time.perf_counter() - start
-        ours = dense_sum(case, albedo, options.resolution)
+        ours = radiance_of(case, albedo, options.resolution)
         seen = compared(case)
         ratio = ours[seen].sum(axis=0) / radiance[seen].sum(axis=0)
         off = difference(case, ours, radiance)

@@ -11,22 +11,33 @@ from tests.gloss_cases import (
     difference,
     materials_of,
     places,
+    radiance_of,
     read_golden,
+    sampled_sum,
 )
 
 GOLDEN, _ = read_golden()
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_dense_sums_are_what_cycles_bakes(name):
+def test_sums_over_the_sky_are_what_cycles_bakes(name):
     case, golden = CASES[name], GOLDEN[name]
     assert golden["noise"] < case.bound / 5
-    values = dense_sum(case, golden["albedo"], 48)
+    values = radiance_of(case, golden["albedo"], 48)
     assert difference(case, values, golden["radiance"]) < case.bound - golden["noise"]
     # A wrong scale would hide in no error of places.
     seen = compared(case)
     ratio = values[seen].sum() / golden["radiance"][seen].sum()
     assert ratio == pytest.approx(1, abs=case.bound / 2)
+
+
+@pytest.mark.parametrize(
+    "name", ["glossy 0.5 anisotropic 0.5", "coat over metal", "dielectric 0.3"]
+)
+def test_samples_of_lobes_find_what_texels_do(name):
+    case, golden = CASES[name], GOLDEN[name]
+    values = sampled_sum(case, golden["albedo"], 12)
+    assert difference(case, values, golden["radiance"]) < 0.005
 
 
 def test_the_golden_file_has_all_cases_and_no_others():

@@ -106,7 +106,9 @@ class Sum:
     def pdf(self, incoming, outgoing):
         """See `Reflectance.pdf`."""
         densities = (lobe.pdf(incoming, outgoing) for lobe in self.lobes)
-        return sum(share * density for share, density in zip(self.shares, densities, strict=True))
+        # Numbers of Python's own leave float32 what it is.
+        shares = self.shares.tolist()
+        return sum(share * density for share, density in zip(shares, densities, strict=True))
 
 
 def directional_albedo(reflectance, outgoing, power=12):

@@ -1,4 +1,4 @@
-"""Lambert and Oren-Nayar: closed forms, and what roughness does."""
+"""Oren-Nayar, and Lambert without roughness: closed forms, and what roughness does."""
 
 import numpy as np
 import pytest

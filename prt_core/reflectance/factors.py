@@ -9,7 +9,8 @@ Azimuth is part of the grid, so that anisotropic lobes and highlights keep their
 import numpy as np
 
 from prt_core.errors import expect, expect_kind, expect_numbers, expect_seed, expect_whole
-from prt_core.reflectance.brdf import Reflectance, expect_directions
+from prt_core.reflectance.arrays import expect_directions
+from prt_core.reflectance.brdf import Reflectance
 from prt_core.sphere import hemisphere_directions, hemisphere_square
 
 # Below this slider of roughness there are too many terms to be of use.
@@ -26,7 +27,7 @@ class InOutFactors:
     Parameters
     ----------
     incoming : (size, size, n_terms) float32
-        By the square of the hemisphere, see `hemisphere_directions`; with the cosine.
+        By the square of the hemisphere, see `hemisphere_directions`; without the cosine.
     outgoing : (size, size, n_terms, n_channels) float32
     values : (n_terms,) float64
         What each term has of the BRDF, falling: singular values.
@@ -67,7 +68,9 @@ class InOutFactors:
         (...) or (..., n) float32
             0 below the horizon.
         """
-        return _between(self.incoming[:, :, self._expect_term(k)], directions)
+        factor = _between(self.incoming[:, :, self._expect_term(k)], directions)
+        cosine = np.maximum(np.asarray(directions, np.float32)[..., 2], 0)
+        return factor * cosine.reshape(*cosine.shape, *(1,) * (factor.ndim - cosine.ndim))
 
     def outgoing_factor(self, k, directions):
         """What term k sends to viewers, between the nearest directions of the grid.
@@ -96,7 +99,7 @@ class InOutFactors:
         return k if isinstance(k, slice) else expect_whole("k", k, 0, self.n_terms - 1)
 
 
-def in_out_factors(reflectance, n_terms, size=32, seed=0):
+def in_out_factors(reflectance, n_terms, size=48, seed=0):
     """Factor a BRDF into terms of light and view.
 
     Parameters
@@ -124,7 +127,8 @@ def in_out_factors(reflectance, n_terms, size=32, seed=0):
     matrix = _matrix(reflectance, directions)
     left, values, right = _leading(matrix, n_terms, expect_seed(seed))
     root = np.sqrt(values)
-    incoming = (left * root).reshape(size, size, n_terms)
+    # With the cosine of the very direction that is asked for, terms are exact to the horizon.
+    incoming = (left * root / directions[:, 2:]).reshape(size, size, n_terms)
     outgoing = (right.T * root).reshape(size, size, reflectance.n_channels, n_terms)
     factors = InOutFactors(
         incoming.astype(np.float32),

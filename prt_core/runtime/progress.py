@@ -60,10 +60,11 @@ class Pace:
     def __init__(self, seconds=None, first=16):
         self.seconds, self._units, self._fewest = seconds, float(first), float(first)
 
-    def parts(self, start, stop):
-        """Slices from `start` to `stop`."""
+    def parts(self, start, stop, whole=1):
+        """Slices from `start` to `stop`, of whole groups of `whole` units."""
         while start < stop:
-            count = stop - start if self.seconds is None else max(1, int(self._units))
+            groups = max(1, int(self._units) // whole)
+            count = stop - start if self.seconds is None else groups * whole
             end = min(start + count, stop)
             self._began, self._count = time.perf_counter(), end - start
             yield slice(start, end)

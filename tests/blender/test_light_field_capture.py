@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 
 from prt_core import bake
 from prt_core.api import light_field
-from prt_core.bake.light_field import points_of
+from prt_core.api.light_field import light_field_steps
+from prt_core.bake.light_field import LightFieldSettings, points_of
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 from prt_core.blender.light_field_shader import GRAZING
@@ -294,6 +295,34 @@ def test_a_kill_while_cycles_renders_goes_on_bit_by_bit(tmp_path):
     one, two = (load_light_field(tmp_path / name) for name in ("whole.slf", "a.slf"))
     assert one.radiance.chunks[1] == 20 and len(one) > 60
     assert one.radiance[...].tobytes() == two.radiance[...].tobytes()
+
+
+@needs_camera
+@pytest.mark.parametrize("pattern", ["TABULATED_SOBOL", "AUTOMATIC"])
+def test_short_renders_give_the_bits_of_long_ones_and_leave_nothing_between(
+    tmp_path, monkeypatch, pattern
+):
+    material(ball(segments=17), "BsdfGlossy", Roughness=0.3)
+    sky(), lamp("lamp", (0, 0, 3))
+    bpy.context.scene.cycles.sampling_pattern = pattern
+    capture = sys.modules["prt_core.bake.light_field"]
+    monkeypatch.setattr(capture, "_PATHS", 15 * 4 * 40)
+    settings = LightFieldSettings(ANGLES, 4)
+    more = {"hidden": 0, "lamps": True, "objects": ["ball"]}
+    run(light_field_steps(None, tmp_path / "a.slf", settings, **more))
+    monkeypatch.setattr("prt_core.blender.light_field_camera._FIRST_PATHS", 15 * 4 * 10)
+    monkeypatch.setattr("prt_core.runtime.progress.Pace.worked", lambda self, spent: None)
+    before, done = state_of_file(), []
+    for step in light_field_steps(None, tmp_path / "b.slf", settings, **more, pace=0.01):
+        assert state_of_file() == before
+        if step.stage == "light field":
+            done.append(step.done / step.total)
+    one, two = (load_light_field(tmp_path / f"{name}.slf") for name in "ab")
+    assert one.lights == two.lights == ("lamp", "world") and one.radiance.chunks[1] == 40
+    assert one.radiance[...].tobytes() == two.radiance[...].tobytes()
+    assert one.radiance[...].max() > 0
+    # Two blocks of points, of several renders each.
+    assert done == sorted(done) and len(set(done)) > 8 and done[-1] == 1
 
 
 @pytest.mark.skipif(NEW, reason="of Blender before 4.5")

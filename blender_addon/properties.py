@@ -301,6 +301,7 @@ class PRTFieldItem(bpy.types.PropertyGroup):
     complete: BoolProperty()
     megabytes: FloatProperty()
     about: StringProperty()
+    compressed: StringProperty()
     notes: StringProperty()
     unreadable: StringProperty()
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.errors import expect, expect_number
-from prt_core.lightfield.surface_light_field import SurfaceLightField
+from prt_core.lightfield.surface_light_field import SurfaceLightField, coded_nbytes_of
 from prt_core.runtime.progress import Progress
 from prt_core.store import (
     AGAIN,
@@ -120,7 +120,7 @@ def compress_light_field_steps(
         "white": white,
         "error": math.sqrt(error.rgb / error.n_cells) / white,
         "nbytes": int(model.nbytes),
-        "coded_nbytes": len(state["data"]),
+        "coded_nbytes": coded_nbytes_of(state),
         "raw_nbytes": 4 * math.prod(field.radiance.shape),
         "seconds": spent,
     }

@@ -25,10 +25,9 @@ class PRT_PT_light_field(Panel, bpy.types.Panel):
             layout.row().prop(settings, "follow", expand=True)
             if shown is not None and shown.has_compressed:
                 layout.prop(settings, "use_compressed")
-        row = layout.row(align=True)
-        row.operator("prt.light_field_compress", text="Compress…", icon="FILE_ARCHIVE")
+        layout.operator("prt.light_field_compress", text="Compress…", icon="FILE_ARCHIVE")
         if light_fields.present(scene):
-            row.operator("prt.light_field_clear", icon="LOOP_BACK")
+            layout.operator("prt.light_field_clear", icon="LOOP_BACK")
 
     def _bake(self, context, layout):
         settings, missing = context.scene.prt.field, custom_camera_missing()

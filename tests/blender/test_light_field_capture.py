@@ -340,7 +340,15 @@ def test_denoised_light_is_nearer_the_truth_and_lamps_stay_apart():
     bpy.context.scene.cycles.max_bounces = 0
     points, camera, (noisy, _, _) = shot(["ball"], (8, 7), samples=2, lamps=True)
     truth = camera.shoot(points, (8, 7), 512, 5)[0]
+    before, cycles = state_of_file(), bpy.context.scene.cycles
     clean = camera.denoise(noisy, points, 2)
+    assert state_of_file() == before
+    # However the user's renders are denoised.
+    cycles.denoising_prefilter, cycles.denoising_input_passes = "FAST", "RGB"
+    np.testing.assert_array_equal(camera.denoise(noisy, points, 2), clean)
+    # And whether the lights are denoised together or one after the other.
+    alone = [camera.denoise(each[None], points, 2)[0] for each in noisy]
+    np.testing.assert_array_equal(np.stack(alone), clean)
     assert clean.shape == noisy.shape and (clean >= 0).all()
     for before, after, right in zip(noisy, clean, truth, strict=True):
         assert np.linalg.norm(after - right) < 0.7 * np.linalg.norm(before - right)

@@ -10,7 +10,6 @@ that did meet it stands in.
 
 import hashlib
 import tempfile
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
 from prt_core.blender.stand_ins import originals_render, rendered_objects, stands_in
 from prt_core.errors import PRTError, expect
-from prt_core.runtime.progress import Pace, Progress, run
+from prt_core.runtime.progress import DearPace, Pace, Progress, run
 
 _WHAT = "light field"
 # Tiles in a row of the picture make it about as wide as high, up to so many pixels.
@@ -78,7 +77,7 @@ class LightFieldCamera:
             "keyframes (Object > Rigid Body > Bake To Keyframes)",
         )
         self._uid, self._objects, self._lights = scene.session_uid, list(objects), tuple(lights)
-        self._pace, self._least = Pace(0.0, _FIRST_PATHS), np.inf
+        self._pace = None
 
     @property
     def lights(self):
@@ -126,29 +125,22 @@ class LightFieldCamera:
         source = shader_source(points, tiles.across, tiles.down, angles, spread)
         row = tiles.across * tiles.columns * samples
         paths = tiles.down * tiles.rows * row
-        for part in self._parts(paths, row, seconds):
-            begun = time.perf_counter()
+        pace = self._pace_of(seconds)
+        for part in pace.parts(0, paths, row):
             band = slice(part.start // row, part.stop // row)
             bands.append(self._render(source, tiles, band, samples, seed))
-            self._rendered(time.perf_counter() - begun, seconds)
+            pace.worked()
             yield Progress(_WHAT, part.stop, paths)
         channels = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
         return self._result(points, tiles, channels)
 
-    def _parts(self, paths, row, seconds):
-        """Slices of the paths of a picture, in whole rows of pixels."""
-        return Pace().parts(0, paths) if seconds is None else self._pace.parts(0, paths, row)
-
-    def _rendered(self, spent, seconds):
-        """A render took so long: how large the next one is.
-
-        What the quickest one took is what each takes whatever it renders: the scene is evaluated,
-        and trees of its triangles are built. At most half of the time goes into that.
-        """
-        if seconds is not None:
-            self._least = min(self._least, spent)
-            self._pace.seconds = max(seconds - self._least, self._least)
-            self._pace.worked(spent - self._least)
+    def _pace_of(self, seconds):
+        """How much is rendered at once: what one shot has shown holds for the next."""
+        if seconds is None:
+            return Pace()
+        if self._pace is None:
+            self._pace = DearPace(seconds, _FIRST_PATHS)
+        return self._pace
 
     def _render(self, source, tiles, band, samples, seed):
         """Channels of a band of a picture's rows, counted from the top."""

@@ -311,7 +311,7 @@ def test_short_renders_give_the_bits_of_long_ones_and_leave_nothing_between(
     more = {"hidden": 0, "lamps": True, "objects": ["ball"]}
     run(light_field_steps(None, tmp_path / "a.slf", settings, **more))
     monkeypatch.setattr("prt_core.blender.light_field_camera._FIRST_PATHS", 15 * 4 * 10)
-    monkeypatch.setattr("prt_core.runtime.progress.Pace.worked", lambda self, spent: None)
+    monkeypatch.setattr("prt_core.runtime.progress.DearPace.worked", lambda self: None)
     before, done = state_of_file(), []
     for step in light_field_steps(None, tmp_path / "b.slf", settings, **more, pace=0.01):
         assert state_of_file() == before

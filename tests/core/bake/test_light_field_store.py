@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, Lamp, bake_steps, light_field, load, relight_points, run
+from prt_core.bake.field_denoise import denoise_steps
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_transport import TransportCamera
 from prt_core.errors import PRTError
+from prt_core.runtime.progress import Progress
 from prt_core.scene import Scene
 from prt_core.store import BakeStore
 from tests.meshes import plane, sphere
@@ -155,6 +157,24 @@ def test_samples_rise_until_two_seeds_agree(tmp_path):
         tmp_path / "b.slf", Arithmetic(noise=0.5), LightFieldSettings(ANGLES, samples=4)
     )
     assert given["noise"] == pytest.approx(0.25, rel=0.3) and given["tolerance_met"] is None
+
+
+def test_the_denoiser_gets_a_light_and_some_points_at_a_time(monkeypatch):
+    monkeypatch.setattr(sys.modules["prt_core.bake.field_denoise"], "_PIXELS", 31)
+    radiance = np.random.default_rng(3).random((2, 7, *ANGLES, 3)).astype(np.float32)
+    asked, points = [], np.arange(7)
+
+    class Halving:
+        def denoise(self, noisy, some, samples):
+            asked.append((some.tolist(), samples))
+            assert (noisy[0] == radiance[len(asked) > 4, some]).all()
+            return noisy / 2
+
+    done = Progress("light field", 3, 9)
+    steps = denoise_steps(Halving(), radiance, points, 5, done)
+    clean = run(steps, lambda progress: asked.append(progress) if progress != done else None)
+    assert asked == 2 * [([0, 1], 5), ([2, 3], 5), ([4, 5], 5), ([6], 5)]
+    assert (clean == radiance / 2).all()
 
 
 def test_only_denoised_light_that_keeps_its_energy_is_taken(tmp_path):

@@ -167,7 +167,7 @@ def test_the_denoiser_gets_a_light_and_some_points_at_a_time(monkeypatch):
     class Halving:
         def denoise(self, noisy, some, samples):
             asked.append((some.tolist(), samples))
-            assert (noisy[0] == radiance[len(asked) > 4, some]).all()
+            assert (noisy[0] == radiance[int(len(asked) > 4), some]).all()
             return noisy / 2
 
     done = Progress("light field", 3, 9)

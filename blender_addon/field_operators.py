@@ -209,10 +209,13 @@ class PRT_OT_light_field_compress(LongWork, Button, bpy.types.Operator):
         if not self._asks:
             return super().execute(context)
         # Blender frees the operator of a dialog, so the work is another's.
-        chosen = {
-            name: getattr(self, name) for name in ("method", "goal", "tolerance", "megabytes")
-        }
-        return bpy.ops.prt.light_field_compress("INVOKE_DEFAULT", confirmed=True, **chosen)
+        names = "method", "goal", "tolerance", "megabytes"
+        chosen = {name: getattr(self, name) for name in names}
+        try:
+            bpy.ops.prt.light_field_compress("INVOKE_DEFAULT", confirmed=True, **chosen)
+        except RuntimeError as error:
+            return self.fail(str(error).removeprefix("Error: ").strip())
+        return {"CANCELLED"}
 
     def steps(self, context, _pace):
         scene = self.begin(context)

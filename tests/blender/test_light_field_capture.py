@@ -313,6 +313,12 @@ def test_short_renders_give_the_bits_of_long_ones_and_leave_nothing_between(
     monkeypatch.setattr("prt_core.blender.light_field_camera._FIRST_PATHS", 15 * 4 * 10)
     monkeypatch.setattr("prt_core.runtime.progress.DearPace.worked", lambda self: None)
     before, done = state_of_file(), []
+    stopped = light_field_steps(None, tmp_path / "b.slf", settings, **more, pace=0.01)
+    for step in stopped:
+        if step.stage == "light field" and step.done > 50:
+            break  # in the midst of the second block
+    stopped.close()
+    assert state_of_file() == before
     for step in light_field_steps(None, tmp_path / "b.slf", settings, **more, pace=0.01):
         assert state_of_file() == before
         if step.stage == "light field":
@@ -321,8 +327,8 @@ def test_short_renders_give_the_bits_of_long_ones_and_leave_nothing_between(
     assert one.lights == two.lights == ("lamp", "world") and one.radiance.chunks[1] == 40
     assert one.radiance[...].tobytes() == two.radiance[...].tobytes()
     assert one.radiance[...].max() > 0
-    # Two blocks of points, of several renders each.
-    assert done == sorted(done) and len(set(done)) > 8 and done[-1] == 1
+    # Several renders of a block; the first of two was there.
+    assert done == sorted(done) and len(set(done)) > 4 and done[-1] == 1
 
 
 @pytest.mark.skipif(NEW, reason="of Blender before 4.5")

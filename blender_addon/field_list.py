@@ -5,7 +5,7 @@ import bpy
 from prt_core import BakeStore, PRTError
 from prt_core.bake.light_field_load import KIND
 from prt_core.errors import expect
-from prt_core.store import is_removable
+from prt_core.store import AGAIN, compressed_attributes, damage_as_error, is_removable
 
 from . import bakes, light_fields, plan
 from .naming import bake_name, file_name
@@ -54,9 +54,23 @@ def refresh(scene, select=""):
                 f"{n_lights} light{'s' if n_lights > 1 else ''}, noise {report['noise']:.1%}"
             )
         item.notes = "\n".join(report.get("messages") or ())
+        item.compressed = _compressed(store)
     order = [item.path for item in status.fields]
     wanted = [path for path in (select, light_fields.path_of(scene)) if path in order]
     status.active_field = order.index(wanted[0]) if wanted else 0
+
+
+def _compressed(store):
+    """What a light field's compressed form is, empty where it has none."""
+    try:
+        form = compressed_attributes(store)
+        if form is None:
+            return ""
+        with damage_as_error(store.path, "what is said of its compressed form", AGAIN):
+            size, error = form["coded_nbytes"] / 1e6, form["error"]
+            return f"{form['method']}, {size:.3g} MB, error {error:.2%} of white"
+    except PRTError as error:
+        return str(error)
 
 
 def expect_ours(scene, path):

@@ -3,14 +3,16 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from prt_core import PRTError
 from prt_core.api.light_field import light_field_steps
 from prt_core.bake.light_field import LightFieldSettings
+from prt_core.bake.light_field_compress import TOLERANCE, compress_light_field_steps
 from prt_core.blender.compat import PATH_OPTIONS, custom_camera_missing
 from prt_core.blender.stand_ins import ORIGINAL
 from prt_core.errors import expect
+from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import run
 
 from . import field_list, following, light_fields, live, plan, preview, saving, views, work
@@ -144,6 +146,105 @@ def _show(scene, shown):
     field_list.refresh(scene, select=shown.path)
 
 
+class PRT_OT_light_field_compress(LongWork, Button, bpy.types.Operator):
+    """Keep the light field that is shown in fewer bytes beside it, and show that form"""
+
+    bl_idname = "prt.light_field_compress"
+    bl_label = "Compress Light Field"
+    title = "Compress"
+    when_stopped = "what there was is as before"
+
+    method: EnumProperty(
+        name="Method",
+        items=[
+            ("ceob", "Exemplar Bases", "Pairs of bases that are learned; smallest, and slow"),
+            ("cpca", "Clustered PCA", "Principal components of alike points"),
+            ("ksvd", "K-SVD", "Learned atoms, few of them a point"),
+            ("harmonics", "Harmonics", "Of the hemisphere; for soft light"),
+            ("haar", "Haar Wavelets", "Nothing is learned; quick"),
+            ("dct", "Cosines", "Nothing is learned; quick"),
+            ("none", "None", "Remove the compressed form"),
+        ],
+    )
+    goal: EnumProperty(
+        name="Until",
+        items=[
+            ("ERROR", "Error", "As small as the error allows"),
+            ("SIZE", "Size", "As near as the size allows"),
+        ],
+    )
+    tolerance: FloatProperty(
+        name="Error",
+        description="Root mean square error of a direction, as a share of the white level",
+        default=TOLERANCE, min=1e-4, max=0.5, precision=4,
+    )  # fmt: skip
+    megabytes: FloatProperty(
+        name="Megabytes", description="10^6 bytes on disk, at most", default=1.0, min=1e-3,
+        soft_max=1e3, precision=3,
+    )  # fmt: skip
+    confirmed: BoolProperty(description="Begin without a dialog", options={"HIDDEN", "SKIP_SAVE"})
+    _asks = False
+
+    @classmethod
+    def why_not(cls, context):
+        if not light_fields.path_of(context.scene):
+            return "Bake a light field, or load one, first"
+        return super().why_not(context)
+
+    def invoke(self, context, event):
+        self._asks = work.has_window(context) and not self.confirmed
+        if self._asks:
+            return context.window_manager.invoke_props_dialog(self, confirm_text="Compress")
+        return super().invoke(context, event)
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "method")
+        if self.method != "none":
+            layout.row().prop(self, "goal", expand=True)
+            layout.prop(self, "tolerance" if self.goal == "ERROR" else "megabytes")
+
+    def execute(self, context):
+        if not self._asks:
+            return super().execute(context)
+        # Blender frees the operator of a dialog, so the work is another's.
+        names = "method", "goal", "tolerance", "megabytes"
+        chosen = {name: getattr(self, name) for name in names}
+        try:
+            bpy.ops.prt.light_field_compress("INVOKE_DEFAULT", confirmed=True, **chosen)
+        except RuntimeError as error:
+            return self.fail(str(error).removeprefix("Error: ").strip())
+        return {"CANCELLED"}
+
+    def steps(self, context, _pace):
+        scene = self.begin(context)
+        path, goals = light_fields.path_of(scene), {}
+        if self.method != "none":
+            by_error = self.goal == "ERROR"
+            goals = {"tolerance": self.tolerance} if by_error else {"megabytes": self.megabytes}
+        live.stop()
+        steps = compress_light_field_steps(path, self.method, **goals)
+        self.form_report = yield from steps_in_thread(steps, MainThreadCalls(), "compress")
+        light_fields.forget()
+        return (yield from light_fields.load_steps(path, True))
+
+    def finish(self, context, result):
+        self.scene.prt.field.use_compressed = True
+        _show(self.scene, result)
+        report = self.form_report
+        if report is None:
+            work.say("The compressed form is gone")
+            return
+        share = report["coded_nbytes"] / report["raw_nbytes"]
+        text = (
+            f"Compressed by {report['method']} to {report['coded_nbytes'] / 1e6:.3g} MB, "
+            f"{share:.1%} of what it was, error {report['error']:.2%} of white"
+        )
+        self.report({"INFO"}, text)
+        work.say(text)
+
+
 class PRT_OT_light_field_clear(Button, bpy.types.Operator):
     """Take the light field off: its objects are as before, or show the bake again"""
 
@@ -169,6 +270,7 @@ register, unregister = bpy.utils.register_classes_factory(
     (
         PRT_OT_light_field_bake,
         PRT_OT_light_field_load,
+        PRT_OT_light_field_compress,
         PRT_OT_light_field_clear,
     )
 )

@@ -25,6 +25,8 @@ class PRT_PT_light_field(Panel, bpy.types.Panel):
             layout.row().prop(settings, "follow", expand=True)
             if shown is not None and shown.has_compressed:
                 layout.prop(settings, "use_compressed")
+        layout.operator("prt.light_field_compress", text="Compress…", icon="FILE_ARCHIVE")
+        if light_fields.present(scene):
             layout.operator("prt.light_field_clear", icon="LOOP_BACK")
 
     def _bake(self, context, layout):
@@ -93,6 +95,12 @@ class PRT_PT_field_list(Panel, bpy.types.Panel):
         row.operator("prt.light_field_load", icon="IMPORT").filepath = item.path
         text = item.unreadable or (item.about if item.complete else "stopped")
         lines(layout, text, "ERROR" if item.unreadable else "BLANK1", context)
+        if item.compressed:
+            row = layout.row()
+            lines(row, f"compressed: {item.compressed}", "BLANK1", context)
+            if light_fields.path_of(context.scene) == item.path:
+                button = row.operator("prt.light_field_compress", text="", icon="X")
+                button.method, button.confirmed = "none", True
         notes(layout, item.notes, context)
 
 

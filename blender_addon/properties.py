@@ -308,6 +308,7 @@ class PRTFieldItem(bpy.types.PropertyGroup):
     complete: BoolProperty()
     megabytes: FloatProperty()
     about: StringProperty()
+    compressed: StringProperty()
     notes: StringProperty()
     unreadable: StringProperty()
 

@@ -67,15 +67,19 @@ def _status_text(text):
         bpy.context.workspace.status_text_set(text)
 
 
-def _has_window(context):
+def has_window(context):
+    """Whether somebody looks on, so that work must not hold the window."""
     return not bpy.app.background and context.window is not None
 
 
 class LongWork:
     """An operator whose work is a generator of `Progress`.
 
-    A subclass has `title`, `steps(context, pace)` and `finish(context, result)`.
+    A subclass has `title`, `steps(context, pace)` and `finish(context, result)`, and
+    `when_stopped` says what is so after a stop.
     """
+
+    when_stopped = "the same button goes on where it was"
 
     _steps = _timer = _manager = _uid = None
     _stage, _drawn = "", 0.0
@@ -104,7 +108,7 @@ class LongWork:
         return self._finish(context, result)
 
     def invoke(self, context, _event):
-        if not _has_window(context):
+        if not has_window(context):
             return self.execute(context)
         if status().running:
             self.report({"ERROR"}, f"{status().title} is still under way; wait or cancel it")
@@ -135,7 +139,7 @@ class LongWork:
                 self.stopped(context)
             except FAILURES as error:
                 return self._fail(error)
-            say(f"{self.title} stopped; the same button goes on where it was")
+            say(f"{self.title} stopped; {self.when_stopped}")
             self.report({"INFO"}, f"{self.title} stopped")
             return {"CANCELLED"}
         return self._turn(context) if event.type == "TIMER" else {"PASS_THROUGH"}

@@ -89,7 +89,8 @@ def light_field_steps(
     Parameters
     ----------
     pace : float, optional
-        Seconds a step may take, but for renders, some twenty seconds each.
+        Seconds a step may take, but for renders, then about a second each; default: no limits,
+        and renders of some twenty seconds. The bits are the same.
     scene : bpy.types.Scene, optional
         Where `source` is None; default: the current one.
     """
@@ -130,5 +131,7 @@ def light_field_steps(
         built = yield from image_steps(built, meshes, None, "auto", image)
         messages += built.messages
     camera, view = light_field_camera(uid, built, lamps, messages)
-    steps = capture_light_field(built, camera, output, settings, view, origin, restart, messages)
+    steps = capture_light_field(
+        built, camera, output, settings, view, origin, restart, messages, pace
+    )
     return (yield from steps)

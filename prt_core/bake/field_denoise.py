@@ -13,6 +13,38 @@ from prt_core.runtime.progress import Progress
 NOISY, DENOISED, RADIANCE = "noisy", "denoised", "radiance"
 # How far the sum of a denoised field may be from that of the noisy one.
 _ENERGY = 0.01
+# Pixels that are denoised at once: about a second.
+_PIXELS = 1 << 18
+
+
+def denoise_steps(camera, radiance, points, samples, progress):
+    """Radiance without its noise, a light and some points at a time.
+
+    A generator of `Progress`: the denoiser works in the main thread.
+
+    Parameters
+    ----------
+    camera : object
+        Its `denoise` does it.
+    radiance : (n_lights, n, rows, columns, 3) float32
+    points : FieldPoints
+    samples : int
+    progress : Progress
+        Of the work that this is a part of.
+
+    Returns
+    -------
+    (n_lights, n, rows, columns, 3) float32
+    """
+    clean = np.empty_like(radiance)
+    count = max(1, _PIXELS // (radiance.shape[2] * radiance.shape[3]))
+    for light in range(len(radiance)):
+        for first in range(0, len(points), count):
+            some = slice(first, first + count)
+            noisy = radiance[light : light + 1, some]
+            clean[light, some] = camera.denoise(noisy, points[some], samples)[0]
+            yield progress
+    return clean
 
 
 def keep_denoised(store, lights, objects, messages):

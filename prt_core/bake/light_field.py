@@ -2,10 +2,10 @@
 
 Who renders is a camera: anything with `name`, `lights`, `most_points` of a block, and
 `shoot(points, angles, samples, seed)`, such as Cycles with a shader for a camera, or the transport
-of a bake. Points are shot in blocks; a block depends on nothing but its number and the settings, so
-that what was stopped goes on bit by bit. A few points, the pilot, are shot first, with two seeds:
-they tell the noise, and whether a light field that goes on is of the same scene, whatever of it has
-changed.
+of a bake. Where that takes long, `shoot_steps` does it little by little. Points are shot in blocks;
+a block depends on nothing but its number and the settings, so that what was stopped goes on bit by
+bit. A few points, the pilot, are shot first, with two seeds: they tell the noise, and whether a
+light field that goes on is of the same scene, whatever of it has changed.
 """
 
 import time
@@ -13,7 +13,14 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from prt_core.bake.field_denoise import DENOISED, NOISY, RADIANCE, by_blocks, keep_denoised
+from prt_core.bake.field_denoise import (
+    DENOISED,
+    NOISY,
+    RADIANCE,
+    by_blocks,
+    denoise_steps,
+    keep_denoised,
+)
 from prt_core.bake.inputs import unless_begun
 from prt_core.bake.light_field_load import KIND
 from prt_core.errors import (
@@ -42,6 +49,8 @@ from prt_core.version import __version__
 # Cells along a side of the hemisphere's square.
 MOST_ANGLES = 1024
 MOST_SAMPLES = 1 << 16
+# Seconds of a render where others wait between two, as a window does.
+_RENDER = 1.0
 # Paths of a block: some twenty seconds; and bytes of what it holds, at most.
 _PATHS, _BLOCK_BYTES, _CHUNK_BYTES = 1 << 22, 1 << 28, 16 << 20
 # Points of the pilot: so many at most, and at most this share of all.
@@ -91,7 +100,15 @@ class LightFieldSettings:
 
 
 def capture_light_field(
-    scene, camera, path, settings=None, view=None, origin=None, restart=False, messages=()
+    scene,
+    camera,
+    path,
+    settings=None,
+    view=None,
+    origin=None,
+    restart=False,
+    messages=(),
+    pace=None,
 ):
     """Capture a light field into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -115,6 +132,9 @@ def capture_light_field(
         stays until the new one is finished.
     messages : sequence of str
         Kept with its report.
+    pace : float, optional
+        Where it is given, renders take about a second each; by default a block is one. The bits
+        are the same.
 
     Returns
     -------
@@ -149,7 +169,7 @@ def capture_light_field(
         12.0 * cells * (n_lights + 3),
         "take fewer angles, or leave out --lamps",
     )
-    work = _Capture(scene, camera, settings, points)
+    work = _Capture(scene, camera, settings, points, None if pace is None else _RENDER)
     with system_errors(path), unless_begun(path):
         return (yield from work.steps(path, view, origin, restart, list(messages)))
 
@@ -176,13 +196,13 @@ def points_of(scene):
 
 
 class _Capture:
-    """One capture: its camera, points and settings."""
+    """One capture: its camera, points and settings, and seconds of a render."""
 
-    def __init__(self, scene, camera, settings, points):
+    def __init__(self, scene, camera, settings, points, seconds):
         self.scene, self.camera, self.settings, self.points = scene, camera, settings, points
         self.lights = tuple(camera.lights) or ("all",)
         self.cells = settings.angles[0] * settings.angles[1]
-        self.seconds = self.paths = 0
+        self.a_render, self.seconds, self.paths = seconds, 0, 0
 
     def steps(self, path, view, origin, restart, messages):
         settings, points = self.settings, self.points
@@ -241,7 +261,10 @@ class _Capture:
         samples = settings.samples or _FIRST_SAMPLES
         yield Progress("pilot", 0, 0)
         while True:
-            halves = [self._shoot(some, samples, "pilot", turn)[0] for turn in range(2)]
+            halves = []
+            for turn in range(2):
+                shot, _ = yield from self._shoot(some, samples, "pilot", turn)
+                halves.append(shot[0])
             one, two = (half.astype(np.float64) for half in halves)
             scale = np.sqrt(((one + two) ** 2).sum() / 2)
             noise = float(np.sqrt(((one - two) ** 2).sum()) / scale) if scale else 0.0
@@ -257,10 +280,25 @@ class _Capture:
             "look": digest(*(np.ascontiguousarray(half) for half in halves)),
         }  # fmt: skip
 
-    def _shoot(self, points, samples, what, number):
+    def _shoot(self, points, samples, what, number, first=0):
+        """What the camera gives of points, and in how many seconds; a generator of `Progress`."""
         key = {"pilot": 0, "block": 1}[what], number
         seed = generator(self.settings.seed, Stage.LIGHT_FIELD, *key).integers(1 << 31)
-        shot = self.camera.shoot(points, self.settings.angles, samples, int(seed))
+        steps, seconds = self._camera_steps(points, self.settings.angles, samples, int(seed)), 0.0
+        while True:
+            start = time.perf_counter()
+            try:
+                step = next(steps)
+            except StopIteration as end:
+                shot = end.value
+                break
+            finally:
+                seconds += time.perf_counter() - start
+            if what == "pilot":
+                yield Progress(what, number * step.total + step.done, 2 * step.total)
+            else:
+                done = first + len(points) * step.done // step.total
+                yield Progress(KIND, done, len(self.points))
         missed = shot[1]
         expect(
             what == "block" or missed.mean() < _MOST_MISSED,
@@ -268,7 +306,12 @@ class _Capture:
             "the surface is moved when it is rendered (true displacement, adaptive subdivision: "
             "apply them as modifiers), or something lies in the same place",
         )
-        return shot
+        return shot, seconds
+
+    def _camera_steps(self, *asked):
+        if self.a_render is not None and hasattr(self.camera, "shoot_steps"):
+            return (yield from self.camera.shoot_steps(*asked, seconds=self.a_render))
+        return self.camera.shoot(*asked)
 
     def _block_size(self, samples):
         cells, n_lights = self.cells, len(self.lights)
@@ -297,13 +340,16 @@ class _Capture:
             if missed.holds(block) and apart.holds(number):
                 if all(f.holds(n, block) for f in fields for n in range(n_lights)):
                     continue
-            start = time.perf_counter()
-            shot = self._shoot(self.points[block], samples, "block", number)
-            self.seconds += time.perf_counter() - start
+            shot, seconds = yield from self._shoot(
+                self.points[block], samples, "block", number, first
+            )
+            self.seconds += seconds
             self.paths += (block.stop - block.start) * self.cells * samples
             parts = [shot[0]]
             if self.settings.denoise:
-                parts.append(self.camera.denoise(shot[0], self.points[block], samples))
+                done = Progress(KIND, block.stop, n_points)
+                some = self.points[block]
+                parts.append((yield from denoise_steps(self.camera, shot[0], some, samples, done)))
             for field, part in zip(fields, parts, strict=True):
                 field[:, block] = part
             apart[number : number + 1] = shot[2]

@@ -13,7 +13,7 @@ import numpy as np
 
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.errors import expect, expect_number
-from prt_core.lightfield.surface_light_field import SurfaceLightField
+from prt_core.lightfield.surface_light_field import SurfaceLightField, coded_nbytes_of
 from prt_core.runtime.progress import Progress
 from prt_core.store import (
     AGAIN,
@@ -39,6 +39,7 @@ def compress_light_field_steps(
     n_clusters=1,
     seed=0,
     tolerance=None,
+    peak=None,
 ):
     """Compress a light field; a generator of `Progress`.
 
@@ -57,6 +58,9 @@ def compress_light_field_steps(
     tolerance : float, optional
         Root mean square error of a direction, as a share of the white level. Default, where
         nothing else says how far: 0.02.
+    peak : float, optional
+        Radiance of the brightest lamp, from which decibels are counted; default: the largest of
+        the field, or, with `tolerance`, the white level.
 
     Returns
     -------
@@ -73,8 +77,9 @@ def compress_light_field_steps(
     asked = {name: goal for name, goal in goals.items() if goal is not None}
     if method == "none":
         expect(
-            not asked and tolerance is None,
-            "method 'none' removes the compressed form; it takes no PSNR, size or coefficients",
+            not asked and tolerance is None and peak is None,
+            "method 'none' removes the compressed form; it takes no PSNR, peak, size or "
+            "coefficients",
         )
         load_light_field(path)
         remove_compressed(BakeStore(path, "r+"))
@@ -88,14 +93,17 @@ def compress_light_field_steps(
         expect_number("tolerance", tolerance, above=0, below=1)
         # Of the right kind until the field is known.
         asked = {"psnr": 0.0}
-    model = SurfaceLightField(method, n_clusters=n_clusters, seed=seed, **asked).expect_params()
+    more = {"n_clusters": n_clusters, "seed": seed, "peak": peak}
+    model = SurfaceLightField(method, **asked, **more).expect_params()
     field = load_light_field(path)
     begun = time.perf_counter()
     white = white_level(field.radiance)
     if tolerance is not None:
         # The errors of lights add up as those of strangers do.
         parts = math.prod(field.angles) / len(field.lights)
-        model.set_params(psnr=float(-20 * np.log10(tolerance) - 10 * np.log10(parts)), peak=white)
+        peak = white if peak is None else peak
+        decibels = 20 * np.log10(peak / white) - 20 * np.log10(tolerance) - 10 * np.log10(parts)
+        model.set_params(psnr=float(decibels), peak=peak)
     yield from model.fit_steps(field.radiance, field.frames)
     spent = time.perf_counter() - begun
     whole = np.empty(field.radiance.shape[1:], np.float32)
@@ -104,7 +112,7 @@ def compress_light_field_steps(
     error, state = model.error(whole), model.state()
     report = {
         "method": method,
-        "settings": {"tolerance": tolerance, **goals, "n_clusters": n_clusters, "seed": seed},
+        "settings": {"tolerance": tolerance, **goals, **more},
         "psnr": _finite(error.psnr),
         "luma_psnr": _finite(error.luma_psnr),
         "psnr_per_sample": _finite(error.psnr_per_sample),
@@ -112,7 +120,7 @@ def compress_light_field_steps(
         "white": white,
         "error": math.sqrt(error.rgb / error.n_cells) / white,
         "nbytes": int(model.nbytes),
-        "coded_nbytes": len(state["data"]),
+        "coded_nbytes": coded_nbytes_of(state),
         "raw_nbytes": 4 * math.prod(field.radiance.shape),
         "seconds": spent,
     }

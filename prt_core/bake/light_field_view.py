@@ -12,6 +12,8 @@ from prt_core.transport import View
 
 # Points of an image around a hit.
 _AROUND = 4
+# What surfaces look like whose light was not captured: dark, and not as dark as what is black.
+GREY = 0.05
 
 
 def field_toward(field, view, strengths=None, form="auto"):
@@ -88,7 +90,14 @@ def view_of(camera):
     return View.of_camera(camera)
 
 
-def field_picture(field, radiance, camera, caster, width, height):
+def uncaptured(field):
+    """Names of the objects of a field's scene that no point of it is of."""
+    scene = field.scene
+    captured = set(scene.points.object_index[field.point].tolist())
+    return [item.name for n, item in enumerate(scene.objects) if n not in captured]
+
+
+def field_picture(field, radiance, camera, caster, width, height, grey=GREY):
     """A picture of a light field.
 
     Parameters
@@ -100,16 +109,22 @@ def field_picture(field, radiance, camera, caster, width, height):
     caster : RayCaster
         Of what rays of cameras meet.
     width, height : int
+    grey : float
+        Radiance of surfaces that have no points of the field.
 
     Returns
     -------
     (height, width, 3) float32
-        Linear; black where there are no points of the field.
+        Linear; black where no surface is.
     """
     rays = CameraRays(field.scene, caster, camera, width, height)
     if field.scene.image is not None:
         _onto_image(field, rays)
-    return rays.picture(radiance)
+    else:
+        captured = np.zeros(len(field.scene.points) + 1, bool)
+        captured[field.point] = True
+        rays.points[~captured[rays.points].all(axis=1)] = -1
+    return rays.picture(radiance, pointless=grey)
 
 
 def _onto_image(field, rays):

@@ -3,19 +3,31 @@
 Cycles denoises but the sum of all light while it renders. Its operator for files takes any layers
 that have what it asks for: so the light of each lamp is a layer. It wants albedo, normals, depth
 and motion as well; albedo and motion are the same everywhere, what is one surface has one normal.
+It works as the scene of its context asks for, which is one of our own: what the user's renders are
+denoised like changes nothing, and guides without noise are not denoised themselves.
 """
 
 import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.passes.openexr import read_channels, write_channels
 from prt_core.blender.passes.traces import no_output
 from prt_core.errors import PRTError, expect
 
 _NAME = "prt{}"
+_SETTINGS = {
+    "use_denoising": True,
+    "denoiser": "OPENIMAGEDENOISE",
+    "denoising_input_passes": "RGB_ALBEDO_NORMAL",
+    "denoising_prefilter": "NONE",
+    "denoising_quality": "HIGH",
+    "denoising_use_gpu": False,
+}
 
 
 def denoised(pictures, normals, samples):
@@ -55,7 +67,7 @@ def denoised(pictures, normals, samples):
         noisy, clean = Path(folder) / "noisy.exr", Path(folder) / "clean.exr"
         write_channels(noisy, channels, texts)
         try:
-            with no_output():
+            with no_output(), _settled():
                 bpy.ops.cycles.denoise_animation(
                     input_filepath=str(noisy), output_filepath=str(clean)
                 )
@@ -69,3 +81,18 @@ def denoised(pictures, normals, samples):
         for number in range(len(pictures))
     ]
     return np.moveaxis(np.array(planes, np.float32), 1, -1)
+
+
+@contextmanager
+def _settled():
+    """A context of a scene that is denoised as we ask for."""
+    scene = bpy.data.scenes.new("prt denoise")
+    try:
+        mark_temporary(scene)
+        for name, value in _SETTINGS.items():
+            if hasattr(scene.cycles, name):
+                setattr(scene.cycles, name, value)
+        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+            yield
+    finally:
+        remove_blocks([scene])

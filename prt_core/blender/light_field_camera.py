@@ -1,9 +1,11 @@
 """Whole light fields from renders by Cycles: a custom camera sends pixels to (point, direction).
 
 Whatever Cycles has is in them: any material, caustics, all bounces. Each block of points is one
-render of a copy of the scene; of the user's own nothing stays changed, and between two blocks there
-is nothing of ours in the file. What a pixel has met is known from its position: where rounding let
-a ray miss its point, the nearest direction that did meet it stands in.
+picture, of a copy of the scene; of the user's own nothing stays changed, and between two renders
+there is nothing of ours in the file. A picture may be rendered in bands: Cycles draws the random
+numbers of a pixel by its place in the whole picture, so that the bits are the same. What a pixel
+has met is known from its position: where rounding let a ray miss its point, the nearest direction
+that did meet it stands in.
 """
 
 import hashlib
@@ -21,17 +23,20 @@ from prt_core.blender.compat import custom_camera_missing
 from prt_core.blender.denoising import denoised
 from prt_core.blender.identity import objects_by_place, scene_of
 from prt_core.blender.light_field_shader import MOST_POINTS, shader_source
-from prt_core.blender.light_groups import grouped_lights
+from prt_core.blender.light_groups import group_names, grouped_lights
 from prt_core.blender.passes.traces import same_images, switched
 from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
 from prt_core.blender.stand_ins import originals_render, rendered_objects, stands_in
 from prt_core.errors import PRTError, expect
+from prt_core.runtime.progress import DearPace, Pace, Progress, run
 
 _WHAT = "light field"
 # Tiles in a row of the picture make it about as wide as high, up to so many pixels.
 _WIDEST = 4096
 _NEAR, _FAR = 1e-6, 1e9
+# Paths of the first band, until the speed is known.
+_FIRST_PATHS = 1 << 14
 
 
 def expect_custom_camera():
@@ -72,6 +77,7 @@ class LightFieldCamera:
             "keyframes (Object > Rigid Body > Bake To Keyframes)",
         )
         self._uid, self._objects, self._lights = scene.session_uid, list(objects), tuple(lights)
+        self._pace = None
 
     @property
     def lights(self):
@@ -104,19 +110,57 @@ class LightFieldCamera:
             How far the sum of the lights' fields is from the field of all, as a share of its
             largest value.
         """
-        tiles = _Tiles(len(points), angles)
+        return run(self.shoot_steps(points, angles, samples, seed, spread))
+
+    def shoot_steps(self, points, angles, samples, seed, spread=1.0, seconds=None):
+        """`shoot` as a generator of `Progress`, in paths, which returns what it does.
+
+        Parameters
+        ----------
+        seconds : float, optional
+            That a render should take; more where the scene's own preparation does. Results do not
+            depend on it. Default: all in one render.
+        """
+        tiles, bands = _Tiles(len(points), angles), []
+        source = shader_source(points, tiles.across, tiles.down, angles, spread)
+        row = tiles.across * tiles.columns * samples
+        paths = tiles.down * tiles.rows * row
+        pace = self._pace_of(seconds)
+        for part in pace.parts(0, paths, row):
+            band = slice(part.start // row, part.stop // row)
+            bands.append(self._render(source, tiles, band, samples, seed))
+            pace.worked()
+            yield Progress(_WHAT, part.stop, paths)
+        channels = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
+        return self._result(points, tiles, channels)
+
+    def _pace_of(self, seconds):
+        """How much is rendered at once: what one shot has shown holds for the next."""
+        if seconds is None:
+            return Pace()
+        if self._pace is None:
+            self._pace = DearPace(seconds, _FIRST_PATHS)
+        return self._pace
+
+    def _render(self, source, tiles, band, samples, seed):
+        """Channels of a band of a picture's rows, counted from the top."""
         with ExitStack() as stack:
             scene = scene_of(self._uid)
-            copy, idle, groups = self._open(stack, scene, samples, seed)
+            copy, idle = self._open(stack, scene, samples, seed)
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="prt-field-"))
             # A change of the camera's shader asks the engine of the scene it is made in for more.
             with bpy.context.temp_override(scene=idle, view_layer=idle.view_layers[0]):
-                self._add_camera(stack, copy, Path(folder), points, tiles, spread)
-            channels = render_channels(copy, idle, _WHAT)
+                self._add_camera(stack, copy, _compiled(Path(folder), source))
+            _show_band(copy.render, tiles, band)
+            return render_channels(copy, idle, _WHAT)
+
+    def _result(self, points, tiles, channels):
+        """What `shoot` returns, of the channels of a whole picture."""
         whole = tiles.read(channels, "Combined", "RGB")
         missed = _missed(points, tiles.read(channels, "Position", "XYZ"))
-        if groups:
-            parts = [tiles.read(channels, f"Combined_{name}", "RGB") for name in groups]
+        if self._lights:
+            names = group_names(self._lights)
+            parts = [tiles.read(channels, f"Combined_{name}", "RGB") for name in names]
             radiance = np.stack(parts)
             scale = max(float(np.abs(whole).max(initial=0)), 1e-30)
             apart = float(np.abs(radiance.sum(axis=0) - whole).max(initial=0)) / scale
@@ -150,7 +194,7 @@ class LightFieldCamera:
         return np.stack([tiles.tables(picture) for picture in np.maximum(clean, 0)])
 
     def _open(self, stack, scene, samples, seed):
-        """The copy that is rendered, an idle scene, and the names of the groups of the lights."""
+        """The copy that is rendered, and an idle scene."""
         stack.enter_context(same_images())
         stack.enter_context(originals_render(scene))
         every = objects_by_place()
@@ -166,10 +210,10 @@ class LightFieldCamera:
         copy.render.film_transparent = False
         # Also of what is transparent the first surface is meant.
         copy.view_layers[0].pass_alpha_threshold = 0
-        groups = stack.enter_context(grouped_lights(copy, self._lights))
-        return copy, idle, groups
+        stack.enter_context(grouped_lights(copy, self._lights))
+        return copy, idle
 
-    def _add_camera(self, stack, copy, folder, points, tiles, spread):
+    def _add_camera(self, stack, copy, shader):
         data = bpy.data.cameras.new("prt light field")
         made = [data]
         stack.callback(remove_blocks, made)
@@ -181,10 +225,19 @@ class LightFieldCamera:
         copy.camera = item
         data.clip_start, data.clip_end = _NEAR, _FAR
         data.type, data.custom_mode = "CUSTOM", "EXTERNAL"
-        grid = tiles.across, tiles.down, (tiles.rows, tiles.columns)
-        data.custom_filepath = str(_compiled(folder, shader_source(points, *grid, spread)))
-        copy.render.resolution_x = tiles.across * tiles.columns
-        copy.render.resolution_y = tiles.down * tiles.rows
+        data.custom_filepath = str(shader)
+
+
+def _show_band(render, tiles, band):
+    """Have a picture of tiles rendered, or a band of its rows."""
+    width, height = tiles.across * tiles.columns, tiles.down * tiles.rows
+    render.resolution_x, render.resolution_y = width, height
+    if band.stop - band.start < height:
+        render.use_border = render.use_crop_to_border = True
+        render.border_min_x, render.border_max_x = 0.0, 1.0
+        # From below, and rounded down to whole pixels.
+        render.border_min_y = (height - band.stop + 0.5) / height
+        render.border_max_y = min((height - band.start + 0.5) / height, 1.0)
 
 
 def _without_previews(stack, scene):

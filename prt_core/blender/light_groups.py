@@ -98,23 +98,24 @@ def _is_black(world):
     return dark or (not colour.is_linked and not any(colour.default_value[:3]))
 
 
+def group_names(lights):
+    """The name of the group of each of some lights."""
+    return [f"prt{number}" for number in range(len(lights))]
+
+
 @contextmanager
 def grouped_lights(scene, lights):
     """While it lasts, each light is in a group of its own of the scene's one view layer.
+
+    The groups are called as `group_names` says.
 
     Parameters
     ----------
     scene : bpy.types.Scene
         A copy; the lights' own groups are put back.
     lights : sequence of Light
-
-    Yields
-    ------
-    list of str
-        Names of the groups.
     """
-    layer = scene.view_layers[0]
-    groups = [f"prt{number}" for number in range(len(lights))]
+    layer, groups = scene.view_layers[0], group_names(lights)
     with ExitStack() as stack:
         with bpy.context.temp_override(scene=scene, view_layer=layer):
             while len(layer.lightgroups):
@@ -127,4 +128,4 @@ def grouped_lights(scene, lights):
             owner = by_uid(owners, light.uid)
             expect(owner is not None, f"light '{light.name}': was removed meanwhile")
             stack.enter_context(switched(owner, "lightgroup", name))
-        yield groups
+        yield

@@ -87,6 +87,11 @@ def _add_compress(kinds):
     compress.add_argument(
         "--clusters", type=_clusters, default=1, help="auto: as many as make it smallest (1)"
     )
+    compress.add_argument(
+        "--peak", type=float,
+        help="radiance of the brightest lamp, from which decibels are counted (the largest of the "
+        "field; with --tolerance the white level)",
+    )  # fmt: skip
     compress.add_argument("--seed", type=int, default=0, help="of random numbers (0)")
     quiet_arguments(compress)
     compress.set_defaults(run=_compress)
@@ -103,7 +108,7 @@ def _clusters(text):
 def _compress(options):
     steps = compress_light_field_steps(
         options.field, options.method, options.psnr, options.megabytes, options.coefficients,
-        options.clusters, options.seed, options.tolerance,
+        options.clusters, options.seed, options.tolerance, options.peak,
     )  # fmt: skip
     with working(options.quiet or options.json) as bar:
         report = run(steps, bar)

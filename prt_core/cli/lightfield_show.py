@@ -5,7 +5,14 @@ import time
 import numpy as np
 
 from prt_core.bake.light_field_load import load_light_field
-from prt_core.bake.light_field_view import camera_at, field_picture, field_toward, view_of
+from prt_core.bake.light_field_view import (
+    GREY,
+    camera_at,
+    field_picture,
+    field_toward,
+    uncaptured,
+    view_of,
+)
 from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import caster_argument, size
 from prt_core.errors import PRTError, expect
@@ -17,6 +24,8 @@ from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
 
 _CAMERA = "camera"
+# Objects that are named of those without a field.
+_NAMED = 5
 
 
 def add_show(kinds):
@@ -65,11 +74,17 @@ def _show(options):
     spent = time.perf_counter() - begun
     caster = field.scene.make_caster(options.caster, "camera")
     try:
-        picture = field_picture(field, radiance, camera, caster, width, height)
+        # As grey at any exposure.
+        grey = GREY / 2.0**options.exposure
+        picture = field_picture(field, radiance, camera, caster, width, height, grey)
     finally:
         caster.close()
     write_png(output, to_srgb(picture, options.exposure))
     print(f"{output}: {len(field):,} points towards the view in {1e3 * spent:.0f} ms, {used}")
+    names = uncaptured(field)
+    if names:
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        print(f"not captured, drawn in grey: {', '.join(names[:_NAMED])}{more}")
     return 0
 
 

@@ -66,7 +66,7 @@ class CameraRays:
             back = (self.directions[hit] * scene.triangle_normals[face]).sum(axis=1) > 0
             self.points[hit], self.weights[hit] = scene.hit_points(face, barycentric[hit], back)
 
-    def picture(self, radiance, background=None):
+    def picture(self, radiance, background=None, pointless=0.0):
         """The view under one light.
 
         Parameters
@@ -74,16 +74,19 @@ class CameraRays:
         radiance : (n_points, 3) float32
         background : callable((m, 3) directions) -> (m, 3), optional
             What the sky looks like; default black.
+        pointless : float
+            What surfaces without points look like, in each channel: sides that return no light.
 
         Returns
         -------
         (height, width, 3) float32
-            Linear. Sides that return no light are black.
+            Linear.
         """
         shape = len(self._scene.points), 3
         radiance = expect_array("radiance", radiance, shape, np.float32, -_MOST, _MOST)
         lit = self.points[:, 0] >= 0
         image = np.zeros((len(self.hit), 3), np.float32)
+        image[self.hit & ~lit] = pointless
         image[lit] = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
         if background is not None:
             image[self._sky] = background(self.directions[self._sky])

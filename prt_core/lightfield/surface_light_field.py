@@ -256,9 +256,8 @@ class SurfaceLightField(Parameters):
 
     @property
     def coded_nbytes(self):
-        """Bytes of the same, entropy-coded: `data` of `state`, and the text that describes it."""
-        data, *said = self._data()
-        return len(data) + len(json.dumps(said))
+        """Bytes of the same, entropy-coded: see `coded_nbytes_of`."""
+        return coded_nbytes_of(self.state())
 
     def state(self):
         """Everything that `from_state` needs: a dict of arrays and of values that JSON knows.
@@ -370,6 +369,11 @@ class SurfaceLightField(Parameters):
             hasattr(self, "compressors_"),
             "SurfaceLightField: holds nothing yet; call fit(radiance, frames) first",
         )
+
+
+def coded_nbytes_of(state):
+    """Bytes of a field's `state`: its `data`, and the text that describes them."""
+    return len(state["data"]) + len(json.dumps([state["index"], state["compressors"]]))
 
 
 def _decoded(model, points):

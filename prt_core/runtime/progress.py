@@ -60,10 +60,11 @@ class Pace:
     def __init__(self, seconds=None, first=16):
         self.seconds, self._units, self._fewest = seconds, float(first), float(first)
 
-    def parts(self, start, stop):
-        """Slices from `start` to `stop`."""
+    def parts(self, start, stop, whole=1):
+        """Slices from `start` to `stop`, of whole groups of `whole` units."""
         while start < stop:
-            count = stop - start if self.seconds is None else max(1, int(self._units))
+            groups = max(1, int(self._units) // whole)
+            count = stop - start if self.seconds is None else groups * whole
             end = min(start + count, stop)
             self._began, self._count = time.perf_counter(), end - start
             yield slice(start, end)
@@ -75,3 +76,29 @@ class Pace:
             spent = time.perf_counter() - self._began if spent is None else spent
             wanted = self._count * self.seconds / max(spent, 1e-6)
             self._units = max(min(max(wanted, self._units / 4), self._units * 2), self._fewest)
+
+
+class DearPace(Pace):
+    """A pace of calls that each take a while however little they do, such as renders.
+
+    What the quickest one took is what each costs. Work has the rest of the seconds, and at least
+    as long as that: no more than half of the time goes into what the calls cost.
+
+    Parameters
+    ----------
+    seconds : float
+        Of a step.
+    first : int
+        Units of the first step, and the fewest of any but the last.
+    """
+
+    def __init__(self, seconds, first):
+        super().__init__(seconds, first)
+        self._asked, self._least = seconds, float("inf")
+
+    def worked(self, spent=None):
+        """See `Pace.worked`."""
+        spent = time.perf_counter() - self._began if spent is None else spent
+        self._least = min(self._least, spent)
+        self.seconds = max(self._asked - self._least, self._least)
+        super().worked(spent - self._least)

@@ -367,7 +367,7 @@ class Counting(work.LongWork):
 
 @pytest.fixture
 def window(monkeypatch):
-    monkeypatch.setattr(work, "_has_window", lambda context: True)
+    monkeypatch.setattr(work, "has_window", lambda context: True)
     return SimpleNamespace(window=None, window_manager=FakeManager())
 
 

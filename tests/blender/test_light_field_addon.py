@@ -1,19 +1,23 @@
 """Light fields in the add-on without a window: against the API, beside a bake, and given back."""
 
+import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon import field_list, light_fields, preview, viewport, work
+from blender_addon import field_list, field_operators, light_fields, preview, viewport, work
 from prt_core.api import light_field
 from prt_core.bake.light_field_compress import compress_light_field_steps
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_view import field_toward
 from prt_core.bake.light_field_viewer import FieldViewer
 from prt_core.blender.realised import holds
+from prt_core.lightfield.methods import METHODS
 from prt_core.runtime.progress import run
+from prt_core.store import BakeStore, compressed_attributes, read_compressed
 from prt_core.transport import View
 from tests.blender.conftest import colours_on
 
@@ -355,6 +359,94 @@ def test_the_compressed_form_is_shown_where_it_is_asked_for(scene):
     scene.prt.field.use_compressed = False
     scene.frame_set(2)
     np.testing.assert_array_equal(colours_on("ball", FIELD), exact)
+
+
+def form_of(path):
+    """Attributes of a compressed form but its seconds, and its bytes."""
+    store = BakeStore(path)
+    attributes = compressed_attributes(store)
+    state = read_compressed(store, attributes)
+    return {k: v for k, v in attributes.items() if k not in ("seconds", "folder")}, state["data"]
+
+
+@needs_camera
+def test_compress_is_the_api_and_shows_its_form(scene, tmp_path):
+    assert "Bake a light field, or load one, first" in why_not("light_field_compress")
+    bpy.ops.prt.light_field_bake()
+    path, exact = field_list.output_path(scene), colours_on("ball", FIELD)
+    shutil.copytree(path, tmp_path / "api.slf")
+    scene.prt.field.use_compressed = False
+    asked = {"method": "haar", "goal": "ERROR", "tolerance": 0.08}
+    assert bpy.ops.prt.light_field_compress(**asked) == {"FINISHED"}
+    report = run(
+        compress_light_field_steps(tmp_path / "api.slf", "haar", tolerance=float(np.float32(0.08)))
+    )
+    (ours, our_data), (theirs, their_data) = form_of(path), form_of(tmp_path / "api.slf")
+    assert ours == theirs and our_data.tobytes() == their_data.tobytes()
+    assert 0.02 < ours["error"] <= 0.08 and f"error {report['error']:.2%}" in work.status().message
+    slow, used = field_toward(load_light_field(path), viewport.view_of(scene))
+    (ball,) = [o for o in light_fields.held(scene).field.scene.objects if o.name == "ball"]
+    shown = colours_on("ball", FIELD)
+    assert used == "compressed" and np.abs(shown - exact).max() > 1e-3 * exact.max()
+    np.testing.assert_allclose(shown, slow[ball.corner_point], rtol=1e-3, atol=1e-4 * slow.max())
+    (listed,) = work.status().fields
+    assert listed.compressed.startswith("haar, ")
+    # Another takes its place; what is asked for is kept.
+    megabytes = 0.6 * ours["coded_nbytes"] / 1e6
+    bpy.ops.prt.light_field_compress(method="haar", goal="SIZE", megabytes=megabytes)
+    smaller, _ = form_of(path)
+    assert smaller["coded_nbytes"] <= 1e6 * megabytes and smaller["error"] > ours["error"]
+    assert bpy.ops.prt.light_field_compress(method="none") == {"FINISHED"}
+    assert compressed_attributes(BakeStore(path)) is None and not work.status().fields[0].compressed
+    np.testing.assert_array_equal(colours_on("ball", FIELD), exact)
+
+
+def test_the_methods_of_the_dialog_are_those_there_are():
+    items = bpy.ops.prt.light_field_compress.get_rna_type().properties["method"].enum_items
+    assert items.keys() == [*METHODS, "none"]
+
+
+class Compressing(work.LongWork):
+    """The operator's work without Blender's operator around it, as a window drives it."""
+
+    kind = field_operators.PRT_OT_light_field_compress
+    title, when_stopped = kind.title, kind.when_stopped
+    steps, finish = kind.steps, kind.finish
+    method, goal, tolerance = "ceob:n_pairs=2", "ERROR", 0.03
+
+    def report(self, *_):
+        pass
+
+
+@needs_camera
+def test_compression_leaves_the_window_free_and_can_be_stopped(scene, monkeypatch):
+    bpy.ops.prt.light_field_bake()
+    path = field_list.output_path(scene)
+    run(compress_light_field_steps(path, "haar", tolerance=0.1))
+    before = form_of(path)[0]
+    monkeypatch.setattr(work, "has_window", lambda context: True)
+    manager = SimpleNamespace(
+        event_timer_add=lambda *_, **__: None, modal_handler_add=lambda _: None
+    )
+    window = SimpleNamespace(scene=scene, window=None, window_manager=manager)
+
+    def event(kind, value="NOTHING"):
+        return SimpleNamespace(type=kind, value=value)
+
+    operator, stages = Compressing(), set()
+    assert operator.invoke(window, None) == {"RUNNING_MODAL"}
+    assert "Compress is under way" in why_not("light_field_compress", method="haar")
+    assert operator.modal(window, event("ESC", "PRESS")) == {"CANCELLED"}
+    assert form_of(path)[0] == before and not work.status().running
+    assert work.status().message == "Compress stopped; what there was is as before"
+    operator.invoke(window, None)
+    while (turned := operator.modal(window, event("TIMER"))) == {"RUNNING_MODAL"}:
+        stages.add(work.status().stage)
+    assert turned == {"FINISHED"} and len(work.turns) > 3 and stages
+    held = [seconds for seconds, stage in work.turns if stage != "end"]
+    assert max(held) < 0.5, work.turns
+    assert form_of(path)[0]["method"] == "ceob:n_pairs=2"
+    assert light_fields.held(scene).has_compressed
 
 
 @needs_camera

@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 
 from prt_core import bake
 from prt_core.api import light_field
-from prt_core.bake.light_field import points_of
+from prt_core.api.light_field import light_field_steps
+from prt_core.bake.light_field import LightFieldSettings, points_of
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 from prt_core.blender.light_field_shader import GRAZING
@@ -296,6 +297,40 @@ def test_a_kill_while_cycles_renders_goes_on_bit_by_bit(tmp_path):
     assert one.radiance[...].tobytes() == two.radiance[...].tobytes()
 
 
+@needs_camera
+@pytest.mark.parametrize("pattern", ["TABULATED_SOBOL", "AUTOMATIC"])
+def test_short_renders_give_the_bits_of_long_ones_and_leave_nothing_between(
+    tmp_path, monkeypatch, pattern
+):
+    material(ball(segments=17), "BsdfGlossy", Roughness=0.3)
+    sky(), lamp("lamp", (0, 0, 3))
+    bpy.context.scene.cycles.sampling_pattern = pattern
+    capture = sys.modules["prt_core.bake.light_field"]
+    monkeypatch.setattr(capture, "_PATHS", 15 * 4 * 40)
+    settings = LightFieldSettings(ANGLES, 4)
+    more = {"hidden": 0, "lamps": True, "objects": ["ball"]}
+    run(light_field_steps(None, tmp_path / "a.slf", settings, **more))
+    monkeypatch.setattr("prt_core.blender.light_field_camera._FIRST_PATHS", 15 * 4 * 10)
+    monkeypatch.setattr("prt_core.runtime.progress.DearPace.worked", lambda self: None)
+    before, done = state_of_file(), []
+    stopped = light_field_steps(None, tmp_path / "b.slf", settings, **more, pace=0.01)
+    for step in stopped:
+        if step.stage == "light field" and step.done > 50:
+            break  # in the midst of the second block
+    stopped.close()
+    assert state_of_file() == before
+    for step in light_field_steps(None, tmp_path / "b.slf", settings, **more, pace=0.01):
+        assert state_of_file() == before
+        if step.stage == "light field":
+            done.append(step.done / step.total)
+    one, two = (load_light_field(tmp_path / f"{name}.slf") for name in "ab")
+    assert one.lights == two.lights == ("lamp", "world") and one.radiance.chunks[1] == 40
+    assert one.radiance[...].tobytes() == two.radiance[...].tobytes()
+    assert one.radiance[...].max() > 0
+    # Several renders of a block; the first of two was there.
+    assert done == sorted(done) and len(set(done)) > 4 and done[-1] == 1
+
+
 @pytest.mark.skipif(NEW, reason="of Blender before 4.5")
 def test_an_older_blender_says_what_to_do(tmp_path):
     material(ball(), "Emission")
@@ -311,7 +346,15 @@ def test_denoised_light_is_nearer_the_truth_and_lamps_stay_apart():
     bpy.context.scene.cycles.max_bounces = 0
     points, camera, (noisy, _, _) = shot(["ball"], (8, 7), samples=2, lamps=True)
     truth = camera.shoot(points, (8, 7), 512, 5)[0]
+    before, cycles = state_of_file(), bpy.context.scene.cycles
     clean = camera.denoise(noisy, points, 2)
+    assert state_of_file() == before
+    # However the user's renders are denoised.
+    cycles.denoising_prefilter, cycles.denoising_input_passes = "FAST", "RGB"
+    np.testing.assert_array_equal(camera.denoise(noisy, points, 2), clean)
+    # And whether the lights are denoised together or one after the other.
+    alone = [camera.denoise(each[None], points, 2)[0] for each in noisy]
+    np.testing.assert_array_equal(np.stack(alone), clean)
     assert clean.shape == noisy.shape and (clean >= 0).all()
     for before, after, right in zip(noisy, clean, truth, strict=True):
         assert np.linalg.norm(after - right) < 0.7 * np.linalg.norm(before - right)

@@ -164,7 +164,7 @@ def test_another_file_ends_a_bake_that_is_under_way(floor_scene, monkeypatch, tm
             finally:
                 closed.append(True)
 
-    monkeypatch.setattr(work, "_has_window", lambda context: True)
+    monkeypatch.setattr(work, "has_window", lambda context: True)
     manager = SimpleNamespace(
         event_timer_add=lambda *_, **__: object(), event_timer_remove=lambda *_: None,
         modal_handler_add=lambda *_: None,
@@ -319,7 +319,7 @@ class Failing(work.LongWork):
 @pytest.mark.parametrize("where", ["steps", "close", "finish"])
 @pytest.mark.parametrize("error", [PRTError("gone"), FileNotFoundError("gone"), KeyError("gone")])
 def test_no_failure_blocks_the_button(monkeypatch, where, error):
-    monkeypatch.setattr(work, "_has_window", lambda context: True)
+    monkeypatch.setattr(work, "has_window", lambda context: True)
     removed = []
     manager = SimpleNamespace(
         event_timer_add=lambda *_, **__: "timer", event_timer_remove=removed.append,

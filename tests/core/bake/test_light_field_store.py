@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, Lamp, bake_steps, light_field, load, relight_points, run
+from prt_core.bake.field_denoise import denoise_steps
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_load import load_light_field
 from prt_core.bake.light_field_transport import TransportCamera
 from prt_core.errors import PRTError
+from prt_core.runtime.progress import Progress
 from prt_core.scene import Scene
 from prt_core.store import BakeStore
 from tests.meshes import plane, sphere
@@ -35,7 +37,7 @@ class Arithmetic:
 
     def __init__(self, lights=(), noise=0.0, missed=0.0, dark=False, colour=1.0, stop_at=None):
         self.lights, self.noise, self.missed, self.dark = lights, noise, missed, dark
-        self.colour, self.stop_at, self.shots = colour, stop_at, 0
+        self.colour, self.stop_at, self.shots, self.denoised = colour, stop_at, 0, 0
 
     def shoot(self, points, angles, samples, seed):
         if self.shots == self.stop_at:
@@ -54,9 +56,11 @@ class Arithmetic:
         return np.stack(parts).astype(np.float32), missed, 1e-7
 
     def denoise(self, radiance, points, samples):
-        """The first light keeps its energy, the others lose some."""
-        factors = np.where(np.arange(len(radiance)) == 0, 1.005, 0.9)
-        return (radiance * factors[:, None, None, None, None]).astype(np.float32)
+        """Of the lights, which come one after the other, the first alone keeps its energy."""
+        assert len(radiance) == 1
+        first = self.denoised % max(len(self.lights), 1) == 0
+        self.denoised += 1
+        return (radiance * (1.005 if first else 0.9)).astype(np.float32)
 
 
 def capture(path, camera=None, settings=SETTINGS, **more):
@@ -153,6 +157,24 @@ def test_samples_rise_until_two_seeds_agree(tmp_path):
         tmp_path / "b.slf", Arithmetic(noise=0.5), LightFieldSettings(ANGLES, samples=4)
     )
     assert given["noise"] == pytest.approx(0.25, rel=0.3) and given["tolerance_met"] is None
+
+
+def test_the_denoiser_gets_a_light_and_some_points_at_a_time(monkeypatch):
+    monkeypatch.setattr(sys.modules["prt_core.bake.field_denoise"], "_PIXELS", 31)
+    radiance = np.random.default_rng(3).random((2, 7, *ANGLES, 3)).astype(np.float32)
+    asked, points = [], np.arange(7)
+
+    class Halving:
+        def denoise(self, noisy, some, samples):
+            asked.append((some.tolist(), samples))
+            assert (noisy[0] == radiance[int(len(asked) > 4), some]).all()
+            return noisy / 2
+
+    done = Progress("light field", 3, 9)
+    steps = denoise_steps(Halving(), radiance, points, 5, done)
+    clean = run(steps, lambda progress: asked.append(progress) if progress != done else None)
+    assert asked == 2 * [([0, 1], 5), ([2, 3], 5), ([4, 5], 5), ([6], 5)]
+    assert (clean == radiance / 2).all()
 
 
 def test_only_denoised_light_that_keeps_its_energy_is_taken(tmp_path):

@@ -11,7 +11,14 @@ from prt_core.bake.light_field_compress import (
     white_level,
 )
 from prt_core.bake.light_field_load import load_light_field
-from prt_core.bake.light_field_view import camera_at, field_picture, field_toward, view_of
+from prt_core.bake.light_field_view import (
+    GREY,
+    camera_at,
+    field_picture,
+    field_toward,
+    uncaptured,
+    view_of,
+)
 from prt_core.cli import main
 from prt_core.errors import PRTError
 from prt_core.lightfield.hrdf import HRDFLayout
@@ -78,7 +85,13 @@ def test_pictures_show_the_field_from_the_camera_and_from_any_place(ball):
         radiance, _ = field_toward(ball, view_of(camera))
         picture = field_picture(ball, radiance, camera, caster, 37, 23)
         assert picture.shape == (23, 37, 3)
-        shown = picture.sum(axis=2) > 0
+        # The plane was not captured: as grey as is asked for, under the ball and beside it.
+        bare = field_picture(ball, radiance, camera, caster, 37, 23, grey=0.0)
+        shown = bare.sum(axis=2) > 0
+        beside = ~shown & (picture.sum(axis=2) > 0)
+        whole = (picture[beside] == np.float32(GREY)).all(axis=1)
+        assert whole.sum() > 20 and (picture[beside] <= np.float32(GREY)).all()
+        assert (picture[11, 18] == bare[11, 18]).all() and (picture >= bare).all()
         assert 0.05 < shown.mean() < 0.95 and not shown[0].any()
         middle = picture[11, 18]
         way = camera.position - [0.1, 0, 0.2]
@@ -105,7 +118,7 @@ def test_a_grid_shows_its_texels_between_the_vertices(tmp_path):
     truth = radiance_of(np.array([x, 0, 0]), way / np.linalg.norm(way))
     assert np.allclose(picture[row, column], truth, rtol=0.03)
     # The ball has no points of the field.
-    assert not picture[20, 20].any()
+    assert (picture[20, 20] == np.float32(GREY)).all() and uncaptured(field) == ["sphere"]
 
 
 def test_the_compressed_form_is_near_and_is_used(ball):
@@ -156,6 +169,7 @@ def test_the_command_shows_and_compresses(ball, tmp_path, capsys):
     assert main(["lightfield", "show", field, *small, "--view=1,-2,1", "--lamps", "*=0"]) == 0
     assert main(["lightfield", "info", field]) == 0
     lines = capsys.readouterr().out
+    assert lines.count("not captured, drawn in grey: plane\n") == 2
     assert "dB below a peak" in lines and ", compressed" in lines and "compressed:" in lines
     assert main(["lightfield", "compress", field, "--method", "none"]) == 0
     assert "holds no compressed form" in capsys.readouterr().out

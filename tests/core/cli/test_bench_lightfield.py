@@ -73,6 +73,34 @@ def test_methods_are_measured_and_reported(path, tmp_path, capfd):
     assert "ball" in page and "ceob:n_pairs=2" in page
 
 
+def test_compress_counts_decibels_from_the_same_peak(path, tmp_path, capfd):
+    bench = ["bench", "lightfield", str(path), "-o", str(tmp_path / "r"), "--methods", "haar"]
+    assert main([*bench, "--coefficients", "11", "--psnr", "30", "--peak", "7", "--json"]) == 0
+    rows = json.loads(capfd.readouterr().out)
+
+    def compress(*words):
+        line = ["lightfield", "compress", str(path), "--method", "haar", *words, "--json"]
+        assert main(line) == 0
+        return json.loads(capfd.readouterr().out)
+
+    for row, words in zip(rows, (["--coefficients", "11"], ["--psnr", "30"]), strict=True):
+        form = compress(*words, "--peak", "7")
+        assert form["psnr"] == pytest.approx(row["psnr"]) and form["peak"] == row["peak"] == 7
+        assert form["coded_nbytes"] == row["coded_bytes"] and form["settings"]["peak"] == 7
+    # The largest of the field is some 4: decibels below a higher peak leave a larger error.
+    assert compress("--psnr", "30")["error"] < 0.8 * form["error"]
+    # An error as a share of white is what it is, from wherever decibels are counted.
+    plain, counted = compress(), compress("--peak", "7")
+    assert plain["coded_nbytes"] == counted["coded_nbytes"] and plain["peak"] == plain["white"]
+    apart = 20 * np.log10(7 / plain["white"])
+    assert counted["psnr"] - plain["psnr"] == pytest.approx(apart, abs=1e-6)
+    assert main(["lightfield", "compress", str(path), "--peak", "0"]) == 2
+    assert main(["lightfield", "compress", str(path), "--method", "none", "--peak", "3"]) == 2
+    errors = capfd.readouterr().err.splitlines()
+    assert len(errors) == 2 and "peak: expected" in errors[0] and "it takes no PSNR" in errors[1]
+    assert main(["lightfield", "compress", str(path), "--method", "none"]) == 0
+
+
 def test_the_table_has_a_line_a_row(path, tmp_path, capfd):
     line = ["bench", "lightfield", str(path), "-o", str(tmp_path / "r"), "--methods", "dct",
             "--coefficients", "3", "--psnr", "190"]  # fmt: skip

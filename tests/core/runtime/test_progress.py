@@ -6,7 +6,7 @@ import time
 import pytest
 
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
-from prt_core.runtime.progress import Pace, Progress, run
+from prt_core.runtime.progress import DearPace, Pace, Progress, run
 
 
 def test_a_dear_call_is_not_cut_ever_smaller():
@@ -27,6 +27,27 @@ def test_parts_cover_everything_once_and_grow_while_they_are_quick():
         pace.worked()
     assert ends[-1] == 1000 and len(ends) < 12
     assert [part for part in Pace().parts(3, 9)] == [slice(3, 9)]
+
+
+def test_parts_are_of_whole_groups():
+    pace = Pace(10.0, 20)
+    parts = []
+    for part in pace.parts(0, 70, 7):
+        parts.append(part)
+        pace.worked(10.0 * (part.stop - part.start) / 20)
+    assert parts == [slice(n, n + 14) for n in range(0, 70, 14)]
+    assert list(Pace(1.0, 3).parts(0, 20, 10)) == [slice(0, 10), slice(10, 20)]
+
+
+@pytest.mark.parametrize(("each", "low", "high"), [(0.1, 0.9, 1.1), (0.7, 1.6, 1.9), (3, 5, 6.6)])
+def test_calls_that_cost_much_themselves_do_at_least_as_much_work(each, low, high):
+    """Seconds of a call: what each costs, and 5 microseconds a path."""
+    pace, spent = DearPace(1.0, 1 << 14), []
+    for part in pace.parts(0, 1 << 24, 1 << 9):
+        # The first call is slow: what it needs is read from the disk.
+        spent.append(each + 5e-6 * (part.stop - part.start) + (not spent))
+        pace.worked(spent[-1])
+    assert max(spent[1:]) < high and min(spent[10:-1]) > low
 
 
 def steps(ended, calls=None, n=200, fails=False):

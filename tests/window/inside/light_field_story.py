@@ -1,4 +1,4 @@
-"""A light field by real clicks: loaded, orbited, its lamps dimmed, beside a bake, and given back.
+"""A light field by real clicks: loaded, orbited, dimmed, beside a bake, compressed, given back.
 
 Then one is captured: where Blender has no cameras that are shaders, that of the bake.
 """
@@ -28,7 +28,7 @@ def story(hand, report):
     yield from to_field_panel(hand)
     hand.picture("field 1 panel")
     report["steps"], report["beside"] = {}, {}
-    for step in (load, orbit, dim, beside, undo, reload_file, restore, capture):
+    for step in (load, orbit, dim, beside, undo, reload_file, compress, restore, capture):
         yield from step(hand, report)
 
 
@@ -185,6 +185,22 @@ def reload_file(hand, report):
     bpy.ops.wm.revert_mainfile()
     yield 0.5
     yield from compare(hand, report, "reloaded")
+
+
+def compress(hand, report):
+    """By its button, whose dialog is confirmed; the colours are then those of that form."""
+    manager = bpy.context.window_manager
+    chosen = manager.operator_properties_last("prt.light_field_compress")
+    chosen.method, chosen.tolerance = "haar", 0.01
+    yield from hand.click("prt.light_field_compress", at=0.3)
+    yield 1.0
+    hand.picture("field compress dialog")
+    yield from hand.key("RET")
+    yield Until("the work has begun", lambda: status().running, 20)
+    yield Until("it is compressed", lambda: not status().running, 300)
+    report["held"] = max(part("work").turns)
+    yield from compare(hand, report, "compressed")
+    report["form"] = status().message, part("light_fields").held().has_compressed
 
 
 def restore(hand, report):

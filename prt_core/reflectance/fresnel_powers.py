@@ -9,7 +9,14 @@ from functools import lru_cache
 import numpy as np
 
 from prt_core.errors import PRTError
-from prt_core.reflectance.fresnel import Constant, Dielectric, F82Tint, RealSchlick, dielectric, f0_of_ior
+from prt_core.reflectance.fresnel import (
+    Constant,
+    Dielectric,
+    F82Tint,
+    RealSchlick,
+    dielectric,
+    f0_of_ior,
+)
 
 N_POWERS = 4
 # Steps of the index of refraction between which curves are taken to be the same.

@@ -271,36 +271,19 @@ class PrincipledLobes:
 
     def _sum(self, incoming, outgoing, names):
         incoming, outgoing = self._fitting(incoming, outgoing)
-<<<<<<< HEAD
-        result = np.zeros((*self._axes(incoming, outgoing), 3), incoming.dtype)
-=======
         planes = np.zeros((3, *self._axes(incoming, outgoing)), incoming.dtype)
-        below = None
->>>>>>> reflectance
         for lobe in self.lobes:
             if lobe.name not in names:
                 continue
             value = lobe.reflectance.eval(*_of(lobe.rows, incoming, outgoing))
-<<<<<<< HEAD
-            value = value * lobe.weight.astype(value.dtype)
             if lobe.name == "diffuse":
-                value = value * self.diffuse_weight(outgoing)[lobe.rows]
+                scale = lobe.weight * self.diffuse_weight(outgoing)[lobe.rows]
             else:
-                value = value * self.reaching(lobe, outgoing)
-            result[lobe.rows] += value
-        return result
-=======
-            scale = lobe.weight
-            if lobe.name in ("metal", "dielectric"):
-                below = self._below_coat(outgoing) if below is None else below
-                scale = scale * _of(lobe.rows, below)[0]
-            elif lobe.name == "diffuse":
-                scale = scale * self.diffuse_weight(outgoing)[lobe.rows]
+                scale = lobe.weight * self.reaching(lobe, outgoing)
             scale = scale.astype(value.dtype, copy=False)
             for k, plane in enumerate(planes):
                 plane[lobe.rows] += channel_of(value, k) * channel_of(scale, k)
         return np.moveaxis(planes, 0, -1)
->>>>>>> reflectance
 
     def _through(self, outgoing):
         """What reaches the diffuse lobe: (n, m, 3), or with 1 for n where there are no layers."""

@@ -49,9 +49,7 @@ class ViewFactors:
                 table = np.ones((len(first), _N, 3), np.float32)
                 table[lobe.rows] = factor
                 self._tables[lobe.name] = table
-        self._tables["diffuse"] = np.ascontiguousarray(
-            lobes.diffuse_weight(view), np.float32
-        )
+        self._tables["diffuse"] = np.ascontiguousarray(lobes.diffuse_weight(view), np.float32)
 
     def at(self, rows, cosine):
         """The factors of points towards a view.

@@ -186,7 +186,8 @@ class IncomingField:
     @property
     def nbytes(self):
         """Of the arrays."""
-        return self.values.nbytes + self.coarse.nbytes + self._patterns.nbytes + self.reflections.nbytes
+        own = self.values.nbytes + self.coarse.nbytes + self._patterns.nbytes
+        return own + self.reflections.nbytes
 
 
 def bright_texels(light, blocks):

@@ -172,6 +172,7 @@ def _means(light, cube_map, side):
     angles = cube_map.solid_angles[:, None]
 
     def sums(values):
-        return values.reshape(6, side, step, side, step, -1).sum(axis=(2, 4)).reshape(6 * side**2, -1)
+        parts = values.reshape(6, side, step, side, step, -1)
+        return parts.sum(axis=(2, 4)).reshape(6 * side**2, -1)
 
     return sums(light * angles) / sums(angles)

@@ -176,9 +176,7 @@ def _one_of(patterns, n_texels, rng):
 
 def _ends(caster, sharing, starts, directions, pick):
     """(m,) int32 bake points that rays end at, and how many short rays that took."""
-    batches = [
-        slice(first, first + caster.batch) for first in range(0, len(starts), caster.batch)
-    ]
+    batches = [slice(first, first + caster.batch) for first in range(0, len(starts), caster.batch)]
     if not batches:
         return np.zeros(0, np.int32), 0
     hits = Hits.joined([caster.intersect(starts[part], directions[part]) for part in batches])

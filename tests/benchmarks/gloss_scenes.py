@@ -141,9 +141,7 @@ def measured(name, light, samples, folder, levels=2, side=81, store=None):
     points = baked.scene.points
     outgoing = view.outgoing(baked.scene.to_world(points.positions))
     facing = np.einsum("nx,nx->n", outgoing, points.normals) > _FACING
-    facing = {
-        item.name: facing[item.corner_point] for item in baked.scene.objects if item.receives
-    }
+    facing = {item.name: facing[item.corner_point] for item in baked.scene.objects if item.receives}
     truths = [cycles_bake(seed, samples) for seed in (1, 2)]
     return compared(baked.colours(radiance), truths, facing), spent
 

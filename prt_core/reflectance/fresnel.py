@@ -155,7 +155,7 @@ class F82Tint:
 
         def channel(k):
             value = channel_of(f0, k) + channel_of(rest, k) * fifth
-            if not self._dip.any():
+            if not self.dip.any():
                 return value
             value = value - channel_of(dip, k) * sixth
             return np.minimum(np.maximum(value, 0), channel_of(weight, k))

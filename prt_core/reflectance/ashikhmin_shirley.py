@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.reflectance.arrays import (
     both_above,
     expect_both,
     expect_colour,
@@ -37,15 +37,22 @@ class AshikhminShirley:
         self.exponent_x = expect_parameter("exponent_x", exponent_x, 0)
         self.exponent_y = expect_parameter("exponent_y", exponent_y, 0)
         self.reflectance = expect_colour("reflectance", reflectance, 1)
+        # What has to fit the directions.
+        self._each = self.exponent_x, self.exponent_y, self.reflectance[..., 0]
 
     @property
     def n_channels(self):
         """Of the reflectance."""
         return self.reflectance.shape[-1]
 
+    @property
+    def roughness(self):
+        """(...) slider of a GGX lobe that is as wide near its peak, where it is narrowest."""
+        return (4 / (np.maximum(self.exponent_x, self.exponent_y) + 4)) ** 0.25
+
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, *self._each)
         x, y, f0 = in_type_of(incoming, self.exponent_x, self.exponent_y, self.reflectance)
         half, cosine = _half(incoming, outgoing)
         highest = np.maximum(incoming[..., 2], outgoing[..., 2])
@@ -58,7 +65,7 @@ class AshikhminShirley:
 
     def sample(self, outgoing, uv):
         """See `Reflectance.sample`; what falls below the horizon has no reflectance."""
-        outgoing, uv = expect_viewed(outgoing, uv)
+        outgoing, uv = expect_viewed(outgoing, uv, *self._each)
         return mirrored(outgoing, square_to_cosine_power(uv, self.exponent_x, self.exponent_y))
 
     def pdf(self, incoming, outgoing):
@@ -67,7 +74,7 @@ class AshikhminShirley:
         Half vectors are drawn whether the viewer sees them or not; those behind him mirror him to
         below the horizon, as others do.
         """
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, *self._each)
         half, cosine = _half(incoming, outgoing)
         # A half vector and its opposite give the same direction; one of them can be drawn.
         half = np.where(half[..., 2:] < 0, -half, half)
@@ -99,10 +106,10 @@ class AshikhminShirleyDiffuse:
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, self.albedo[..., 0])
         colour = 28 / (23 * np.pi) * self.albedo * (1 - self.reflectance)
         (colour,) = in_type_of(incoming, colour)
-        share = np.where(both_above(incoming, outgoing), incoming.dtype.type(1), 0)
+        share = both_above(incoming, outgoing).astype(incoming.dtype)
         for direction in (incoming, outgoing):
             share = share * (1 - (1 - np.clip(direction[..., 2], 0, 1) / 2) ** 5)
         return share[..., None] * colour

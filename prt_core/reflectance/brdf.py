@@ -12,7 +12,14 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_all, expect_numbers, expect_whole, shown
+from prt_core.errors import (
+    expect,
+    expect_all,
+    expect_kind,
+    expect_whole,
+    shown,
+)
+from prt_core.reflectance.arrays import expect_directions, expect_parameter, expect_square
 from prt_core.sphere import sobol_points, tangents
 
 # Numbers of directions that are worked on together.
@@ -74,6 +81,12 @@ class Sum:
             f"lobes: expected one number of channels, or 1, got {sorted(channels)}",
         )
 
+    @property
+    def roughness(self):
+        """Slider of the narrowest lobe that says it; 1 where none does."""
+        said = (getattr(lobe, "roughness", 1.0) for lobe in self.lobes)
+        return min(float(np.min(roughness)) for roughness in said)
+
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
         return sum(lobe.eval(incoming, outgoing) for lobe in self.lobes)
@@ -93,7 +106,9 @@ class Sum:
     def pdf(self, incoming, outgoing):
         """See `Reflectance.pdf`."""
         densities = (lobe.pdf(incoming, outgoing) for lobe in self.lobes)
-        return sum(share * density for share, density in zip(self.shares, densities, strict=True))
+        # Numbers of Python's own leave float32 what it is.
+        shares = self.shares.tolist()
+        return sum(share * density for share, density in zip(shares, densities, strict=True))
 
 
 def directional_albedo(reflectance, outgoing, power=12):
@@ -111,6 +126,7 @@ def directional_albedo(reflectance, outgoing, power=12):
     -------
     (..., n_channels) array
     """
+    expect_kind("reflectance", reflectance, Reflectance, "a BRDF")
     outgoing = expect_directions("outgoing", outgoing)
     n_samples = 2 ** expect_whole("power", power, 0, 20)
     uv = (sobol_points(power) + 0.5 / n_samples).astype(outgoing.dtype)
@@ -155,86 +171,3 @@ def local_frames(normals, tangent=None):
         y = np.where(there, across / np.where(there, length, 1), y)
         x = np.cross(y, z)
     return np.stack([x, y, z], axis=1)
-
-
-def expect_parameter(name, value, least=None, most=None):
-    """A parameter of a lobe: a number or an array of any shape, as float64, within bounds."""
-    array = np.asarray(expect_numbers(name, value), np.float64)
-    expect(np.isfinite(array).all(), f"{name}: expected finite numbers only, got {shown(value)}")
-    low, high = array.min(initial=np.inf), array.max(initial=-np.inf)
-    expect(least is None or low >= least, f"{name}: expected {least} or more, got {low:.4g}")
-    expect(most is None or high <= most, f"{name}: expected {most} or less, got {high:.4g}")
-    return array
-
-
-def expect_colour(name, value, most=None):
-    """A colour of a lobe: (..., n_channels) float64, 0 or more; a number has one channel."""
-    return np.atleast_1d(expect_parameter(name, value, 0, most))
-
-
-def expect_directions(name, value):
-    """(..., 3) of directions, float32 where they are, else float64."""
-    array = expect_numbers(name, value)
-    good = array.ndim > 0 and array.shape[-1] == 3
-    expect(good, f"{name}: expected directions of shape (..., 3), got {array.shape}")
-    return array if array.dtype == np.float32 else np.asarray(array, np.float64)
-
-
-def expect_square(uv):
-    """(..., 2) of numbers from 0 to 1, float32 where they are, else float64."""
-    array = expect_numbers("uv", uv)
-    good = array.ndim > 0 and array.shape[-1] == 2
-    expect(good, f"uv: expected numbers of shape (..., 2), got {array.shape}")
-    return array if array.dtype == np.float32 else np.asarray(array, np.float64)
-
-
-def expect_both(incoming, outgoing):
-    """Incoming and outgoing directions (..., 3) of one type, whose leading axes broadcast.
-
-    Raises
-    ------
-    PRTError
-        Wrong shapes.
-    """
-    incoming = expect_directions("incoming", incoming)
-    outgoing = expect_directions("outgoing", outgoing)
-    try:
-        np.broadcast_shapes(incoming.shape, outgoing.shape)
-    except ValueError as error:
-        raise PRTError(
-            f"incoming, outgoing: expected shapes that broadcast, got {incoming.shape} and "
-            f"{outgoing.shape}; give one of them an axis of length 1"
-        ) from error
-    kind = np.result_type(incoming, outgoing)
-    return incoming.astype(kind, copy=False), outgoing.astype(kind, copy=False)
-
-
-def expect_viewed(outgoing, uv):
-    """Outgoing directions (..., 3) and uv (..., 2) of one type, with the same leading axes."""
-    outgoing, uv = expect_directions("outgoing", outgoing), expect_square(uv)
-    try:
-        shape = np.broadcast_shapes(outgoing.shape[:-1], uv.shape[:-1])
-    except ValueError as error:
-        raise PRTError(
-            f"outgoing, uv: expected leading axes that broadcast, got {outgoing.shape} and "
-            f"{uv.shape}"
-        ) from error
-    kind = np.result_type(outgoing, uv)
-    outgoing = np.broadcast_to(outgoing.astype(kind, copy=False), (*shape, 3))
-    return outgoing, np.broadcast_to(uv.astype(kind, copy=False), (*shape, 2))
-
-
-def in_type_of(directions, *parameters):
-    """Parameters in the precision of directions: a list of arrays."""
-    return [np.asarray(values, directions.dtype) for values in parameters]
-
-
-def both_above(incoming, outgoing):
-    """(...) bool: whether light and viewer (..., 3) are above the horizon."""
-    return (incoming[..., 2] > 0) & (outgoing[..., 2] > 0)
-
-
-def mirrored(directions, normals):
-    """Directions (..., 3) mirrored at normals (..., 3) of unit length."""
-    cosine = (directions * normals).sum(axis=-1, keepdims=True)
-    return 2 * cosine * normals - directions

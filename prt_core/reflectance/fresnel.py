@@ -7,7 +7,14 @@ weighted by the cosine, which is the colour of light that goes from facet to fac
 
 import numpy as np
 
-from prt_core.reflectance.brdf import expect_colour, expect_parameter, in_type_of
+from prt_core.reflectance.arrays import (
+    channel_of,
+    expect_colour,
+    expect_fitting,
+    expect_parameter,
+    from_channels,
+    in_type_of,
+)
 
 # Cosine at which F82 has its tint, and Schlick's share of white there.
 _F82_COSINE = 1 / 7
@@ -82,6 +89,7 @@ class RealSchlick:
         self.f0 = np.minimum(expect_colour("f0", f0), 1)
         self.f90 = expect_colour("f90", f90)
         self.ior = expect_ior("ior", ior)
+        expect_fitting(f0=self.f0, f90=self.f90, ior=self.ior[..., None])
 
     @property
     def n_channels(self):
@@ -97,8 +105,10 @@ class RealSchlick:
     def __call__(self, cosine):
         """(..., n_channels) array at cosine (...)."""
         f0, f90, ior = in_type_of(cosine, self.f0, self.f90, self.ior)
-        share = _along(f0_of_ior(ior), dielectric(cosine, ior))[..., None]
-        return f0 + (f90 - f0) * share
+        share, rest = _along(f0_of_ior(ior), dielectric(cosine, ior)), f90 - f0
+        return from_channels(
+            self.n_channels, lambda k: channel_of(f0, k) + channel_of(rest, k) * share
+        )
 
 
 class F82Tint:
@@ -120,6 +130,7 @@ class F82Tint:
         self.f0 = expect_colour("f0", f0)
         self.tint = np.minimum(expect_colour("tint", tint), 1)
         self.weight = expect_colour("weight", weight)
+        expect_fitting(f0=self.f0, tint=self.tint, weight=self.weight)
         schlick = self.f0 + (self.weight - self.f0) * _F82_SHARE
         self._dip = schlick * (1 - self.tint) / (_F82_SHARE * (1 - _F82_COSINE) * _F82_COSINE)
 
@@ -138,9 +149,18 @@ class F82Tint:
         """(..., n_channels) array at cosine (...)."""
         f0, dip, weight = in_type_of(cosine, self.f0, self._dip, self.weight)
         near = np.clip(1 - cosine, 0, 1)
-        fifth = (near * near) ** 2 * near
-        value = f0 + (weight - f0) * fifth[..., None] - dip * (cosine * fifth * near)[..., None]
-        return np.clip(value, 0, weight)
+        fifth = near * near
+        fifth = fifth * fifth * near
+        sixth, rest = cosine * fifth * near, weight - f0
+
+        def channel(k):
+            value = channel_of(f0, k) + channel_of(rest, k) * fifth
+            if not self._dip.any():
+                return value
+            value = value - channel_of(dip, k) * sixth
+            return np.minimum(np.maximum(value, 0), channel_of(weight, k))
+
+        return from_channels(self.n_channels, channel)
 
 
 def dielectric(cosine, ior):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.reflectance.arrays import (
     both_above,
     expect_both,
     expect_colour,
@@ -30,7 +30,7 @@ class Lambert:
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, self.albedo[..., 0])
         (colour,) = in_type_of(incoming, self.albedo / np.pi)
         return both_above(incoming, outgoing)[..., None] * colour
 

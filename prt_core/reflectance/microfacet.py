@@ -2,11 +2,14 @@
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.errors import expect_flag, expect_offers
+from prt_core.reflectance.arrays import (
     both_above,
+    channel_of,
     expect_both,
     expect_parameter,
     expect_viewed,
+    from_channels,
     in_type_of,
     mirrored,
 )
@@ -38,6 +41,25 @@ def alphas(roughness, anisotropy=0.0):
     return tuple(np.clip(a, SMALLEST_ALPHA, 1) for a in (alpha / aspect, alpha * aspect))
 
 
+def glossy_anisotropy(slider):
+    """The anisotropy of Blender's Glossy BSDF, in that of the Principled BSDF.
+
+    Parameters
+    ----------
+    slider : float or (...) array_like
+        -1 to 1. Beyond 0.68 lobes are narrower than the Principled BSDF makes them; these are 1.
+
+    Returns
+    -------
+    anisotropy : (...) float64
+        0 to 1, see `alphas`.
+    turned : (...) bool
+        Whether the tangent turns by a right angle about the normal.
+    """
+    slider = expect_parameter("slider", slider, -1, 1)
+    return np.minimum((1 - (1 - np.abs(slider)) ** 2) / 0.9, 1), slider > 0
+
+
 class Microfacet:
     """A GGX lobe with the Smith term of both directions together.
 
@@ -63,8 +85,13 @@ class Microfacet:
             np.maximum(expect_parameter(name, value, 0, 1), SMALLEST_ALPHA)
             for name, value in (("alpha_x", alpha_x), ("alpha_y", alpha_y))
         )
+        if fresnel is not None:
+            wanted = "a term of prt_core.reflectance.fresnel"
+            expect_offers("fresnel", fresnel, ("n_channels", "mean"), wanted)
         self.fresnel = Constant() if fresnel is None else fresnel
-        self.multiple = bool(multiple)
+        self.multiple = expect_flag("multiple", multiple)
+        # What has to fit the directions.
+        self._each = self.alpha_x, self.alpha_y, self.fresnel.mean[..., 0]
 
     @property
     def n_channels(self):
@@ -78,28 +105,32 @@ class Microfacet:
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, *self._each)
         alpha_x, alpha_y = in_type_of(incoming, self.alpha_x, self.alpha_y)
         half = incoming + outgoing
         # The lengths of stretched directions are the Smith terms without a quotient by a cosine.
         lengths = [_stretched(d, alpha_x, alpha_y) for d in (incoming, outgoing)]
-        masked = incoming[..., 2] * lengths[1] + outgoing[..., 2] * lengths[0]
-        above = both_above(incoming, outgoing)
-        value = ggx_density(half, alpha_x, alpha_y) / np.where(above, 2 * masked, 1)
-        value = np.where(above, value, 0)
+        heights = [np.maximum(d[..., 2], 0) for d in (incoming, outgoing)]
+        masked = heights[0] * lengths[1] + heights[1] * lengths[0]
+        value = ggx_density(half, alpha_x, alpha_y) * both_above(incoming, outgoing)
+        value = value / np.maximum(2 * masked, np.finfo(value.dtype).eps)
         # Of two unit vectors: half the length of their sum is the cosine with the half vector.
-        cosine = np.minimum(np.sqrt((half * half).sum(axis=-1)) / 2, 1)
-        result = value[..., None] * self.fresnel(cosine)
-        return result * self.gain(outgoing) if self.multiple else result
+        cosine = np.minimum(np.sqrt(_squared(half)) / 2, 1)
+        fresnel = self.fresnel(cosine)
+        gain = self.gain(outgoing) if self.multiple else np.ones(1, value.dtype)
+        return from_channels(
+            self.n_channels,
+            lambda k: channel_of(fresnel, k) * channel_of(gain, k) * value,
+        )
 
     def sample(self, outgoing, uv):
         """See `Reflectance.sample`; what falls below the horizon has no reflectance."""
-        outgoing, uv = expect_viewed(outgoing, uv)
+        outgoing, uv = expect_viewed(outgoing, uv, *self._each)
         return mirrored(outgoing, square_to_ggx_normals(uv, outgoing, self.alpha_x, self.alpha_y))
 
     def pdf(self, incoming, outgoing):
         """See `Reflectance.pdf`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(incoming, outgoing, *self._each)
         alpha_x, alpha_y = in_type_of(incoming, self.alpha_x, self.alpha_y)
         half = incoming + outgoing
         height = np.maximum(outgoing[..., 2], 0) + _stretched(outgoing, alpha_x, alpha_y)
@@ -133,3 +164,8 @@ class Microfacet:
 def _stretched(directions, alpha_x, alpha_y):
     x, y, z = (directions[..., k] for k in range(3))
     return np.sqrt((alpha_x * x) ** 2 + (alpha_y * y) ** 2 + z * z)
+
+
+def _squared(vectors):
+    x, y, z = (vectors[..., k] for k in range(3))
+    return x * x + y * y + z * z

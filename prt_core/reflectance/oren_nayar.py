@@ -6,10 +6,11 @@ facets after the OpenPBR specification, so that white is white at any roughness.
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.reflectance.arrays import (
     both_above,
     expect_both,
     expect_colour,
+    expect_fitting,
     expect_parameter,
     expect_viewed,
     in_type_of,
@@ -39,10 +40,12 @@ class OrenNayar:
 
     def __init__(self, albedo=1.0, roughness=0.0, colour=None):
         self.albedo = expect_colour("albedo", albedo)
-        self.roughness = expect_parameter("roughness", roughness, 0, 1)
+        self.diffuse_roughness = expect_parameter("roughness", roughness, 0, 1)
         self.colour = np.minimum(
             self.albedo if colour is None else expect_colour("colour", colour), 1
         )
+        rough = self.diffuse_roughness[..., None]
+        expect_fitting(albedo=self.albedo, roughness=rough, colour=self.colour)
 
     @property
     def n_channels(self):
@@ -51,13 +54,17 @@ class OrenNayar:
 
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
-        albedo, rough, colour = in_type_of(incoming, self.albedo, self.roughness, self.colour)
+        incoming, outgoing = expect_both(
+            incoming, outgoing, self.diffuse_roughness, self.albedo[..., 0]
+        )
+        albedo, rough, colour = in_type_of(
+            incoming, self.albedo, self.diffuse_roughness, self.colour
+        )
         a = 1 / (np.pi + rough * _MOST).astype(incoming.dtype)
         b = rough * a
         cosines = [np.clip(d[..., 2], 0, 1) for d in (incoming, outgoing)]
         flat = incoming[..., 0] * outgoing[..., 0] + incoming[..., 1] * outgoing[..., 1]
-        highest = np.maximum(np.maximum(*cosines), np.finfo(incoming.dtype).tiny)
+        highest = np.maximum(np.maximum(*cosines), np.finfo(incoming.dtype).eps)
         single = a + b * np.where(flat > 0, flat / highest, flat)
         # In this form nothing is subtracted that is almost the same: it is 0 for roughness 0.
         lost = (_MOST - _facing(cosines[0])) * (_MOST - _facing(cosines[1])) / (_MOST - _MEAN)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.reflectance.brdf import (
+from prt_core.reflectance.arrays import (
     both_above,
     expect_both,
     expect_colour,
@@ -37,9 +37,17 @@ class Phong:
         """Of the reflectance."""
         return self.reflectance.shape[-1]
 
+    @property
+    def roughness(self):
+        """(...) slider of a GGX lobe that is as wide near its peak."""
+        # Half vectors turn by half the angle: their exponent is four times as large.
+        return (4 / (4 * self.exponent + 4)) ** 0.25
+
     def eval(self, incoming, outgoing):
         """See `Reflectance.eval`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(
+            incoming, outgoing, self.exponent, self.reflectance[..., 0]
+        )
         colour, exponent = in_type_of(incoming, self.reflectance / (2 * np.pi), self.exponent)
         value = (exponent + 2) * self._lobe(incoming, outgoing, exponent)
         value = np.where(both_above(incoming, outgoing), value, 0)
@@ -47,7 +55,7 @@ class Phong:
 
     def sample(self, outgoing, uv):
         """See `Reflectance.sample`; what falls below the horizon has no reflectance."""
-        outgoing, uv = expect_viewed(outgoing, uv)
+        outgoing, uv = expect_viewed(outgoing, uv, self.exponent, self.reflectance[..., 0])
         (exponent,) = in_type_of(outgoing, self.exponent)
         local = square_to_cosine_power(uv, exponent)
         mirror = outgoing * np.array([-1, -1, 1], outgoing.dtype)
@@ -57,7 +65,9 @@ class Phong:
 
     def pdf(self, incoming, outgoing):
         """See `Reflectance.pdf`."""
-        incoming, outgoing = expect_both(incoming, outgoing)
+        incoming, outgoing = expect_both(
+            incoming, outgoing, self.exponent, self.reflectance[..., 0]
+        )
         (exponent,) = in_type_of(incoming, self.exponent)
         norm = (exponent + 1) / incoming.dtype.type(2 * np.pi)
         return norm * self._lobe(incoming, outgoing, exponent)

@@ -175,12 +175,14 @@ def ggx_density(normals, alpha_x, alpha_y):
 
     Source: Walter et al. 2007, equation 33; Heitz 2014, equation 84.
     """
+    alpha_x, alpha_y = (np.asarray(a, normals.dtype) for a in (alpha_x, alpha_y))
     x, y, z = (normals[..., k] for k in range(3))
     # In this form nothing is subtracted, so that narrow lobes are exact in float32.
     length = x * x + y * y + z * z
-    stretched = (x / alpha_x) ** 2 + (y / alpha_y) ** 2 + z * z
+    across, up = x * (1 / alpha_x), y * (1 / alpha_y)
+    stretched = across * across + up * up + z * z
     ratio = length / np.maximum(stretched, np.finfo(normals.dtype).tiny)
-    return ratio * ratio / (normals.dtype.type(np.pi) * alpha_x * alpha_y)
+    return ratio * ratio * (1 / (normals.dtype.type(np.pi) * alpha_x * alpha_y))
 
 
 def _unit(x, y, z):

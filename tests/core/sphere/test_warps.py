@@ -6,16 +6,23 @@ import pytest
 from prt_core.sphere import (
     cone_density,
     cosine_density,
+    cosine_power,
+    cosine_power_density,
     disc_density,
+    ggx_density,
+    ggx_normal_density,
     hemisphere_directions,
     hemisphere_solid_angle,
     hemisphere_square,
     square_to_cone,
     square_to_cosine,
+    square_to_cosine_power,
     square_to_disc,
+    square_to_ggx_normals,
     tangent_frames,
     tangents,
 )
+from tests.chi_squared import chi_squared, integral
 
 N = 400
 
@@ -73,12 +80,59 @@ def test_discs_are_even():
         assert share == pytest.approx(np.pi * r**2 * disc_density(), rel=0.01)
 
 
+@pytest.mark.parametrize("exponents", [(0, 0), (1, 1), (10, 100), (3000, 5)])
+def test_powers_of_the_cosine_fall_as_densely_as_they_say(exponents):
+    pole = [0, 0, 1]
+    p, share = chi_squared(
+        lambda uv: square_to_cosine_power(uv, *exponents),
+        lambda d: cosine_power_density(d, *exponents), pole,
+    )  # fmt: skip
+    assert p > 1e-3 and share == pytest.approx(1, abs=1e-4)
+    assert not cosine_power(np.array([[0.6, 0, -0.8], [1, 0, 0]]), *exponents).any()
+
+
+def test_the_first_power_is_the_cosine():
+    uv = stratified()
+    np.testing.assert_allclose(square_to_cosine_power(uv, 1), square_to_cosine(uv), atol=1e-9)
+    directions = square_to_cosine(uv)
+    density = cosine_power_density(directions, 1)
+    np.testing.assert_allclose(density, cosine_density(directions[:, 2]), rtol=1e-9)
+
+
+VIEWS = np.array([[0, 0, 1], [0.6, 0, 0.8], [-0.4, 0.88, 0.256125]])
+
+
+@pytest.mark.parametrize("alphas", [(1, 1), (0.3, 0.3), (0.02, 0.4)])
+@pytest.mark.parametrize("view", VIEWS)
+def test_visible_normals_fall_as_densely_as_they_say(alphas, view):
+    view = view / np.linalg.norm(view)
+    p, share = chi_squared(
+        lambda uv: square_to_ggx_normals(uv, view, *alphas),
+        lambda d: ggx_normal_density(d, view, *alphas), [0, 0, 1],
+    )  # fmt: skip
+    assert p > 1e-3 and share == pytest.approx(1, abs=5e-3)
+
+
+@pytest.mark.parametrize("alphas", [(1, 1), (0.3, 0.3), (0.05, 0.4)])
+def test_facets_cover_the_surface_once(alphas):
+    area = integral(lambda d: ggx_density(d, *alphas) * np.maximum(d[:, 2], 0), [0, 0, 1])
+    assert area == pytest.approx(1, abs=1e-4)
+    # Normals of any length are the same.
+    normals = square_to_cosine(stratified())[:50]
+    np.testing.assert_allclose(ggx_density(3 * normals, *alphas), ggx_density(normals, *alphas))
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_warps_keep_the_precision_and_shape(dtype):
     uv = stratified(dtype)[:6].reshape(2, 3, 2)
     for warp, last in ((square_to_disc, 2), (square_to_cosine, 3)):
         assert warp(uv).dtype == dtype and warp(uv).shape == (2, 3, last)
     assert square_to_cone(uv, dtype(0.3)).dtype == dtype
+    view = np.array([0, 0.6, 0.8], dtype)
+    for alpha in (0.2, np.full((2, 3), 0.2)):
+        assert square_to_cosine_power(uv, alpha).dtype == dtype
+        normals = square_to_ggx_normals(uv, view, alpha, alpha)
+        assert normals.dtype == dtype and normals.shape == (2, 3, 3)
 
 
 def test_narrow_cones_stay_narrow():

@@ -23,7 +23,7 @@ from prt_core.transport.visibility import UNIT, expect_bits, unpack
 
 # Points that are prepared together; those for which light and lobes are multiplied together, and
 # those that are summed with all lobes of any of them.
-_UNPACK, _TOGETHER, _GROUP = 256, 1024, 48
+_UNPACK, _TOGETHER, _GROUP = 256, 1024, 64
 
 
 class TripleProducts:

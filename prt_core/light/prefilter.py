@@ -14,7 +14,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array, expect_kind, expect_number, expect_whole
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_kind,
+    expect_number,
+    expect_numbers,
+    expect_whole,
+    shown,
+)
 from prt_core.light.environment import BRIGHTEST
 from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.threads import on_all_cores
@@ -39,6 +47,12 @@ class ReflectionMap:
     """
 
     def __init__(self, values):
+        values = expect_numbers("values", values)
+        n = values.shape[1] if values.ndim > 2 else 0
+        expect(
+            n > 1 and values.shape[:3] == (6, n, n),
+            f"values: expected (6, n + 1, n + 1, ...), got {values.shape}",
+        )
         self.values = values
 
     def at(self, directions):
@@ -228,7 +242,10 @@ class SplitSum:
             if share.any():
                 blurred_light = blurred_light + share[:, None] * one.at(ways)
         scale, bias = environment_share(np.maximum(cosine, 0), roughness)
-        reflected = np.atleast_1d(f0) * scale[:, None] + bias[:, None]
+        f0 = np.atleast_1d(expect_numbers("f0", f0))
+        good = f0.shape[:-1] in ((), (len(normals),)) and ((f0 >= 0) & (f0 <= 1)).all()
+        expect(good, f"f0: expected numbers from 0 to 1, one a channel, got {shown(f0)}")
+        reflected = f0 * scale[:, None] + bias[:, None]
         return _seen((blurred_light * reflected).astype(np.float32), cosine, visibility)
 
     @staticmethod

@@ -23,7 +23,7 @@ from prt_core.transport.visibility import UNIT, expect_bits, unpack
 
 # Points that are prepared together; those for which light and lobes are multiplied together, and
 # those that are summed with all lobes of any of them.
-_UNPACK, _TOGETHER, _GROUP = 256, 1024, 48
+_UNPACK, _TOGETHER, _GROUP = 256, 1024, 64
 
 
 class TripleProducts:
@@ -46,7 +46,7 @@ class TripleProducts:
     """
 
     def __init__(
-        self, bits, normals, cube_map, table, reflectance_eval, light_kept=0.01, n_bright=16
+        self, bits, normals, cube_map, table, reflectance_eval, light_kept=0.01, n_bright=32
     ):
         self.cube_map = expect_kind("cube_map", cube_map, CubeMap)
         self.bits = expect_bits("bits", bits, cube_map.n_directions)

@@ -7,7 +7,7 @@ from prt_core.reflectance.lobe_table import LobeTable, kept_wavelets
 from prt_core.transport.triple import TripleProducts
 
 
-def triple_steps(task, kept=0.01, n_bright=(16,), **table):
+def triple_steps(task, kept=0.01, n_bright=(32,), **table):
     """Measure triple products for each reflectance of a task; a generator of `Progress`.
 
     Parameters

@@ -115,3 +115,7 @@ def test_what_does_not_fit_is_said():
     form = SplitSum(CUBE, (0.3, 0.5), 8).set_light(sky())
     with pytest.raises(PRTError, match="roughness: expected values from 0.3 to 0.5"):
         form.toward(normals, outgoing, 0.9, 1.0)
+    with pytest.raises(PRTError, match="f0: expected numbers from 0 to 1"):
+        form.toward(normals, outgoing, 0.4, 1.5)
+    with pytest.raises(PRTError, match=r"values: expected \(6, n \+ 1, n \+ 1, ...\)"):
+        ReflectionMap(np.ones((5, 3, 3)))

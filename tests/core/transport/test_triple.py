@@ -77,7 +77,7 @@ def test_a_sun_has_to_be_taken_out(points, table):
 
 
 def test_metals_have_colour(points):
-    bits, normals, outgoing = points
+    bits, normals, outgoing = (part[::3] for part in points)
     metal = Microfacet(0.3, 0.3, F82Tint((0.9, 0.5, 0.2)))
     table = LobeTable(metal.eval, n_kept=61, n_mirrored=8, n_tilts=5)
     for light in (sky(), sky()[:, :1]):

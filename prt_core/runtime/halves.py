@@ -13,16 +13,16 @@ def halves(values):
 
     Parameters
     ----------
-    values : array of float32
+    values : (...) float32
 
     Returns
     -------
-    array of uint16, of the same shape
+    (...) uint16
     """
     bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
     return ((bits + _HALF) >> np.uint32(16)).astype(np.uint16)
 
 
 def wholes(values):
-    """Float32 array of what `halves` made, `values` (an array of uint16)."""
+    """What `halves` made, `values` (...) uint16, as (...) float32."""
     return np.left_shift(values, 16, dtype=np.uint32).view(np.float32)

@@ -105,7 +105,16 @@ class Blocks:
         return total
 
     def pattern_tables(self, values):
-        """What each byte of a pattern adds up to: (n_bytes, 256 n_blocks, ...) float32."""
+        """What each byte of a pattern adds up to.
+
+        Parameters
+        ----------
+        values : (n_directions,) or (n_directions, k) float
+
+        Returns
+        -------
+        (n_bytes, 256 n_blocks) or (n_bytes, 256 n_blocks, k) float32
+        """
         values = np.asarray(values, np.float64)[self.texels]
         set_bits = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1, bitorder="little")
         tables = [
@@ -116,5 +125,14 @@ class Blocks:
         return np.stack(tables).astype(np.float32)
 
     def sums(self, values):
-        """Sums over the texels of each block: (n_blocks, ...) of (n_directions, ...)."""
+        """Sums over the texels of each block.
+
+        Parameters
+        ----------
+        values : (n_directions,) or (n_directions, k) float
+
+        Returns
+        -------
+        (n_blocks,) or (n_blocks, k) array
+        """
         return np.asarray(values)[self.texels].sum(axis=1)

@@ -5,7 +5,6 @@ import numpy as np
 from prt_core.reflectance import principled_lobes
 from prt_core.reflectance.fresnel_powers import N_POWERS, fresnel_powers
 from prt_core.reflectance.view_factors import ViewFactors
-from prt_core.sphere import CubeMap
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -14,8 +13,6 @@ from prt_core.transport.mirror import Mirror
 _TEXELS = 0.6
 # What reflects so much of the light that comes straight is metal to others that see it.
 _METAL = 0.15
-# Directions from which it is seen are told apart by the texels of cube maps.
-_FROM = 4
 # Blocks along an edge with which no lobe is narrow.
 _WIDE = 8
 
@@ -92,15 +89,23 @@ class GlossyPoints:
         diffuse : (k, 3) float32
             What is left of diffuse light, in parts of that of the view from straight above.
         """
-        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
-        factors = self._factors.at(rows, cosine)
-        result = np.zeros((len(rows), 3), np.float32)
+        result, factors = np.zeros((len(rows), 3), np.float32), self._seen(rows, outgoing)
         for group in self._groups:
-            powers = sum(
-                values[rows] * factors[name][:, None] for name, values in group.lobes.items()
-            )
+            powers = group.seen(rows, factors)
             result += self._reflected(rows, outgoing, group.alpha[rows], powers)
         return result, factors["diffuse"]
+
+    def glimpse(self, rows, outgoing):
+        """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""
+        result, factors = np.zeros((len(rows), 3), np.float32), self._seen(rows, outgoing)
+        for group in self._groups:
+            powers = group.seen(rows, factors)
+            result += self._view.glimpse(rows, outgoing, group.alpha[rows], powers)
+        return result
+
+    def _seen(self, rows, outgoing):
+        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
+        return self._factors.at(rows, cosine)
 
     def _reflected(self, rows, outgoing, alpha, powers):
         result = np.zeros((len(rows), 3), np.float32)
@@ -180,11 +185,13 @@ class _Group:
                 alphas = lobe.reflectance.alpha_x, lobe.reflectance.alpha_y
                 self.alpha[lobe.rows] = np.concatenate(alphas, axis=1)
 
+    def seen(self, rows, factors):
+        """(k, N_POWERS, 3) float32 of points by `rows`, times the `factors` of their lobes."""
+        return sum(values[rows] * factors[name][:, None] for name, values in self.lobes.items())
+
 
 class SeenMetal:
     """Where reflections see points that reflect as much as metals do, and from where.
-
-    Points and directions that many entries share are kept once.
 
     Parameters
     ----------
@@ -197,8 +204,8 @@ class SeenMetal:
         Whose points they are, and which.
     outgoing : (k, 3) float32
         From there to who sees it.
-    entries : list of (int array, int array)
-        Of each part the entries of its reflections that see one, and which.
+    entries : list of (int array, slice)
+        Of each part the entries of its reflections that see one, and which these are.
     """
 
     def __init__(self, parts, n_points):
@@ -207,21 +214,18 @@ class SeenMetal:
         for index, part in enumerate(parts):
             strong = np.flatnonzero(part.strength() > _METAL)
             owner[part.points[strong]], row[part.points[strong]] = index, strong
-        around, keys, self.entries, found = CubeMap(_FROM), [], [], []
+        met, ways, self.entries, first = [], [], [], 0
         for part in parts:
             reflections = part.field.reflections
             # Negative numbers, of what returns no light, count from the end: of no part.
             entries = np.flatnonzero(owner[reflections.met] >= 0)
-            ways = -reflections.blocks.directions[reflections.block[entries]]
-            cell = around.texel_along(*ways.T)
-            found.append(entries)
-            keys.append(reflections.met[entries].astype(np.int64) * around.n_directions + cell)
-        kinds, which = np.unique(np.concatenate(keys), return_inverse=True)
-        point, cell = np.divmod(kinds, around.n_directions)
-        self.part, self.row = owner[point], row[point]
-        self.outgoing = around.directions[cell].astype(np.float32)
-        ends = np.cumsum([len(entries) for entries in found])[:-1]
-        self.entries = list(zip(found, np.split(which.ravel(), ends), strict=True))
+            met.append(reflections.met[entries])
+            directions = reflections.blocks.directions[reflections.block[entries]]
+            ways.append(-directions.astype(np.float32))
+            self.entries.append((entries, slice(first, first + len(entries))))
+            first += len(entries)
+        met = np.concatenate(met)
+        self.part, self.row, self.outgoing = owner[met], row[met], np.concatenate(ways)
 
     def __len__(self):
         return len(self.row)

@@ -21,8 +21,8 @@ _PART = 128
 # Least alpha of what is met: one point stands for all that is met in a block, and its lobe for
 # theirs.
 _LEAST = np.float32(0.1)
-# Least cosine of a view of a glimpse.
-_GRAZING = 1e-3
+# Least cosine of a view of a glimpse: smooth normals may face away from who sees the surface.
+_GRAZING = 0.05
 # Shifts of a sequence that are spread evenly, one after the other.
 _GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])
 # Classes of roughness: each ends at this times the alpha at which it begins.
@@ -122,19 +122,18 @@ class GlossyView:
         field, result = self.field, np.zeros((len(rows), 3), np.float32)
         blocks = field.reflections.blocks
         bright = np.ascontiguousarray(field.bright_directions.T, np.float32)
-        facing = np.einsum("kx,kx->k", self.normals[rows], outgoing)
-        facing = np.flatnonzero(facing > _GRAZING)
         places = sobol_points(int(np.log2(_FACETS))).astype(np.float32)
 
         def one(first):
-            part = facing[first : first + _MANY]
-            some, ways = rows[part], outgoing[part]
+            part = slice(first, first + _MANY)
+            some = rows[part]
+            ways = _lifted(outgoing[part], self.normals[some])
             width = alpha[part] if alpha.ndim == 1 else np.sqrt(alpha[part].prod(axis=1))
             width = np.maximum(width, _LEAST)
             frames = tangent_frames(self.normals[some]).astype(np.float32)
             view = np.einsum("kx,kax->ka", ways, frames)
             # Each point has a shift of its own, so that errors go away in the mean.
-            shift = part[:, None] * _GOLDEN % 1
+            shift = np.arange(first, first + len(some))[:, None] * _GOLDEN % 1
             uv = (places + shift[:, None].astype(np.float32)) % np.float32(1)
             lobe = width[:, None]
             facets = square_to_ggx_normals(uv, view[:, None], lobe, lobe)
@@ -158,7 +157,7 @@ class GlossyView:
                 terms = [(lobe * seen) @ field.bright_light for lobe in lobes]
                 result[part] += np.einsum("kpc,kpc->kc", np.stack(terms, 1), powers[part])
 
-        on_all_cores(one, range(0, len(facing), _MANY))
+        on_all_cores(one, range(0, len(rows), _MANY))
         return result
 
     def _parts(self, alpha, details):
@@ -209,6 +208,13 @@ class GlossyView:
         return np.maximum(terms, 0, out=terms)
 
 
+def _lifted(directions, normals):
+    """Directions (k, 3) lifted to `_GRAZING` above the surface where they are below that."""
+    cosine = np.einsum("kx,kx->k", directions, normals)[:, None]
+    lifted = directions + np.maximum(_GRAZING - cosine, 0) * normals
+    return (lifted / np.linalg.norm(lifted, axis=1, keepdims=True)).astype(np.float32)
+
+
 def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
     """Lobes times the cosine, times powers of Schlick's kind: (p, m) each.
 
@@ -245,6 +251,8 @@ def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
         along, stretched, masked_own, scale = _stretched(
             directions, outgoing, alpha, axes, along, cosine, height
         )
+    # Below the horizon, where nothing counts, it can be 0.
+    np.maximum(along, 1e-12, out=along)
     np.sqrt(stretched, out=stretched)
     stretched *= height
     masked = cosine * masked_own

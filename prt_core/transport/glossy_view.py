@@ -80,7 +80,7 @@ class GlossyView:
         key = (kind - kind.min()) * self._cells.n_directions + cell
         order = np.argsort(key, kind="stable")
         bounds = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
-        n_powers = 1 + int(np.flatnonzero(powers.any(axis=(0, 2))).max())
+        n_powers = _n_powers(powers)
         details, jobs = {}, []
         for first, last in zip(bounds[:-1], bounds[1:], strict=True):
             group = seen[order[first:last]]
@@ -122,6 +122,7 @@ class GlossyView:
         field, result = self.field, np.zeros((len(rows), 3), np.float32)
         blocks = field.reflections.blocks
         bright = np.ascontiguousarray(field.bright_directions.T, np.float32)
+        n_powers = _n_powers(powers)
         places = sobol_points(int(np.log2(_FACETS))).astype(np.float32)
 
         def one(first):
@@ -148,14 +149,15 @@ class GlossyView:
             block = blocks.along(*np.moveaxis(world, -1, 0))
             light = wholes(field.values[some[:, None], :, block])
             rest = np.clip(1 - cosine, 0, 1)
-            each = np.stack([np.ones_like(rest), rest**5, rest**3, cosine * rest**6], axis=2)
-            factor = np.matmul(each * weight[..., None], powers[part])
+            each = np.ones_like(rest), rest**5, rest**3, cosine * rest**6
+            each = np.stack(each[:n_powers], axis=2) * weight[..., None]
+            factor = np.matmul(each, powers[part, :n_powers])
             result[part] = (light * np.maximum(factor, 0)).sum(axis=1)
             if bright.size:
                 seen = field.bright_seen(some)
-                lobes = _evaluated(bright, self.normals[some], ways, width, None, powers.shape[1])
-                terms = [(lobe * seen) @ field.bright_light for lobe in lobes]
-                result[part] += np.einsum("kpc,kpc->kc", np.stack(terms, 1), powers[part])
+                lobes = _evaluated(bright, self.normals[some], ways, width, None, n_powers)
+                terms = np.stack([(lobe * seen) @ field.bright_light for lobe in lobes], axis=1)
+                result[part] += np.einsum("kpc,kpc->kc", terms, powers[part, :n_powers])
 
         on_all_cores(one, range(0, len(rows), _MANY))
         return result
@@ -206,6 +208,11 @@ class GlossyView:
             terms += np.matmul(wholes(far), blocks[:, n_near:])
         terms = terms.swapaxes(1, 2) + apart.swapaxes(0, 1)
         return np.maximum(terms, 0, out=terms)
+
+
+def _n_powers(powers):
+    """How many powers of the Fresnel term any lobe has, the first ones."""
+    return 1 + int(np.flatnonzero(powers.any(axis=(0, 2))).max(initial=0))
 
 
 def _lifted(directions, normals):

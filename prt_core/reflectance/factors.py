@@ -135,6 +135,12 @@ class InOutFactors:
         tables = (table[:, :, :n] for table in (self.incoming, self.outgoing))
         return InOutFactors(*tables, self.values[:n], self.norm, self.warning)
 
+    def only(self, k):
+        """`InOutFactors` of term k alone."""
+        k = expect_whole("k", k, 0, self.n_terms - 1)
+        parts = self.incoming[:, :, k : k + 1], self.outgoing[:, :, k : k + 1]
+        return InOutFactors(*parts, self.values[k : k + 1], self.norm, self.warning)
+
     def _expect_term(self, k):
         return k if isinstance(k, slice) else expect_whole("k", k, 0, self.n_terms - 1)
 

@@ -75,7 +75,9 @@ def dense_steps(scene, tracer, grid, settings, factor=None):
         parts.append(rows)
         chosen = np.concatenate([chosen, drawn])
         iteration = np.concatenate([iteration, np.full(len(drawn), turn, np.int32)])
-        sketches = np.concatenate([sketches, sketched(scene, grid, drawn, rows.bits, sketch, factor)])
+        sketches = np.concatenate(
+            [sketches, sketched(scene, grid, drawn, rows.bits, sketch, factor)]
+        )
         for points in objects:
             here = np.isin(chosen, points)
             of = scene.points.positions[chosen[here]], sketches[here]

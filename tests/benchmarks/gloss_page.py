@@ -124,7 +124,7 @@ def sampled_lines(rows, together, errors):
         "shared machine. Per cent: of points that are dense, of the directions traced there, and "
         "of all entries of the object. The paper has 11.1 to 11.4 % in all, 0.2 of the time.",
         "",
-        "| term | object | points | dense points % | dense angular % | dense % | sparse % | total % "
+        "| term | object | points | dense points % | angular % | dense % | sparse % | total % "
         "| sparsely s | fully s |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]

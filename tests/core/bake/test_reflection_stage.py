@@ -16,6 +16,7 @@ from prt_core.relight.relighter import Relighter
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore
 from prt_core.transport import View
+from prt_core.transport.incoming_field import divisor, sides_of
 from tests.meshes import plane, wall
 
 SKY = EnvironmentMap(

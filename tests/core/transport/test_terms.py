@@ -100,8 +100,8 @@ def test_all_components_of_each_term_are_the_terms(scene, bits, outgoing, factor
     part = run(fit_terms_steps(exact, lambda: PCA(6)))
     for light in lights().values():
         wanted = exact.set_light(light).toward(outgoing)
-        assert off(whole.set_light(light).toward(outgoing), wanted) < 5e-3
-        assert 5e-3 < off(part.set_light(light).toward(outgoing), wanted) < 0.3
+        assert off(whole.set_light(light).toward(outgoing), wanted) < 8e-3
+        assert 1e-2 < off(part.set_light(light).toward(outgoing), wanted) < 0.3
     assert part.nbytes < whole.nbytes
     rows = TermRows(bits, CUBE, TermFactor(two, 1, normals, CUBE))
     block = rows.block(np.array([2, 50]))

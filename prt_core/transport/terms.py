@@ -174,11 +174,20 @@ class TermFactor:
             0 below the horizon; terms have both signs.
         """
         ways, vectors = self._directions[directions], self._vectors[directions]
-        frames, normals = self._frames[points], self._normals[points]
         if ways.ndim == 2:
-            local, cosine = np.matmul(ways, frames.swapaxes(1, 2)), normals @ vectors.T
-        else:
-            local = np.matmul(ways, frames.swapaxes(1, 2))
-            cosine = np.matmul(vectors, normals[:, :, None])[..., 0]
-        factor = self._factors.incoming_between(self._term, local)
-        return factor * np.maximum(cosine, 0)
+            # Points of flat parts share their frames, and all that follows from them.
+            points, which = self._distinct(points)
+            local = np.matmul(ways, self._frames[points].swapaxes(1, 2))
+            cosine = self._normals[points] @ vectors.T
+            return self._product(local, cosine)[which]
+        local = np.matmul(ways, self._frames[points].swapaxes(1, 2))
+        return self._product(local, np.matmul(vectors, self._normals[points][:, :, None])[..., 0])
+
+    def _distinct(self, points):
+        """Some of the points, one of each frame, and the (n,) place of each point's among them."""
+        rows = self._frames[points].reshape(-1, 9).view("V36")[:, 0]
+        _, first, which = np.unique(rows, return_index=True, return_inverse=True)
+        return np.asarray(points)[first], which
+
+    def _product(self, local, cosine):
+        return self._factors.incoming_between(self._term, local) * np.maximum(cosine, 0)

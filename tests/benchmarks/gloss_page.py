@@ -58,12 +58,12 @@ def speed_lines(rows):
         f"`prt bench gloss {SCENE}.prt -o FOLDER {' '.join(BENCH)}`, baked with `--bounces 0 "
         f"--method exhaustive`: {max(row['points'] for row in rows):,} points, "
         f"{max(row['facing'] for row in rows):,} of them seen. Microseconds are of wall time, "
-        "which other work on the machine shared, for each seen point of a view, and for each point "
-        "of a light; seconds are of what is prepared once. Errors are relative L2 against the "
-        "dense sum at some 500 seen points, mean and worst over three of Blender's images. 'Texels "
-        "apart' are the brightest of the light, summed from their own bits; the default does that "
-        "by itself. The factor for shadows of reflection maps is exact, and as dear as the dense "
-        "sum: its time is not in the table.",
+        "which other work on the machine shared, for each seen point of a view; milliseconds are "
+        "of a light, for all points; seconds are of what is prepared once. Errors are relative L2 "
+        "against the dense sum at some 500 seen points, mean and worst over three of Blender's "
+        "images. 'Texels apart' are the brightest of the light, summed from their own bits; the "
+        "default does that by itself. The factor for shadows of reflection maps is exact, and as "
+        "dear as the dense sum: its time is not in the table.",
         "",
         f"![speed against error](../{PLOT})",
     ]
@@ -71,13 +71,13 @@ def speed_lines(rows):
         lines += [
             "",
             f"### {name}",
-            "| form | view us | light us | prepared s | MB | mean | worst |",
+            "| form | view us | light ms | prepared s | MB | mean | worst |",
             "|---|---|---|---|---|---|---|",
         ]
         mine = [row for row in rows if row["reflectance"] == name]
         for row in sorted(mine, key=lambda row: row["l2_mean"]):
             lines.append(
-                f"| {row['form']} | {row['view_us']:.2f} | {row['light_us']:.2f} | "
+                f"| {row['form']} | {row['view_us']:.2f} | {row['light_ms']:.0f} | "
                 f"{row['seconds']:.1f} | {row['megabytes']:.1f} | {row['l2_mean']:.2%} | "
                 f"{row['l2_worst']:.2%} |"
             )

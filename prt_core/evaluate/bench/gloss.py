@@ -35,8 +35,7 @@ _COLUMNS = [
 ]  # fmt: skip
 _LABELS = {
     "view_us": "microseconds a seen point and view",
-    "light_us": "microseconds a point and light",
-    "megabytes": "megabytes",
+    "light_ms": "milliseconds a light, all points",
     "error": "error, %",
 }
 
@@ -94,8 +93,8 @@ def gloss_steps(task, methods=tuple(METHODS), settings=None):
     Returns
     -------
     list of dict
-        See `measured_steps`; method, and view_us, light_us, megabytes: microseconds of a view for
-        each seen point, of a light for each point, and 1e6 bytes. By reflectance, then by method.
+        See `measured_steps`; method, and view_us, megabytes: microseconds of a view for each
+        seen point, and 1e6 bytes. By reflectance, then by method.
     """
     rows = []
     for method in expect_methods(methods):
@@ -106,7 +105,6 @@ def gloss_steps(task, methods=tuple(METHODS), settings=None):
                     "method": method,
                     **row,
                     "view_us": 1e3 * row["view_ms"] / row["facing"],
-                    "light_us": 1e3 * row["light_ms"] / row["points"],
                     "megabytes": row["bytes"] / 1e6,
                     "warning": row.get("warning"),
                 }
@@ -137,13 +135,13 @@ def nearer_and_quicker(rows):
 
 
 def gloss_plot(rows):
-    """PNG: error against microseconds of a view, a panel for each reflectance."""
+    """PNG: error against the time of a view and of a light, panels for each reflectance."""
     flat = [
         {**row, "error": 100 * row["l2_mean"], "family": family_of(row["form"])}
         for row in rows
         if row["method"] != "dense"
     ]
-    return curve_plot(flat, "view_us", "error", "reflectance", "family", _LABELS)
+    return curve_plot(flat, ["view_us", "light_ms"], "error", "reflectance", "family", _LABELS)
 
 
 def family_of(form):

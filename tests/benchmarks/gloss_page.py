@@ -153,8 +153,8 @@ def sampled_lines(rows, together, errors):
     lines += [
         "",
         "Visibility is all that has to be sampled, and it is the same for every term: one run of "
-        "sampling by agreement serves them all. With an Embree ray as cheap as it is, solving for "
-        "the sparse points of each term takes longer than to trace every entry.",
+        "sampling by agreement serves them all. With an Embree ray as cheap as it is, factors "
+        "and solutions of the sparse points of each term take longer than to trace every entry.",
     ]
     return lines
 

@@ -14,10 +14,9 @@ from prt_core.runtime.progress import Progress
 from prt_core.sphere import Blocks
 from prt_core.store import damage_as_error
 from prt_core.transport import Reflections, Sharing, reflection_hits
+from prt_core.transport.incoming_field import sides_of
 from prt_core.transport.sharing import DARK
 
-# Blocks along the edge of a face for wide lobes and for narrow ones, which begin below a roughness.
-_WIDE, _NARROW, _NARROW_BELOW = 8, 16, 0.4
 # Blocks of points worked on together for each core.
 _TOGETHER = 2
 # What a block notes: rays, short rays, rays that met nothing.
@@ -60,13 +59,7 @@ def block_sides(materials, cube_map):
     # A coat is as narrow as it is; what lies below it may be all that is seen of it all the same.
     narrow = np.where(facets, materials.roughness[:, 0], 1.0)
     narrow = np.minimum(narrow, np.where(coat, materials.coat_roughness[:, 0], 1.0))
-    wide, fine = (divisor(cube_map.resolution, side) for side in (_WIDE, _NARROW))
-    return np.where(facets | coat, np.where(narrow < _NARROW_BELOW, fine, wide), 0)
-
-
-def divisor(resolution, side):
-    """The largest divisor of `resolution` that is `side` at most."""
-    return max(n for n in range(1, min(side, resolution) + 1) if resolution % n == 0)
+    return np.where(facets | coat, sides_of(narrow, cube_map.resolution), 0)
 
 
 def reflection_steps(store, scene, cube_map, caster, settings, seconds):

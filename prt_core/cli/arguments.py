@@ -3,8 +3,11 @@
 import argparse
 import sys
 
+import numpy as np
+
 from prt_core.compress import candidate_names, method_names
 from prt_core.errors import expect
+from prt_core.transport import View
 
 _IN_BLENDER = "the scene that is open"
 
@@ -98,3 +101,24 @@ def size(text):
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, got '{text}'")
     return int(width), int(height)
+
+
+def view_named(text, baked):
+    """The `View` of 'camera' or x,y,z, where `baked` has the camera; None of None."""
+    if text is None:
+        return None
+    if text == "camera":
+        expect(
+            baked.camera is not None,
+            "--view camera: the baked scene has no camera whose lens is followed; give x,y,z",
+        )
+        return View.of_camera(baked.camera)
+    try:
+        place = [float(part) for part in text.split(",")]
+    except ValueError:
+        place = []
+    expect(
+        len(place) == 3 and np.isfinite(place).all(),
+        f"--view: expected 'camera' or a place as x,y,z, got '{text}'",
+    )
+    return View(np.array(place))

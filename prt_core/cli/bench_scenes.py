@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from prt_core.bake.measure import standing_lights
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import PRTError, expect, expect_number, expect_seed
 from prt_core.evaluate.report import expect_plots
@@ -42,6 +43,16 @@ def images_named(paths, every=False):
         return studio_lights(every)
     except PRTError as error:
         raise PRTError(f"light: give images with --light ({error})") from error
+
+
+def images_or_skies(paths):
+    """`images_named`; plain skies where no `paths` are given and Blender's module is not there."""
+    if paths is not None:
+        return named_images(paths)
+    try:
+        return studio_lights(False)
+    except PRTError:
+        return standing_lights()
 
 
 def turned(images, rotations, cube_map):

@@ -15,6 +15,7 @@ from prt_core.cli.arguments import (
     expect_used,
     form_argument,
     size,
+    view_named,
 )
 from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
@@ -25,7 +26,6 @@ from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
-from prt_core.transport import View
 
 _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
@@ -112,7 +112,7 @@ def _relight(options):
     options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
         return _relight_turn(baked, lighting, options)
-    view = _view(options.view, baked)
+    view = view_named(options.view, baked)
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
@@ -236,27 +236,6 @@ def _lighting(options):
         field, _, said = str(error).partition(":")
         flag = _FLAGS.get(field, field).replace("_", "-")
         raise PRTError(f"--{flag}:{said}") from error
-
-
-def _view(text, baked):
-    """The `View` that is asked for, None without one."""
-    if text is None:
-        return None
-    if text == "camera":
-        expect(
-            baked.camera is not None,
-            "--view camera: the baked scene has no camera whose lens is followed; give x,y,z",
-        )
-        return View.of_camera(baked.camera)
-    try:
-        place = [float(part) for part in text.split(",")]
-    except ValueError:
-        place = []
-    expect(
-        len(place) == 3 and np.isfinite(place).all(),
-        f"--view: expected 'camera' or a place as x,y,z, got '{text}'",
-    )
-    return View(np.array(place))
 
 
 def _emission(words):

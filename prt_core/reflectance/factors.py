@@ -7,6 +7,7 @@ Azimuth is part of the grid, so that anisotropic lobes and highlights keep their
 """
 
 import numpy as np
+import scipy.sparse as sp
 
 from prt_core.errors import expect, expect_kind, expect_numbers, expect_seed, expect_whole
 from prt_core.reflectance.arrays import expect_directions
@@ -68,9 +69,13 @@ class InOutFactors:
         (...) or (..., n) float32
             0 below the horizon.
         """
-        factor = _between(self.incoming[:, :, self._expect_term(k)], directions)
+        factor = self.incoming_between(k, directions)
         cosine = np.maximum(np.asarray(directions, np.float32)[..., 2], 0)
         return factor * cosine.reshape(*cosine.shape, *(1,) * (factor.ndim - cosine.ndim))
+
+    def incoming_between(self, k, directions):
+        """`incoming_factor` without the cosine: of what has a cosine of its own, as texels have."""
+        return _between(self.incoming[:, :, self._expect_term(k)], directions)
 
     def outgoing_factor(self, k, directions):
         """What term k sends to viewers, between the nearest directions of the grid.
@@ -89,11 +94,52 @@ class InOutFactors:
         """
         return _between(self.outgoing[:, :, self._expect_term(k)], directions)
 
+    def received(self, rows, directions, arriving, n_rows):
+        """What each term takes of light from directions, summed for the points that it reaches.
+
+        The light is spread over the grid once, between the directions that `incoming_factor` reads
+        the factors between, so that more terms cost next to nothing.
+
+        Parameters
+        ----------
+        rows : (m,) int
+            Which point each light arrives at, 0 to n_rows - 1.
+        directions : (m, 3) float
+            Unit vectors in the frames of these points; from below the horizon nothing is taken.
+        arriving : (m, n_channels) float
+            Radiance times solid angle and cosine.
+        n_rows : int
+
+        Returns
+        -------
+        (n_rows, n_terms, n_channels) float32
+        """
+        size, n_lights = len(self.incoming), len(rows)
+        arriving = np.where(directions[:, 2:] > 0, arriving, 0).astype(np.float32)
+        # A column of four weights for each light.
+        place = np.empty((n_lights, 4), np.int32)
+        weights = np.empty((n_lights, 4), np.float32)
+        for corner, (row, column, weight) in enumerate(_corners(directions, size)):
+            place[:, corner] = (rows * size + row) * size + column
+            weights[:, corner] = weight
+        starts = np.arange(0, 4 * n_lights + 1, 4, dtype=np.int32)
+        shape = n_rows * size * size, n_lights
+        spread = sp.csc_matrix((weights.ravel(), place.ravel(), starts), shape) @ arriving
+        spread = spread.reshape(n_rows, size * size, -1).transpose(0, 2, 1)
+        taken = np.ascontiguousarray(spread) @ self.incoming.reshape(size * size, -1)
+        return taken.transpose(0, 2, 1)
+
     def first(self, n_terms):
         """`InOutFactors` of the first `n_terms` alone; `error` says what these leave."""
         n = expect_whole("n_terms", n_terms, 1, self.n_terms)
         tables = (table[:, :, :n] for table in (self.incoming, self.outgoing))
         return InOutFactors(*tables, self.values[:n], self.norm, self.warning)
+
+    def only(self, k):
+        """`InOutFactors` of term k alone."""
+        k = expect_whole("k", k, 0, self.n_terms - 1)
+        parts = self.incoming[:, :, k : k + 1], self.outgoing[:, :, k : k + 1]
+        return InOutFactors(*parts, self.values[k : k + 1], self.norm, self.warning)
 
     def _expect_term(self, k):
         return k if isinstance(k, slice) else expect_whole("k", k, 0, self.n_terms - 1)
@@ -194,17 +240,22 @@ def _warning(reflectance, factors):
 def _between(table, directions):
     """A table (size, size, ...) at directions (m..., 3), linearly between texels; 0 below."""
     directions = expect_directions("directions", directions)
-    shape, size = directions.shape[:-1], len(table)
-    flat = directions.reshape(-1, 3)
-    places = np.stack(hemisphere_square(np.maximum(flat, [-1, -1, 0]))) * size - 0.5
+    shape, flat = directions.shape[:-1], directions.reshape(-1, 3)
+    trailing = (1,) * (table.ndim - 2)
+    result = 0.0
+    for row, column, weight in _corners(flat, len(table)):
+        result = result + weight.reshape(-1, *trailing) * table[row, column]
+    result = result * (flat[:, 2] > 0).astype(np.float32).reshape(-1, *trailing)
+    return result.reshape(*shape, *table.shape[2:])
+
+
+def _corners(directions, size):
+    """Rows, columns and weights (m,) of each of the four texels around directions (m, 3)."""
+    places = np.stack(hemisphere_square(np.maximum(directions, [-1, -1, 0]))) * size - 0.5
     places = np.clip(places, 0, size - 1)
     low = np.minimum(places.astype(np.int64), size - 2)
     share = (places - low).astype(np.float32)
-    trailing = (1,) * (table.ndim - 2)
-    result = 0.0
     for i in range(2):
         for j in range(2):
             weight = (share[0] if i else 1 - share[0]) * (share[1] if j else 1 - share[1])
-            result = result + weight.reshape(-1, *trailing) * table[low[0] + i, low[1] + j]
-    result = result * (flat[:, 2] > 0).astype(np.float32).reshape(-1, *trailing)
-    return result.reshape(*shape, *table.shape[2:])
+            yield low[0] + i, low[1] + j, weight

@@ -40,7 +40,7 @@ class DensePoints:
     rank: np.ndarray
 
 
-def dense_steps(scene, tracer, grid, settings):
+def dense_steps(scene, tracer, grid, settings, factor=None):
     """Explore a scene; a generator of `Progress`.
 
     Parameters
@@ -51,6 +51,8 @@ def dense_steps(scene, tracer, grid, settings):
     settings : HuangSettings
         dense_share, first_share, iterations, fewest_dense, radius, rank_neighbours,
         rank_threshold, seed.
+    factor : callable, optional
+        See `sample_huang`.
 
     Returns
     -------
@@ -73,7 +75,9 @@ def dense_steps(scene, tracer, grid, settings):
         parts.append(rows)
         chosen = np.concatenate([chosen, drawn])
         iteration = np.concatenate([iteration, np.full(len(drawn), turn, np.int32)])
-        sketches = np.concatenate([sketches, sketched(scene, grid, drawn, rows.bits, sketch)])
+        sketches = np.concatenate(
+            [sketches, sketched(scene, grid, drawn, rows.bits, sketch, factor)]
+        )
         for points in objects:
             here = np.isin(chosen, points)
             of = scene.points.positions[chosen[here]], sketches[here]
@@ -118,7 +122,7 @@ def sketch_matrix(grid, seed, size=96):
     return (signs / np.sqrt(size)).astype(np.float32)
 
 
-def sketched(scene, grid, points, bits, sketch):
+def sketched(scene, grid, points, bits, sketch, factor=None):
     """Projected transport rows of dense points, on the quarter grid; (n, size) float32."""
     cube_map = grid.cube_map
     vectors = cube_map.vectors[grid.grid].T.astype(np.float32)
@@ -126,8 +130,11 @@ def sketched(scene, grid, points, bits, sketch):
     for first in range(0, len(points), _CHUNK):
         part = slice(first, first + _CHUNK)
         seen = unpack(bits[part], cube_map.n_directions, np.uint8)[:, grid.grid]
-        cosine = scene.points.normals[points[part]] @ vectors
-        result[part] = (seen * cosine) @ sketch
+        if factor is None:
+            weight = scene.points.normals[points[part]] @ vectors
+        else:
+            weight = factor(points[part], grid.grid)
+        result[part] = (seen * weight) @ sketch
     return result
 
 

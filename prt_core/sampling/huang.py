@@ -129,7 +129,7 @@ class HuangSampled(Sampled):
     dense: DensePoints | None = None
 
 
-def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
+def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None, factor=None):
     """Visibility from dense and sparse points; a generator of `Progress`.
 
     Parameters
@@ -142,6 +142,10 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
         Told the number of rays of each batch.
     pace : Pace, optional
         In rays; the result is the same.
+    factor : callable(points, directions) -> (n, m) float32, optional
+        What is transported where all is seen, of either sign, in place of the cosine: an in-out
+        term of the reflectance (see `TermFactor`). What comes out is the visibility that goes with
+        it; the rows of the term are both multiplied.
 
     Returns
     -------
@@ -151,16 +155,20 @@ def sample_huang(scene, cube_map, caster, settings=None, tally=None, pace=None):
     """
     settings = HuangSettings() if settings is None else settings
     expect_kind("settings", settings, HuangSettings)
+    expect(
+        factor is None or (callable(factor) and settings.quantity == "transport"),
+        "factor: expected a function of points and directions, and quantity 'transport'",
+    )
     seconds = {}
     clock = _Clock(seconds)
     tracer = Tracer(scene, cube_map, caster, tally, pace)
     grid = AngularGrid(cube_map, settings.window)
-    dense = yield from clock.around("dense", dense_steps(scene, tracer, grid, settings))
+    dense = yield from clock.around("dense", dense_steps(scene, tracer, grid, settings, factor))
     dense_rays = tracer.rays
     shape = len(scene.points), -(-cube_map.n_directions // 8)
     bits, traced = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
     bits[dense.points], traced[dense.points] = dense.rows.bits, dense.rows.traced
-    sparse = SparsePoints(scene, cube_map, tracer, dense, settings, clock.around, pace)
+    sparse = SparsePoints(scene, cube_map, tracer, dense, settings, clock.around, pace, factor)
     for points, neighbours in sparse_blocks(scene, dense, settings):
         bits[points], traced[points] = yield from sparse.fill(points, neighbours)
     attributes = {

@@ -76,11 +76,13 @@ class SparsePoints:
     clock : callable(stage, generator)
         Adds the time each stage works.
     pace : Pace or None
+    factor : callable, optional
+        See `sample_huang`.
     """
 
-    def __init__(self, scene, cube_map, tracer, dense, settings, clock, pace):
+    def __init__(self, scene, cube_map, tracer, dense, settings, clock, pace, factor=None):
         self.scene, self.cube_map, self.tracer, self.dense = scene, cube_map, tracer, dense
-        self.settings, self.clock = settings, clock
+        self.settings, self.clock, self.factor = settings, clock, factor
         # A stop need not wait for all of them.
         self.paced = pace is not None and pace.seconds is not None
         self.vectors = np.ascontiguousarray(cube_map.vectors.T, np.float32)
@@ -189,7 +191,7 @@ class SparsePoints:
             mine = np.flatnonzero(self.scene.points.object_index[self.dense.points] == index)
             mine = rng.choice(mine, min(len(mine), self.settings.reduced_rows), replace=False)
             rows = unpack(self.dense.rows.bits[mine], self.cube_map.n_directions)
-            rows *= self._cosine(self.dense.points[mine], slice(None))
+            rows *= self._weight(self.dense.points[mine], slice(None))
             choice = COLUMN_CHOICES[self.settings.columns]
             self._fixed[index] = choice(rows, self.settings.features, rng)
         return self._fixed[index]
@@ -212,8 +214,7 @@ class SparsePoints:
         rows = np.zeros((len(group.used) + 1, max(len(needed), 1)), np.float32)
         rows[:-1, : len(needed)] = self._transport(group, needed)
         picked = rows[group.local[:, :, None], local[:, None, :]]
-        own = np.einsum("nx,nmx->nm", self.scene.points.normals[group.points],
-                        self.vectors.T[columns]) * valid  # fmt: skip
+        own = self._own(group.points, columns) * valid
         seen = unpack(seen, self.cube_map.n_directions, np.uint8)
         target = own * np.take_along_axis(seen, columns, axis=1)
         picked *= own[:, None] if self.settings.quantity == "visibility" else valid[:, None]
@@ -228,12 +229,16 @@ class SparsePoints:
         group, weights = job
         spread = np.zeros((len(weights), len(group.used) + 1), np.float32)
         np.add.at(spread, (np.arange(len(weights))[:, None], group.local), weights)
-        limit = np.float32(self.settings.threshold)
+        limit, sign = np.float32(self.settings.threshold), 1
         if self.settings.quantity == "transport":
-            limit = limit * self._cosine(group.points, group.varying)
+            whole = self._weight(group.points, group.varying)
+            if self.factor is not None:
+                # A term is seen where the combination is of its sign, and large enough.
+                whole, sign = np.abs(whole), np.sign(whole)
+            limit = limit * whole
         rows = self._transport(group, group.varying)
-        seen_by = membership(group.local, len(rows)) @ (rows > 0).astype(np.float32)
-        above_limit = spread[:, :-1] @ rows > limit
+        seen_by = membership(group.local, len(rows)) @ (rows != 0).astype(np.float32)
+        above_limit = (spread[:, :-1] @ rows) * sign > limit
         filled = np.empty((len(weights), self.cube_map.n_directions), bool)
         filled[:] = group.agreed
         filled[:, group.varying] = (seen_by > _ALL) | ((seen_by > 1 - _ALL) & above_limit)
@@ -244,10 +249,18 @@ class SparsePoints:
         seen = unpack(self.dense.rows.bits[group.used], self.cube_map.n_directions, np.uint8)
         seen = seen[:, directions].astype(np.float32)
         if self.settings.quantity == "transport":
-            seen *= self._cosine(self.dense.points[group.used], directions)
+            seen *= self._weight(self.dense.points[group.used], directions)
         return seen
 
-    def _cosine(self, points, directions):
+    def _own(self, points, columns):
+        """(n, m): what is transported where all is seen, of columns of each point."""
+        if self.factor is not None:
+            return self.factor(points, columns)
+        return np.einsum("nx,nmx->nm", self.scene.points.normals[points], self.vectors.T[columns])
+
+    def _weight(self, points, directions):
+        if self.factor is not None:
+            return self.factor(points, directions)
         return np.maximum(self.scene.points.normals[points] @ self.vectors[:, directions], 0)
 
     def _solve(self, problems):

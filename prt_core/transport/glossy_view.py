@@ -45,7 +45,7 @@ class GlossyView:
         self._side = field.reflections.blocks.side
         self._cells = cells(self._side)
 
-    def reflected(self, rows, outgoing, alpha, powers, axes=None):
+    def reflected(self, rows, outgoing, alpha, powers, axes=None, lobe=None):
         """Radiance that lobes send towards a viewer.
 
         Parameters
@@ -60,6 +60,10 @@ class GlossyView:
             Fresnel term of the lobes (see `fresnel_powers`).
         axes : (k, 2, 3) float32, optional
             Tangents, where there are two alphas.
+        lobe : callable(directions, normals, outgoing) -> (p, m) float32, optional
+            Another lobe times the cosine than that of microfacets, about as wide as `alpha` says:
+            of (3, m) directions, (p, 3) normals and (p, 3) ways to the viewer, all float32. Of the
+            powers the first alone counts.
 
         Returns
         -------
@@ -80,7 +84,7 @@ class GlossyView:
         key = (kind - kind.min()) * self._cells.n_directions + cell
         order = np.argsort(key, kind="stable")
         bounds = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
-        n_powers = _n_powers(powers)
+        n_powers = _n_powers(powers) if lobe is None else 1
         details, jobs = {}, []
         for first, last in zip(bounds[:-1], bounds[1:], strict=True):
             group = seen[order[first:last]]
@@ -96,10 +100,12 @@ class GlossyView:
             cut, parts, some = job
             detail = details[parts]
             frame = None if axes is None else axes[some]
-            lobe = _evaluated(
-                self._directions(cut), normals[some], outgoing[some], alpha[some], frame, n_powers
-            )
-            terms = self._terms(cut, detail, rows[some], lobe)
+            ways = self._directions(cut), normals[some], outgoing[some]
+            if lobe is None:
+                values = _evaluated(*ways, alpha[some], frame, n_powers)
+            else:
+                values = [lobe(*ways)]
+            terms = self._terms(cut, detail, rows[some], values)
             result[some] = np.einsum("pkc,pkc->pc", terms, powers[some, :n_powers])
 
         on_all_cores(one, jobs)

@@ -20,6 +20,8 @@ from prt_core.transport.visibility import expect_bits
 
 # Texels that are taken out at most, and how many times brighter than the mean each of them is.
 MOST_BRIGHT, _BRIGHTER = 48, 8.0
+# Blocks along the edge of a face for wide lobes and for narrow ones, which begin below a roughness.
+_WIDE, _NARROW, _NARROW_BELOW = 8, 16, 0.4
 # Texels of light in detail, along the edge of one of the bake's.
 FINER = 4
 # Points worked on at once.
@@ -188,6 +190,29 @@ class IncomingField:
         """Of the arrays."""
         own = self.values.nbytes + self.coarse.nbytes + self._patterns.nbytes
         return own + self.reflections.nbytes
+
+
+def sides_of(roughness, resolution):
+    """How many blocks along an edge lobes need.
+
+    Parameters
+    ----------
+    roughness : (n,) float
+        The slider.
+    resolution : int
+        Of the cube map.
+
+    Returns
+    -------
+    (n,) int
+    """
+    wide, fine = (divisor(resolution, side) for side in (_WIDE, _NARROW))
+    return np.where(np.asarray(roughness) < _NARROW_BELOW, fine, wide)
+
+
+def divisor(resolution, side):
+    """The largest divisor of `resolution` that is `side` at most."""
+    return max(n for n in range(1, min(side, resolution) + 1) if resolution % n == 0)
 
 
 def bright_texels(light, blocks):

@@ -3,7 +3,7 @@
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
 Each part (rays, bake, large, sampling, compression, irradiance, clusters, wavelets, filters,
-figures, truth, assets, lightfield) replaces its own sections.
+figures, truth, assets, lightfield, gloss) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -31,6 +31,7 @@ from prt_core.evaluate.view import CameraRays  # noqa: E402
 from tests.benchmarks import (  # noqa: E402
     assets,
     compress_tables,
+    gloss_page,
     irradiance,
     lightfield_page,
     object_clusters,
@@ -208,6 +209,7 @@ PARTS = {
     "truth": ("cycles", {"Vertex colours": truth_table}),
     "assets": (assets.PAGE, assets.SECTIONS),
     "lightfield": (lightfield_page.PAGE, lightfield_page.SECTIONS),
+    "gloss": (gloss_page.PAGE, gloss_page.SECTIONS),
 }
 
 

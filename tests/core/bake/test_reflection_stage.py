@@ -8,7 +8,7 @@ import pytest
 
 from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, load, run
 from prt_core.api import relight_points
-from prt_core.bake.reflections import block_sides, divisor
+from prt_core.bake.reflections import block_sides
 from prt_core.light import EnvironmentMap
 from prt_core.rays.caster import known_casters
 from prt_core.reflectance import Materials, principled_lobes
@@ -16,6 +16,7 @@ from prt_core.relight.relighter import Relighter
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore
 from prt_core.transport import View
+from prt_core.transport.incoming_field import divisor, sides_of
 from tests.meshes import plane, wall
 
 SKY = EnvironmentMap(
@@ -168,4 +169,5 @@ def test_blocks_are_finer_for_narrow_lobes():
         coat_roughness=np.full((5, 1), 0.03),
     )
     assert block_sides(materials, cube_map).tolist() == [8, 16, 0, 0, 16]
+    assert sides_of([0.39, 0.4], 12).tolist() == [12, 6]
     assert divisor(12, 8) == 6 and divisor(7, 8) == 7 and divisor(1, 16) == 1

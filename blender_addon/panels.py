@@ -166,6 +166,17 @@ class PRT_PT_light(Panel, bpy.types.Panel):
         layout.prop(settings, "use_lamps")
         if settings.use_lamps or settings.sharp_sun:
             layout.prop(settings, "lamp_samples")
+        self._gloss(context, layout)
+
+    def _gloss(self, context, layout):
+        settings, missing = context.scene.prt, preview.no_gloss(preview.held(context.scene))
+        column = layout.column()
+        column.enabled = not missing
+        column.prop(settings, "show_gloss")
+        if missing:
+            lines(layout, missing, "INFO", context)
+        elif settings.show_gloss:
+            column.row().prop(settings, "seen_from", expand=True)
 
 
 class PRT_PT_emission(Panel, bpy.types.Panel):

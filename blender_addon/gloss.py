@@ -18,8 +18,8 @@ from .request import view_of
 # Seconds: between looks at the view; of work in one call; of quiet before all points have their
 # own lobes; that a view may take while it moves.
 _LOOK, _BUDGET, _QUIET, _MOMENT = 1 / 60, 0.02, 0.2, 0.08
-# Points that one stands for at most while the view moves.
-_MOST = 32
+# Points that one stands for while the view moves: at first, and at most.
+_FIRST, _MOST = 8, 32
 
 
 class _State:
@@ -31,7 +31,7 @@ class _State:
         self.place = None  # from where it was looked when last asked
         self.moved = 0.0  # when that changed
         self.failed = None  # what went wrong, so that it is said once
-        self.moving = 8  # one of so many points while the view moves
+        self.moving = _FIRST  # one of so many points while the view moves
         self.bake = None  # path of the bake that this was found for
 
 
@@ -132,11 +132,10 @@ def _look(scene):
 def _begin(scene):
     """Begin with the view as it is, unless its colours are there."""
     moving, held = moves(scene), preview.held(scene)
-    every = _NOW.moving if moving and _NOW.bake == held.path else 1
-    if moving and _NOW.bake != held.path:
-        _NOW.bake, every = held.path, _State().moving
-    view = view_of(scene)
-    asked = held.shown.seen_from(view, every)
+    if _NOW.bake != held.path:
+        _NOW.bake, _NOW.moving = held.path, _FIRST
+    every = _NOW.moving if moving else 1
+    asked = held.shown.seen_from(view_of(scene), every)
     same_place = asked.place == held.shown.place
     if same_place and held.shown.every <= every:
         return

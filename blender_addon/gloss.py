@@ -11,7 +11,7 @@ import bpy
 
 from prt_core.blender.identity import by_uid
 
-from . import preview, rendering, viewport, work
+from . import freshness, preview, rendering, viewport, work
 from .own_changes import own_changes
 from .request import view_of
 
@@ -30,7 +30,7 @@ class _State:
         self.every = 1  # of the job
         self.place = None  # from where it was looked when last asked
         self.moved = 0.0  # when that changed
-        self.failed = None  # what went wrong, so that it is said once
+        self.failed = self.said = None  # where something went wrong, and what: once is enough
         self.moving = _FIRST  # one of so many points while the view moves
         self.bake = None  # path of the bake that this was found for
 
@@ -57,8 +57,9 @@ def idle(scene):
     """Whether a scene's colours are those of its view, of all points."""
     if not _follows(scene):
         return True
-    shown = preview.held(scene).shown
-    return _NOW.job is None and shown.every == 1 and shown.place == _place(scene)
+    shown, place = preview.held(scene).shown, _place(scene)
+    done = shown.every == 1 and shown.place == place
+    return _NOW.job is None and (done or place == _NOW.failed)
 
 
 def moves(scene):
@@ -89,9 +90,9 @@ def tick():
         _go_on()
     except work.FAILURES as error:
         stop()
-        if _NOW.failed != str(error):
-            _NOW.failed = str(error)
+        if _NOW.said != str(error):
             work.say(str(error), True)
+        _NOW.failed, _NOW.said = _NOW.place, str(error)
     return 0.0 if _NOW.job is not None else _LOOK
 
 
@@ -136,8 +137,8 @@ def _begin(scene):
         _NOW.bake, _NOW.moving = held.path, _FIRST
     every = _NOW.moving if moving else 1
     asked = held.shown.seen_from(view_of(scene), every)
-    same_place = asked.place == held.shown.place
-    if same_place and held.shown.every <= every:
+    there = asked.place == held.shown.place and held.shown.every <= every
+    if there or asked.place == _NOW.failed:
         return
     stop()  # that of an older view, if any
     _NOW.job, _NOW.every = _steps(scene, held, asked), every
@@ -150,7 +151,7 @@ def _go_on():
         while _NOW.job is not None and time.perf_counter() < end:
             next(_NOW.job)
     except StopIteration:
-        _NOW.job = _NOW.failed = None
+        _NOW.job = _NOW.failed = _NOW.said = None
 
 
 def _steps(scene, held, asked):
@@ -161,6 +162,10 @@ def _steps(scene, held, asked):
     if scene is None:
         return
     _adapt(time.perf_counter() - start, asked.every)
+    if preview.missing(scene, held):
+        # Objects that were renamed are found by what they are.
+        yield from freshness.check_steps(scene, held, work.PACE)
+        scene = by_uid(bpy.data.scenes, uid)
     with own_changes(scene):
         preview.write(scene, held, radiance, asked)
     frames.append((time.perf_counter() - start, asked.every))

@@ -263,7 +263,6 @@ def _relight_steps(scene, draft):
     # Where the lamps stay as they are, the first colours are the last.
     draft = draft and not held.relighter.has_lamps(full.lighting)
     asked = request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
-    # Where only the view is another, the light stays (see `gloss`).
     last = asked.key == full.key
     shown = held.shown
     if shown is not None and shown.key == full.key and not _NOW.show:
@@ -363,7 +362,7 @@ def _frame_steps(scene, depsgraph):
 
 def _render_begins(scene):
     stop()
-    if scene.prt.loaded and scene.prt.live and scene.camera is not None:
+    if scene.prt.loaded and scene.prt.live:
         _frame_changed(scene)
 
 

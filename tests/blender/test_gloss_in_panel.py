@@ -228,6 +228,27 @@ def test_a_camera_that_is_not_there_is_said_once(scene):
         bpy.ops.prt.relight()
 
 
+def test_objects_that_are_renamed_or_gone_meanwhile(scene):
+    settle(scene)
+    scene.objects["ball"].name = "globe"
+    look_from((-3.0, 2.0, 4.0))
+    settle(scene)
+    np.testing.assert_array_equal(
+        colours_on("globe"), wanted(scene, View(position=(-3.0, 2.0, 4.0)))
+    )
+    bpy.data.objects.remove(scene.objects["globe"])
+    look_from(EYE)
+    before, end = gloss.written[0], time.perf_counter() + 20
+    while not work.status().failed and time.perf_counter() < end:
+        gloss.tick()
+    # Said once, not tried again until the view moves on.
+    assert work.status().failed and gloss._NOW.job is None
+    while gloss.moves(scene):
+        time.sleep(0.02)
+    gloss.tick()
+    assert gloss._NOW.job is None and gloss.idle(scene) and gloss.written[0] == before
+
+
 def test_kept_colours_are_those_of_the_view_at_that_time(scene):
     look_from((-3.0, 2.0, 4.0))
     assert bpy.ops.prt.keep(attribute="Mine") == {"FINISHED"}

@@ -8,6 +8,7 @@ points as fit into a moment, and at all of them when it stands still.
 import time
 
 import bpy
+import numpy as np
 
 from prt_core.blender.identity import by_uid
 
@@ -20,6 +21,8 @@ from .request import view_of
 _LOOK, _BUDGET, _QUIET, _MOMENT = 1 / 60, 0.02, 0.2, 0.08
 # Points that one stands for while the view moves: at first, and at most.
 _FIRST, _MOST = 8, 32
+# Half as many points are worth it where they take less than this share of the time.
+_WORTH = 0.8
 
 
 class _State:
@@ -32,6 +35,7 @@ class _State:
         self.moved = 0.0  # when that changed
         self.failed = self.said = None  # where something went wrong, and what: once is enough
         self.moving = _FIRST  # one of so many points while the view moves
+        self.took = {}  # by these numbers: seconds of the last view
         self.bake = None  # path of the bake that this was found for
 
 
@@ -134,7 +138,7 @@ def _begin(scene):
     """Begin with the view as it is, unless its colours are there."""
     moving, held = moves(scene), preview.held(scene)
     if _NOW.bake != held.path:
-        _NOW.bake, _NOW.moving = held.path, _FIRST
+        _NOW.bake, _NOW.moving, _NOW.took = held.path, _FIRST, {}
     every = _NOW.moving if moving else 1
     asked = held.shown.seen_from(view_of(scene), every)
     there = asked.place == held.shown.place and held.shown.every <= every
@@ -174,8 +178,15 @@ def _steps(scene, held, asked):
 
 
 def _adapt(seconds, every):
-    """Evaluate fewer points next time where it took too long, more where there is time."""
-    if seconds > _MOMENT and every >= _NOW.moving:
-        _NOW.moving = min(2 * every, _MOST)
-    elif seconds < _MOMENT / 3 and every <= _NOW.moving:
-        _NOW.moving = max(every // 2, 1)
+    """Evaluate fewer points next time where it took too long and that helps, more where it fits."""
+    took = _NOW.took
+    took[every] = seconds
+    if every != _NOW.moving:
+        return
+    finer, coarser = every // 2, 2 * every
+    if every > 1 and seconds > _WORTH * took.get(finer, np.inf):
+        _NOW.moving = finer
+    elif seconds > _MOMENT and every < _MOST and took.get(coarser, 0) < _WORTH * seconds:
+        _NOW.moving = coarser
+    elif seconds < _MOMENT / 3 and every > 1:
+        _NOW.moving = finer

@@ -114,18 +114,20 @@ def test_a_view_that_moves_is_coarse_and_the_newest_takes_the_place_of_older_one
     np.testing.assert_array_equal(colours_on("ball"), wanted(scene, View(position=(4.0, 1.0, 2.0))))
 
 
-def test_fewer_points_are_evaluated_where_there_is_no_time(addon):
-    gloss._NOW.moving = 8
-    gloss._adapt(0.5, 8)
-    assert gloss._NOW.moving == 16
-    gloss._adapt(0.5, 8)
-    assert gloss._NOW.moving == 16, "that was of the time before"
-    for _ in range(9):
-        gloss._adapt(0.5, gloss._NOW.moving)
-    assert gloss._NOW.moving == 32
-    for _ in range(9):
-        gloss._adapt(0.001, gloss._NOW.moving)
-    assert gloss._NOW.moving == 1
+def test_fewer_points_are_evaluated_where_there_is_no_time_and_it_helps(addon):
+    def moving(seconds):
+        for _ in range(9):
+            gloss._adapt(seconds(gloss._NOW.moving), gloss._NOW.moving)
+        return gloss._NOW.moving
+
+    assert gloss._NOW.moving == 8
+    assert moving(lambda every: 8 / every) == 32
+    gloss._adapt(9.0, 16)
+    assert gloss._NOW.moving == 32, "that was of the time before"
+    assert moving(lambda every: 0.01 / every) == 1
+    gloss._NOW.__init__()
+    # Where what is left takes long, fewer points help little.
+    assert moving(lambda every: 0.2 + 0.8 / every) in (4, 8)
 
 
 def test_gloss_is_turned_off_and_on(scene):

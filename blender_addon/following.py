@@ -10,10 +10,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from prt_core import run
-from prt_core.blender import casters
 from prt_core.blender.identity import by_uid
 
-from . import light_fields, viewport, work
+from . import light_fields, rendering, viewport, work
 from .own_changes import is_own, own_changes
 
 # Seconds: between looks at the view; of work in one call; of quiet before objects that moved are
@@ -28,7 +27,6 @@ class _State:
         self.job = None  # generator under way
         self.failed = None  # the key of what went wrong, so that it is said once
         self.moved = None  # when geometry changed that was not looked at yet
-        self.rendering = False
 
 
 _NOW = _State()
@@ -55,7 +53,9 @@ def idle(scene):
     shown = light_fields.held(scene)
     if not scene.prt.field.loaded or not scene.prt.live:
         return True
-    return _NOW.job is None and shown is not None and shown.shown == key_of(scene)
+    if _NOW.job is not None or _NOW.moved is not None:
+        return False
+    return shown is not None and shown.shown == key_of(scene)
 
 
 def start():
@@ -74,17 +74,21 @@ def look_again():
     shown = light_fields.held()
     if shown is not None:
         shown.shown = None
+        geometry_changed()
     _NOW.failed = None
 
 
 def key_of(scene, view=None):
     """What the colours depend on: views and lamps of one key look the same."""
-    view = viewport.view_of(scene) if view is None else view
-    place = view.direction if view.position is None else view.position
+    view = _view_of(scene) if view is None else view
     lamps = tuple((lamp.name, lamp.strength, *lamp.colour) for lamp in scene.prt.field.lamps)
     settings = scene.prt.domain, scene.prt.material, scene.prt.exposure
     field = light_fields.path_of(scene), scene.prt.field.use_compressed
-    return view.position is None, tuple(place), lamps, settings, field
+    return viewport.place_of(view), lamps, settings, field
+
+
+def _view_of(scene, *rendered):
+    return viewport.view_of(scene, scene.prt.field.follow, *rendered)
 
 
 def tick():
@@ -96,7 +100,7 @@ def tick():
         Seconds until it wants to look again; None where there is nothing to follow.
     """
     scene = bpy.context.scene
-    if not (scene.prt.field.loaded and scene.prt.live) or _NOW.rendering:
+    if not (scene.prt.field.loaded and scene.prt.live) or rendering.is_under_way():
         stop()
         return None
     if bpy.context.mode.startswith("EDIT"):
@@ -157,7 +161,7 @@ def show_steps(scene, view=None):
     shown = light_fields.held(scene)
     light_fields.add_lamps(scene, shown)
     start = time.perf_counter()
-    view = viewport.view_of(scene) if view is None else view
+    view = _view_of(scene) if view is None else view
     key = key_of(scene, view)
     radiance = yield from shown.viewer.steps(view, light_fields.weights(scene, shown))
     scene, looked_up = by_uid(bpy.data.scenes, uid), time.perf_counter()
@@ -178,48 +182,29 @@ def _frame_changed(scene, depsgraph=None):
     settings = scene.prt
     if not (settings.field.loaded and settings.live) or is_own(scene):
         return
-    if not (_NOW.rendering or bpy.app.background):
+    if not (rendering.is_under_way() or bpy.app.background):
         return
     try:
-        at = depsgraph if _NOW.rendering else None
-        run(show_steps(scene, viewport.view_of(scene, _NOW.rendering, at)))
+        rendered = rendering.is_under_way()
+        run(show_steps(scene, _view_of(scene, rendered, depsgraph if rendered else None)))
     except work.FAILURES as error:
         work.say(f"frame {scene.frame_current}: {error}", True)
         print(f"PRT: frame {scene.frame_current}: {error}")
 
 
-@persistent
-def _render_begins(scene, *_):
-    if is_own(scene):
-        return
+def _render_begins(scene):
     stop()
-    _NOW.rendering = True
     if scene.camera is not None:
         _frame_changed(scene)
 
 
-@persistent
-def _render_ends(scene=None, *_):
-    if scene is not None and casters.is_temporary(scene):
-        return
-    _NOW.rendering = False
-
-
-_HANDLERS = (
-    ("frame_change_post", _frame_changed),
-    ("render_init", _render_begins),
-    ("render_complete", _render_ends),
-    ("render_cancel", _render_ends),
-)
-
-
 def register():
-    for name, handler in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    bpy.app.handlers.frame_change_post.append(_frame_changed)
+    rendering.begins.append(_render_begins)
 
 
 def unregister():
     another_file()
     light_fields.forget()
-    for name, handler in _HANDLERS:
-        getattr(bpy.app.handlers, name).remove(handler)
+    bpy.app.handlers.frame_change_post.remove(_frame_changed)
+    rendering.begins.remove(_render_begins)

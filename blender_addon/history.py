@@ -9,7 +9,19 @@ from bpy.app.handlers import persistent
 from prt_core.blender import casters
 from prt_core.blender.stand_ins import arrange
 
-from . import following, light_fields, live, naming, plan, preview, saving, views, work
+from . import (
+    following,
+    gloss,
+    light_fields,
+    live,
+    naming,
+    plan,
+    preview,
+    rendering,
+    saving,
+    views,
+    work,
+)
 
 
 @persistent
@@ -26,6 +38,8 @@ def _before_file(*_):
 def _after_file(*_):
     live.another_file()
     following.another_file()
+    gloss.another_file()
+    rendering.another_file()
     naming.another_file()
     work.forget()
     casters.remove_left_over()

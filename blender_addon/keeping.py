@@ -18,7 +18,8 @@ from .work import LongWork
 
 
 class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
-    """Keep the colours as an attribute of the meshes that stays when the preview goes"""
+    """Keep the colours as an attribute of the meshes that stays when the preview goes; gloss stays
+    as it is seen at that moment"""
 
     bl_idname = "prt.keep"
     bl_label = "Keep Colours"
@@ -81,7 +82,8 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
 
 
 class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
-    """Write the colours of a range of frames, one .npz (and picture, where wanted) a frame"""
+    """Write the colours of a range of frames, one .npz (and picture, where wanted) a frame; with
+    pictures gloss is seen from the camera"""
 
     bl_idname = "prt.export"
     bl_label = "Export Sequence"
@@ -130,7 +132,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 scene.frame_set(frame)
                 if not moved:
                     moved = self._say_moved(scene)
-                asked = request(scene)
+                asked = request(scene, rendered=self.pictures)
                 radiance = yield from asked.steps(held, pace)
                 path = frame_path(pattern, frame)
                 write_npz(path, held.bake.colours(radiance))

@@ -11,11 +11,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from prt_core import run
-from prt_core.blender import casters
 from prt_core.blender.identity import by_uid
 from prt_core.blender.stand_ins import arrange
 
-from . import bakes, field_list, following, freshness, plan, preview, work
+from . import bakes, field_list, following, freshness, gloss, plan, preview, rendering, work
 from .own_changes import are_own, is_own, own_changes
 from .request import request
 
@@ -39,7 +38,6 @@ class _State:
         self.previewed = False  # whether a scene of the file showed a preview when last looked at
         self.at = None  # session_uid of the scene that was looked at
         self.rearrange = False  # whether objects came or went
-        self.rendering = False
         self.begun = False  # whether the timer has looked at the file
 
 
@@ -60,7 +58,7 @@ def touch(scene, show=False):
 def start():
     """Begin at once with what a button or slider asked for, before Blender draws it: what is
     ready within a moment is drawn with the change, and only once."""
-    if not (_NOW.job is None and _NOW.begun) or _NOW.rendering or work.status().running:
+    if not (_NOW.job is None and _NOW.begun) or rendering.is_under_way() or work.status().running:
         return
     # Lamps are read where they are evaluated, and that takes back what a script has set on
     # something animated and not keyed yet.
@@ -106,12 +104,13 @@ def look_again(scene):
 
 def idle():
     """Whether the colours are those of the light as it is now, with all rays."""
-    return _NOW.scene is None and _NOW.job is None
+    return _NOW.scene is None and _NOW.job is None and gloss.idle(bpy.context.scene)
 
 
 def stop():
     """Drop what is under way."""
     following.stop()
+    gloss.stop()
     _drop()
 
 
@@ -124,12 +123,20 @@ def _drop():
 def _tick():
     """The one timer; returns the seconds until it wants to be called again."""
     try:
-        if work.status().running or _NOW.rendering:
+        if work.status().running or rendering.is_under_way():
             stop()
             return _IDLE
         # A view that moves comes first: it is drawn anew anyway.
-        look = following.tick()
-        return min(_work(), _IDLE if look is None else look)
+        looks = [following.tick()]
+        if _NOW.kind != "draft":
+            # Full rays of lamps wait until the view stands still.
+            if gloss.moves(bpy.context.scene) and _NOW.kind == "full":
+                _drop()
+            if _NOW.kind != "full":
+                looks.append(gloss.tick())
+        if idle() and gloss.is_stale(bpy.context.scene):
+            touch(bpy.context.scene, show=True)
+        return min([_work(), _IDLE, *(look for look in looks if look is not None)])
     except Exception:
         stop()
         _NOW.scene = None
@@ -198,6 +205,9 @@ def _begin():
     scene = by_uid(bpy.data.scenes, _NOW.scene) if _NOW.scene else None
     if scene is not None and scene.prt.loaded and scene.prt.live:
         draft = _changed_lately()
+        if not draft and gloss.moves(scene):
+            return
+        gloss.stop()
         _NOW.job, _NOW.kind = _relight_steps(scene, draft), "draft" if draft else "full"
         return
     _NOW.scene = None
@@ -324,7 +334,7 @@ def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
     if not scene.prt.loaded or is_own(scene):
         return
-    if not (_NOW.rendering or bpy.app.background):
+    if not (rendering.is_under_way() or bpy.app.background):
         if depsgraph is not None and _what_changed(depsgraph)[1]:
             geometry_changed(scene)
         touch(scene)
@@ -341,8 +351,8 @@ def _frame_changed(scene, depsgraph=None):
 def _frame_steps(scene, depsgraph):
     held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
     yield from freshness.frame_steps(scene, held, depsgraph, aloud=True)
-    asked = request(scene, depsgraph=depsgraph)
-    if held.shown is not None and held.shown.key == asked.key:
+    asked = request(scene, depsgraph=depsgraph, rendered=rendering.is_under_way())
+    if held.shown is not None and held.shown.looks_like(asked):
         return
     radiance = yield from asked.steps(held)
     if preview.missing(scene, held):
@@ -350,33 +360,17 @@ def _frame_steps(scene, depsgraph):
     preview.write(scene, held, radiance, asked)
 
 
-@persistent
-def _render_begins(scene, *_):
-    if is_own(scene):
-        return
+def _render_begins(scene):
     stop()
-    _NOW.rendering = True
     if scene.prt.loaded and scene.prt.live:
         _frame_changed(scene)
 
 
-@persistent
-def _render_ends(scene=None, *_):
-    if scene is not None and casters.is_temporary(scene):
-        return
-    _NOW.rendering = False
-
-
-_HANDLERS = (
-    ("depsgraph_update_post", _updated),
-    ("frame_change_post", _frame_changed),
-    ("render_init", _render_begins),
-    ("render_complete", _render_ends),
-    ("render_cancel", _render_ends),
-)
+_HANDLERS = (("depsgraph_update_post", _updated), ("frame_change_post", _frame_changed))
 
 
 def register():
+    rendering.begins.append(_render_begins)
     for name, handler in _HANDLERS:
         getattr(bpy.app.handlers, name).append(handler)
     if not bpy.app.background:
@@ -386,6 +380,7 @@ def register():
 def unregister():
     stop()
     _NOW.__init__()
+    rendering.begins.remove(_render_begins)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
     for name, handler in _HANDLERS:

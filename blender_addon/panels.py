@@ -166,6 +166,19 @@ class PRT_PT_light(Panel, bpy.types.Panel):
         layout.prop(settings, "use_lamps")
         if settings.use_lamps or settings.sharp_sun:
             layout.prop(settings, "lamp_samples")
+        draw_gloss(layout, context)
+
+
+def draw_gloss(layout, context):
+    """The switch of gloss, grey with the reason where there is none, and from where it is seen."""
+    settings, missing = context.scene.prt, preview.no_gloss(preview.held(context.scene))
+    column = layout.column()
+    column.enabled = not missing
+    column.prop(settings, "show_gloss")
+    if missing:
+        lines(layout, missing, "INFO", context)
+    elif settings.show_gloss:
+        column.row().prop(settings, "seen_from", expand=True)
 
 
 class PRT_PT_emission(Panel, bpy.types.Panel):

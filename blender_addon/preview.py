@@ -43,6 +43,7 @@ class Preview:
         self.path, self.bake = path, bake
         self.relighter = Relighter(bake, caster)
         self.shown, self.radiance, self.warned = None, None, ""
+        self._lit = None, None
         self._compared = None, None
 
     def compare(self, read):
@@ -65,6 +66,15 @@ class Preview:
             self._compared = read, (differences, places, uids)
         return self._compared[1]
 
+    def note_light(self, key):
+        """Its relighter has worked out the light of a `Request.key`, for any view."""
+        self._lit = key, self.relighter.lit
+
+    def has_light(self, key):
+        """Whether another view under the light of a `Request.key` is only a matter of lobes."""
+        lit = self.relighter.lit
+        return lit is not None and self._lit[1] is lit and self._lit[0] == key
+
     @property
     def gloss(self):
         """Whether its materials were read with their gloss."""
@@ -81,6 +91,17 @@ def held(scene=None):
     if not _HELD or (scene is not None and _HELD[0].path != path_of(scene)):
         return None
     return _HELD[0]
+
+
+def no_gloss(held):
+    """Why a `Preview`, or None, shows no gloss; empty where it does."""
+    if held is None:
+        return "No bake is shown"
+    if held.bake.reflections:
+        return ""
+    if held.gloss:
+        return "The materials of this bake have no gloss"
+    return "Baked without Gloss: turn it on under Bake Settings and bake again"
 
 
 def path_of(scene):

@@ -217,6 +217,22 @@ class PRTScene(bpy.types.PropertyGroup):
         max=65536, soft_max=1024, update=_changed,
     )  # fmt: skip
 
+    show_gloss: BoolProperty(
+        name="Gloss", description="Show what materials reflect towards the view, where the bake "
+        "was made with gloss", default=True, update=_changed,
+    )  # fmt: skip
+    seen_from: EnumProperty(
+        name="Seen from",
+        description="Gloss looks different from everywhere: sides that face away from here show "
+        "none, and metals there are black. Renders look through the camera",
+        items=[
+            ("VIEW", "3D View", "From the 3D view that moved last"),
+            ("CAMERA", "Camera", "From the scene's camera"),
+        ],
+        default="VIEW",
+        update=_changed,
+    )
+
     emitters: CollectionProperty(type=PRTEmitter)
     field: PointerProperty(type=PRTLightField)
 
@@ -231,7 +247,8 @@ class PRTScene(bpy.types.PropertyGroup):
         default=True, update=_changed,
     )  # fmt: skip
     live: BoolProperty(
-        name="Live", description="Colours follow the light, the lamps and the timeline",
+        name="Live", description="Colours follow the light, the lamps, the timeline, and with "
+        "gloss the view",
         default=True, update=_changed,
     )  # fmt: skip
     attribute: StringProperty(

@@ -23,12 +23,14 @@ def look_around():
         _LEADING[0] = moved[-1]
 
 
-def view_of(scene, rendered=False, depsgraph=None):
-    """The `View` from where a scene's light field is looked at.
+def view_of(scene, follow, rendered=False, depsgraph=None):
+    """The `View` from where a scene is looked at.
 
     Parameters
     ----------
     scene : bpy.types.Scene
+    follow : {"VIEW", "CAMERA"}
+        What the panel says: the 3D view, or the scene's camera.
     rendered : bool
         Whether a render wants it, which looks through the camera.
     depsgraph : bpy.types.Depsgraph, optional
@@ -39,7 +41,7 @@ def view_of(scene, rendered=False, depsgraph=None):
     PRTError
         It follows a camera that is not there, or no window shows the scene.
     """
-    if not rendered and scene.prt.field.follow == "VIEW":
+    if not rendered and follow == "VIEW":
         space = _leading(scene)
         if space is not None and space.region_3d.view_perspective != "CAMERA":
             matrix = np.array(space.region_3d.view_matrix.inverted(), np.float64)
@@ -48,10 +50,16 @@ def view_of(scene, rendered=False, depsgraph=None):
             return _through(space.camera)
     if scene.camera is None:
         raise PRTError(
-            f"light field: the scene '{scene.name}' has no camera to look through; add one, or "
-            "let it follow the 3D view"
+            f"view: the scene '{scene.name}' has no camera to look through; add one, or choose "
+            "the 3D view"
         )
     return _through(scene.camera if depsgraph is None else scene.camera.evaluated_get(depsgraph))
+
+
+def place_of(view):
+    """What a `View` depends on, as something that can be compared."""
+    place = view.direction if view.position is None else view.position
+    return view.position is None, tuple(place)
 
 
 def _through(item):

@@ -9,10 +9,14 @@ import hashlib
 import numpy as np
 
 from prt_core.errors import expect
+from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.glossy_points import GlossyPoints, SeenMetal
+from prt_core.runtime.main_thread import maybe_in_thread
 
 # Sweeps over what reflects what reflects, at most.
 _SWEEPS = 3
+# Points whose lobes are evaluated in one step: then a view that is not wanted any more can end.
+_AT_ONCE = 1 << 14
 
 
 class Gloss:
@@ -39,6 +43,7 @@ class Gloss:
         self._world = bake.scene.to_world(self._points.positions)
         self._parts = [GlossyPoints(bake, reflections) for reflections in bake.reflections]
         self._metal = self._light = None
+        self._coarse = {}
 
     @property
     def nbytes(self):
@@ -111,14 +116,18 @@ class Gloss:
             values[entries] = even[met[entries]] + reflected[which]
             yield values
 
-    def toward(self, view, lamps=()):
-        """Radiance that lobes send towards a view.
+    def toward_steps(self, view, lamps=(), pace=None, every=1):
+        """Radiance that lobes send towards a view, as a generator of `Progress`.
 
         Parameters
         ----------
         view : View
         lamps : sequence of (Lamp, (n_points, 3) float32)
             Lamps, and what points receive of each: irradiance / pi.
+        pace : float, optional
+            Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
+        every : int
+            Lobes are evaluated at one of so many points, which those between follow.
 
         Returns
         -------
@@ -128,15 +137,37 @@ class Gloss:
             does.
         """
         outgoing = view.outgoing(self._world).astype(np.float32)
-        reflected = np.zeros((len(self._world), 3), np.float32)
-        diffuse = np.ones((len(self._world), 3), np.float32)
+        values = np.zeros((len(self._world), 6), np.float32)
+        values[:, 3:] = 1
+        facing, coarse = np.zeros(len(self._world), bool), None
+        if every > 1:
+            coarse = yield from maybe_in_thread(pace, "gloss", self._coarser, every)
         for part in self._parts:
-            which = part.points
-            rows = part.facing(outgoing[which])
-            reflected[which[rows]], diffuse[which[rows]] = part.toward(rows, outgoing[which[rows]])
-            for lamp, received in lamps:
-                reflected[which] += part.highlights(lamp, received, self._world, outgoing)
-        return reflected, diffuse
+            rows = part.facing(outgoing[part.points])
+            facing[part.points[rows]] = True
+            if coarse is not None:
+                rows = rows[coarse.chosen[part.points[rows]]]
+            for first in range(0, len(rows), _AT_ONCE):
+                some = rows[first : first + _AT_ONCE]
+                work = self._toward, part, some, outgoing, lamps
+                values[part.points[some]] = yield from maybe_in_thread(pace, "gloss", *work)
+        if coarse is not None:
+            coarse.follow(values, facing)
+        return values[:, :3], values[:, 3:]
+
+    def _toward(self, part, rows, outgoing, lamps):
+        """(k, 6): what some points of a part reflect, and what is left of diffuse light."""
+        outgoing = outgoing[part.points[rows]]
+        reflected, diffuse = part.toward(rows, outgoing)
+        for lamp, received in lamps:
+            reflected += part.highlights(lamp, received, self._world, rows, outgoing)
+        return np.concatenate([reflected, diffuse], axis=1)
+
+    def _coarser(self, every):
+        if every not in self._coarse:
+            glossy = np.concatenate([part.points for part in self._parts])
+            self._coarse[every] = CoarseView(self._points, glossy, every)
+        return self._coarse[every]
 
 
 def _digest(*arrays):

@@ -125,7 +125,7 @@ class GlossyPoints:
             result[brushed] = self._view.reflected(*work, self._frames[rows[brushed], :2])
         return result
 
-    def highlights(self, lamp, received, world, outgoing):
+    def highlights(self, lamp, received, world, rows, outgoing):
         """What lobes reflect of a lamp, as wide as the lamp looks.
 
         Parameters
@@ -133,32 +133,36 @@ class GlossyPoints:
         lamp : Lamp or BrightPixels
         received : (n_points, 3) float32
             What all bake points receive of it: irradiance / pi.
-        world, outgoing : (n_points, 3) float
-            Their places, and directions towards the viewer.
+        world : (n_points, 3) float
+            Their places.
+        rows : (k,) int
+            Of the points, which face the viewer.
+        outgoing : (k, 3) float32
+            Towards the viewer.
 
         Returns
         -------
-        (n, 3) float32
+        (k, 3) float32
         """
-        received = received[self.points]
+        result = np.zeros((len(rows), 3), np.float32)
+        received = received[self.points[rows]]
         lit = np.flatnonzero(received.any(axis=1))
-        result = np.zeros((len(self.points), 3), np.float32)
         if not len(lit):
             return result
-        direction, angle = lamp.seen_from(world[self.points[lit]])
+        rows = rows[lit]
+        direction, angle = lamp.seen_from(world[self.points[rows]])
         # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
         spread = angle / 2 / np.sqrt(2)
-        materials = self._materials[lit]
+        materials = self._materials[rows]
         widened = {
             name: np.minimum(np.sqrt(np.hypot(getattr(materials, name)[:, 0] ** 2, spread)), 1)
             for name in ("roughness", "coat_roughness")
         }
         widened = {name: values[:, None] for name, values in widened.items()}
         lobes = principled_lobes(materials.replaced(**widened))
-        frames = self._frames[lit].astype(np.float64)
+        frames = self._frames[rows].astype(np.float64)
         incoming, view = (
-            np.einsum("nx,nkx->nk", ways, frames)[:, None]
-            for ways in (direction, outgoing[self.points[lit]])
+            np.einsum("nx,nkx->nk", ways, frames)[:, None] for ways in (direction, outgoing[lit])
         )
         result[lit] = np.pi * received[lit] * lobes.eval(incoming, view)[:, 0]
         return result

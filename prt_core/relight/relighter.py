@@ -1,5 +1,6 @@
 """`Relighter`: one bake under changing light, keeping what did not change."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from prt_core.errors import (
     expect_number,
     expect_offers,
     expect_one_of,
+    expect_whole,
 )
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.emission import EmittedLight
@@ -71,7 +73,7 @@ class Relighter:
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
         self._emitted = EmittedLight(bake)
-        self._gloss = None
+        self._gloss = self._sent = None
 
     def radiance(self, light=None, *, of="points", view=None, **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
@@ -163,9 +165,49 @@ class Relighter:
                 for lamp, part, factor in zip(lamps, parts[first:], factors[first:], strict=True)
             ]
             own = None if emitted is None else emitted[1]
-            work = (self._with_gloss, radiance, sum(received_in_all), own, lighting, sun, lit, view)
-            radiance = yield from maybe_in_thread(pace, "gloss", *work)
+            self._sent = None
+            work = (self._reflecting, radiance, sum(received_in_all), own, lighting, sun, lit)
+            self._sent = yield from maybe_in_thread(pace, "gloss", *work)
+            return (yield from self.view_steps(view, pace))
         return subject.shaped(_exposed(radiance, lighting))
+
+    def view_steps(self, view, pace=None, every=1):
+        """Another view under the same light, as a generator of `Progress`: only lobes are new.
+
+        The light is that of the last `steps` with a view that came to its end. The colours are
+        those that it would give for this view, bit by bit.
+
+        Parameters
+        ----------
+        view : View
+        pace : float, optional
+            As for `steps`.
+        every : int
+            Evaluate the lobes at one of so many points, which those between follow: for a view
+            that moves.
+
+        Returns
+        -------
+        (n_points, 3) float32
+            Linear Rec.709 radiance.
+
+        Raises
+        ------
+        PRTError
+            There was none.
+        """
+        expect_kind("view", view, View)
+        expect_whole("every", every, 1)
+        expect(self._sent is not None, "view: no light is known yet; relight with a view first")
+        sent = self._sent
+        reflected, share = yield from self._gloss.toward_steps(view, sent.lamps, pace, every)
+        radiance = (sent.even - sent.own) * share + sent.own + reflected
+        return _exposed(radiance, sent.lighting)
+
+    @property
+    def lit(self):
+        """The `Lighting` that `view_steps` are under; None where no light is known yet."""
+        return None if self._sent is None else self._sent.lighting
 
     def has_lamps(self, lighting):
         """Whether the lamps of a `Lighting` need no shadow rays, having been asked for before.
@@ -212,23 +254,34 @@ class Relighter:
             total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.with_bounces(total, bounces)
 
-    def _with_gloss(self, radiance, received, own, lighting, sun, lamps, view):
-        """Radiance towards a view: `radiance` is what leaves evenly to all sides."""
+    def _reflecting(self, radiance, received, own, lighting, sun, lamps):
+        """The `_Sent` of a light, which lobes reflect from now on.
+
+        `radiance` is what leaves evenly to all sides, with what stands in for gloss.
+        """
         # Lights that are lamps here have their highlights from there, not from texels.
         texels = self._environments.on_texels(lighting, without_sun=sun is not None)
         sky = self._environments.sky(lighting, exposed=False) if sun is None else None
         detailed = self._environments.on_texels(lighting, sun is not None, FINER)
         even = radiance - self.bake.transport.materials.stand_in * received
         self._gloss.light(texels, radiance, even, sky, detailed)
-        reflected, share = self._gloss.toward(view, lamps)
-        own = 0 if own is None else own
-        return (even - own) * share + own + reflected
+        return _Sent(even, 0 if own is None else own, lamps, lighting)
 
     def close(self):
         """Let go of everything."""
-        self._gloss = None
+        self._gloss = self._sent = None
         for part in (self._environments, self._lamps, self._emitted, self._compressed):
             part.close()
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """What points send out under a light beside what lobes reflect."""
+
+    even: np.ndarray  # (n_points, 3) float32, without what stands in for gloss
+    own: np.ndarray  # (n_points, 3) float32 of their own, or 0
+    lamps: list  # of (Lamp, (n_points, 3) float32): what points receive of each
+    lighting: Lighting
 
 
 def _exposed(radiance, lighting):

@@ -270,6 +270,8 @@ def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
     stretched *= height
     masked = cosine * masked_own
     masked += stretched
+    # Below the horizon, where nothing counts, it can be 0.
+    np.maximum(along, 1e-12, out=along)
     value = np.divide(squared, along, out=along)
     value *= value
     value /= masked

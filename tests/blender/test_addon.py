@@ -10,7 +10,7 @@ import pytest
 
 import blender_addon
 import prt_core
-from blender_addon import live, plan, preview, work
+from blender_addon import plan, preview, work
 from prt_core import PRTError
 from prt_core.blender.compat import fcurve_of
 from prt_core.runtime.progress import Progress
@@ -49,12 +49,13 @@ def use_image(scene, path, degrees=0.0):
 
 
 def test_register_and_unregister_leave_nothing():
-    handlers = [len(getattr(bpy.app.handlers, name)) for name, _ in live._HANDLERS]
+    names = [n for n in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, n), list)]
+    handlers = {name: len(getattr(bpy.app.handlers, name)) for name in names}
     for _ in range(3):
         blender_addon.unregister()
         assert not hasattr(bpy.types.Scene, "prt") and not hasattr(bpy.types, "PRT_OT_bake")
         blender_addon.register()
-    assert handlers == [len(getattr(bpy.app.handlers, name)) for name, _ in live._HANDLERS]
+    assert handlers == {name: len(getattr(bpy.app.handlers, name)) for name in names}
     assert bpy.context.scene.prt.resolution == "32"
 
 

@@ -107,7 +107,7 @@ def test_lights_are_dimmed_and_coloured_apart(scene):
     lights = light_fields.held(scene).field.lights
     assert {"left", "right"} < set(lights)
     assert [row.name for row in scene.prt.field.lamps] == list(lights)
-    path, eye = field_list.output_path(scene), viewport.view_of(scene)
+    path, eye = field_list.output_path(scene), viewport.view_of(scene, scene.prt.field.follow)
     np.testing.assert_array_equal(colours_on("ball", FIELD), wanted_on("ball", path, eye))
     factors = np.ones((len(lights), 3), np.float32)
     factors[lights.index("left")] = 0
@@ -352,7 +352,9 @@ def test_the_compressed_form_is_shown_where_it_is_asked_for(scene):
     bpy.ops.prt.light_field_load()
     assert light_fields.held(scene).has_compressed
     coarse = colours_on("ball", FIELD)
-    slow, used = field_toward(load_light_field(path), viewport.view_of(scene))
+    slow, used = field_toward(
+        load_light_field(path), viewport.view_of(scene, scene.prt.field.follow)
+    )
     (ball,) = [o for o in light_fields.held(scene).field.scene.objects if o.name == "ball"]
     assert used == "compressed" and np.abs(coarse - exact).max() > 1e-3 * exact.max()
     np.testing.assert_allclose(coarse, slow[ball.corner_point], rtol=1e-3, atol=1e-4 * slow.max())
@@ -384,7 +386,9 @@ def test_compress_is_the_api_and_shows_its_form(scene, tmp_path):
     (ours, our_data), (theirs, their_data) = form_of(path), form_of(tmp_path / "api.slf")
     assert ours == theirs and our_data.tobytes() == their_data.tobytes()
     assert 0.02 < ours["error"] <= 0.08 and f"error {report['error']:.2%}" in work.status().message
-    slow, used = field_toward(load_light_field(path), viewport.view_of(scene))
+    slow, used = field_toward(
+        load_light_field(path), viewport.view_of(scene, scene.prt.field.follow)
+    )
     (ball,) = [o for o in light_fields.held(scene).field.scene.objects if o.name == "ball"]
     shown = colours_on("ball", FIELD)
     assert used == "compressed" and np.abs(shown - exact).max() > 1e-3 * exact.max()

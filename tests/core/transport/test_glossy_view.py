@@ -7,7 +7,7 @@ from prt_core.reflectance import Constant, Microfacet, local_frames
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap, tangents
 from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
-from prt_core.transport.glossy_view import GlossyView
+from prt_core.transport.glossy_view import GlossyView, _evaluated
 from prt_core.transport.incoming_field import FINER, IncomingField, bright_texels
 from prt_core.transport.mirror import Mirror
 from prt_core.transport.visibility import unpack
@@ -106,6 +106,14 @@ def test_a_stretched_lobe_is_that_of_the_reflectance(case):
     weights = lobe.eval(incoming, local)[..., 0] * np.maximum(incoming[..., 2], 0)
     weights = weights * case.cube_map.solid_angles * unpack(case.bits, 6 * RESOLUTION**2)
     assert relative(ours, weights @ case.light) < 0.03
+
+
+def test_below_the_horizon_a_lobe_is_zero_also_where_its_denominator_is(case):
+    up, alpha = np.float32([[0, 0, 1]]), np.float32([0.5])
+    # (cosine + height)^2 (alpha^2 - 1) + 2 (1 + cosine) is 0 here, with a cosine cut at 0.
+    below = np.float32([[np.sqrt(1 - 0.625**2)], [0], [-0.625]])
+    for lobe in _evaluated(below, up, up, alpha, None, 4):
+        np.testing.assert_array_equal(lobe, 0)
 
 
 def test_what_stands_in_the_way_sends_its_light(case):

@@ -1,0 +1,192 @@
+"""Colours of a bake with gloss that follow the view, while the light stays as it is.
+
+The timer of the live preview asks here. A move is looked for, never told of, and what is seen when
+it is looked for is shown: moves never queue. While the view moves, lobes are evaluated at as many
+points as fit into a moment, and at all of them when it stands still.
+"""
+
+import time
+
+import bpy
+import numpy as np
+
+from prt_core.blender.identity import by_uid
+
+from . import freshness, preview, rendering, viewport, work
+from .own_changes import own_changes
+from .request import view_of
+
+# Seconds: between looks at the view; of work in one call; of quiet before all points have their
+# own lobes; that a view may take while it moves.
+_LOOK, _BUDGET, _QUIET, _MOMENT = 1 / 60, 0.02, 0.2, 0.08
+# Points that one stands for while the view moves: at first, and at most.
+_FIRST, _MOST = 8, 32
+# Half as many points are worth it where they take less than this share of the time.
+_WORTH = 0.8
+
+
+class _State:
+    """What is under way; nothing of it outlives the file."""
+
+    def __init__(self):
+        self.job = None  # generator under way
+        self.every = 1  # of the job
+        self.place = None  # from where it was looked when last asked
+        self.moved = 0.0  # when that changed
+        self.failed = self.said = None  # where something went wrong, and what: once is enough
+        self.moving = _FIRST  # one of so many points while the view moves
+        self.took = {}  # by these numbers: seconds of the last view
+        self.bake = None  # path of the bake that this was found for
+
+
+_NOW = _State()
+# For measuring: of the last views the seconds of all, and one of how many points was evaluated.
+frames, written = [], [0]
+
+
+def another_file():
+    """Nothing that is to be done outlives the file."""
+    stop()
+    _NOW.__init__()
+
+
+def stop():
+    """Drop what is under way."""
+    if _NOW.job is not None:
+        _NOW.job.close()
+    _NOW.job = None
+
+
+def idle(scene):
+    """Whether a scene's colours are those of its view, of all points."""
+    if not _follows(scene):
+        return True
+    shown, place = preview.held(scene).shown, _place(scene)
+    done = shown.every == 1 and shown.place == place
+    return _NOW.job is None and (done or place == _NOW.failed)
+
+
+def moves(scene):
+    """Whether the view of a scene with gloss moved a moment ago."""
+    if not _follows(scene):
+        return False
+    _look(scene)
+    return time.perf_counter() - _NOW.moved < _QUIET
+
+
+def tick():
+    """One look at the view, and the colours of what is seen from there.
+
+    Returns
+    -------
+    float or None
+        Seconds until it wants to look again; None where there is nothing to follow.
+    """
+    scene = bpy.context.scene
+    if not _follows(scene) or rendering.is_under_way():
+        stop()
+        return None
+    if bpy.context.mode.startswith("EDIT"):
+        return _LOOK
+    try:
+        if _NOW.job is None or (_NOW.every < _NOW.moving and moves(scene)):
+            _begin(scene)
+        _go_on()
+    except work.FAILURES as error:
+        stop()
+        if _NOW.said != str(error):
+            work.say(str(error), True)
+        _NOW.failed, _NOW.said = _NOW.place, str(error)
+    return 0.0 if _NOW.job is not None else _LOOK
+
+
+def is_stale(scene):
+    """Whether a scene shows gloss, and the light that it shows has to be worked out again."""
+    return _shows(scene) and not _follows(scene)
+
+
+def _shows(scene):
+    held, settings = preview.held(scene), scene.prt
+    if held is None or held.shown is None or held.shown.view is None:
+        return False
+    return settings.live and settings.show_gloss
+
+
+def _follows(scene):
+    """Whether a scene shows gloss, under a light that is known for any view."""
+    held = preview.held(scene)
+    return _shows(scene) and held.has_light(held.shown.key)
+
+
+def _place(scene):
+    try:
+        return viewport.place_of(view_of(scene))
+    except work.FAILURES:
+        return None
+
+
+def _look(scene):
+    """Note whether the view has moved since this was asked last."""
+    viewport.look_around()
+    place = _place(scene)
+    if _NOW.place not in (None, place):
+        _NOW.moved = time.perf_counter()
+    _NOW.place = place
+
+
+def _begin(scene):
+    """Begin with the view as it is, unless its colours are there."""
+    moving, held = moves(scene), preview.held(scene)
+    if _NOW.bake != held.path:
+        _NOW.bake, _NOW.moving, _NOW.took = held.path, _FIRST, {}
+    every = _NOW.moving if moving else 1
+    asked = held.shown.seen_from(view_of(scene), every)
+    there = asked.place == held.shown.place and held.shown.every <= every
+    if there or asked.place == _NOW.failed:
+        return
+    stop()  # that of an older view, if any
+    _NOW.job, _NOW.every = _steps(scene, held, asked), every
+
+
+def _go_on():
+    """As much of the job as fits into a moment."""
+    end = time.perf_counter() + _BUDGET
+    try:
+        while _NOW.job is not None and time.perf_counter() < end:
+            next(_NOW.job)
+    except StopIteration:
+        _NOW.job = _NOW.failed = _NOW.said = None
+
+
+def _steps(scene, held, asked):
+    """Colours of the light that is shown, seen from elsewhere, on a scene's meshes."""
+    uid, start = scene.session_uid, time.perf_counter()
+    radiance = yield from asked.steps(held, work.PACE)
+    scene = by_uid(bpy.data.scenes, uid)
+    if scene is None:
+        return
+    _adapt(time.perf_counter() - start, asked.every)
+    if preview.missing(scene, held):
+        # Objects that were renamed are found by what they are.
+        yield from freshness.check_steps(scene, held, work.PACE)
+        scene = by_uid(bpy.data.scenes, uid)
+    with own_changes(scene):
+        preview.write(scene, held, radiance, asked)
+    frames.append((time.perf_counter() - start, asked.every))
+    del frames[:-1000]
+    written[0] += 1
+
+
+def _adapt(seconds, every):
+    """Evaluate fewer points next time where it took too long and that helps, more where it fits."""
+    took = _NOW.took
+    took[every] = seconds
+    if every != _NOW.moving:
+        return
+    finer, coarser = every // 2, 2 * every
+    if every > 1 and seconds > _WORTH * took.get(finer, np.inf):
+        _NOW.moving = finer
+    elif seconds > _MOMENT and every < _MOST and took.get(coarser, 0) < _WORTH * seconds:
+        _NOW.moving = coarser
+    elif seconds < _MOMENT / 3 and every > 1:
+        _NOW.moving = finer

@@ -62,6 +62,11 @@ class Gloss:
         """Of the fields."""
         return sum(part.field.nbytes for part in self._parts)
 
+    @property
+    def mirror_rays(self):
+        """How many rays the mirrors of the last picture cast."""
+        return self._pixels.n_rays
+
     def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01):
         """Take in a light: as many sweeps as it takes until reflections of reflections settle.
 

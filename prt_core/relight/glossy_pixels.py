@@ -89,11 +89,16 @@ class GlossyPixels:
         Of their points, one part after the other.
     make_caster : callable() -> RayCaster
         Called when there is a mirror.
+
+    Attributes
+    ----------
+    n_rays : int
+        That mirrors of the last picture cast.
     """
 
     def __init__(self, scene, parts, lobes, make_caster):
         self._scene, self._parts, self._lobes = scene, parts, lobes
-        self._make_caster, self._caster = make_caster, None
+        self._make_caster, self._caster, self.n_rays = make_caster, None, 0
         n_points = len(scene.points)
         self._part_of = np.full(n_points, -1, np.int32)
         self._row_of = np.full(n_points, -1, np.int32)
@@ -125,7 +130,7 @@ class GlossyPixels:
             Of `rays.lit`.
         """
         expect_kind("rays", rays, CameraRays)
-        lit = rays.lit
+        self.n_rays, lit = 0, rays.lit
         row, column = np.divmod(lit, rays.width * rays.samples)
         places = Places(
             rays.points[lit], rays.weights[lit], rays.triangle[lit], -rays.directions[lit],
@@ -228,6 +233,7 @@ class GlossyPixels:
         if self._caster is None:
             self._caster = self._make_caster()
         hits = self._caster.intersect(starts, ways)
+        self.n_rays += len(ways)
         result = np.zeros((len(places), 3), np.float32)
         free = hits.triangle < 0
         result[free] = light.sky(ways[free])

@@ -200,6 +200,11 @@ class Relighter:
             radiance = yield from maybe_in_thread(apart, "gloss", *work)
         return subject.shaped(_exposed(radiance, lighting))
 
+    @property
+    def mirror_rays(self):
+        """How many rays the mirrors of the last `picture` cast."""
+        return 0 if self._gloss is None else self._gloss.mirror_rays
+
     def has_lamps(self, lighting):
         """Whether the lamps of a `Lighting` need no shadow rays, having been asked for before.
 

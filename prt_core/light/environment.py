@@ -160,6 +160,15 @@ class EnvironmentMap:
         return (rows, columns, (height, width), base.reshape(-1, 3).astype(np.float32)), bright
 
     def sample(self, directions):
+        """Radiance (m, 3) float32 of the pixels that `directions` (m, 3) fall into."""
+        directions = expect_array("directions", directions, (None, 3), np.float64)
+        u, v = equirectangular(directions)
+        height, width = self.pixels.shape[:2]
+        column = np.minimum((u * width).astype(np.int64), width - 1)
+        row = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
+        return self.pixels[row, column]
+
+    def interpolated(self, directions):
         """Radiance (m, 3) float32 along `directions` (m, 3), between the middles of pixels.
 
         Linear both ways, as Cycles shows an image.

@@ -182,6 +182,8 @@ def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
         along, stretched, masked_own, scale = _stretched(
             directions, outgoing, alpha, axes, along, cosine, height
         )
+    # Below the horizon, where the cosine is taken as 0, it may vanish.
+    np.maximum(along, 1e-12, out=along)
     np.sqrt(stretched, out=stretched)
     stretched *= height
     masked = cosine * masked_own

@@ -78,22 +78,27 @@ def plastic():
 SCENES = {"metal_and_lacquer": metal_and_lacquer, "mirror_ball": mirror_ball, "plastic": plastic}
 
 
+def cycles_picture(path, width, height, samples, seed):
+    """(height, width, 3) float32: what Cycles renders of the open scene, by an .exr at `path`."""
+    scene = bpy.context.scene
+    cycles, render = scene.cycles, scene.render
+    cycles.device, cycles.samples, cycles.seed = "CPU", samples, seed
+    cycles.use_denoising = cycles.use_adaptive_sampling = False
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    cycles.blur_glossy, cycles.caustics_reflective = 0, True
+    cycles.pixel_filter_type, render.threads_mode, render.threads = "BOX", "FIXED", 1
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    render.image_settings.file_format = "OPEN_EXR"
+    render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return read_image(path)[..., :3]
+
+
 def cycles_render(name, light, seed, samples):
-    """(HEIGHT, WIDTH, 3) float32: what Cycles renders of the open scene, kept for the next time."""
+    """The `cycles_picture` of a scene that is open, kept for the next time."""
     path = FOLDER / f"{name}_{light}_{seed}_{samples}.npy"
     if not path.exists():
-        scene, part = bpy.context.scene, FOLDER / "render.exr"
-        cycles, render = scene.cycles, scene.render
-        cycles.device, cycles.samples, cycles.seed = "CPU", samples, seed
-        cycles.use_denoising = cycles.use_adaptive_sampling = False
-        cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
-        cycles.blur_glossy, cycles.caustics_reflective = 0, True
-        cycles.pixel_filter_type, render.threads_mode, render.threads = "BOX", "FIXED", 1
-        render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
-        render.image_settings.file_format = "OPEN_EXR"
-        render.filepath = str(part)
-        bpy.ops.render.render(write_still=True)
-        np.save(path, read_image(part)[..., :3])
+        np.save(path, cycles_picture(FOLDER / "render.exr", WIDTH, HEIGHT, samples, seed))
     return np.load(path)
 
 

@@ -1,9 +1,9 @@
 """A picture of gloss, shaded by pixels, beside what Cycles renders."""
 
 import bpy
-import build
 import numpy as np
 
+import build
 import prt_core
 from prt_core.evaluate.view import CameraRays
 from prt_core.light import write_image

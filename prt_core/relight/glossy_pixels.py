@@ -15,8 +15,6 @@ from prt_core.evaluate.view import CameraRays
 from prt_core.relight.glossy_points import highlights
 from prt_core.transport.mirror import mirrored_share
 
-# Lobes below this alpha, roughness 0.15, are mirrors.
-_MIRROR = 0.15**2
 # Mirrors in mirrors, until what they show is looked up in texels.
 _DEPTH = 2
 # Samples worked on at once.
@@ -99,6 +97,7 @@ class GlossyPixels:
     def __init__(self, scene, parts, lobes, make_caster):
         self._scene, self._parts, self._lobes = scene, parts, lobes
         self._make_caster, self._caster, self.n_rays = make_caster, None, 0
+        self._narrowest = min(part.narrowest for part in parts)
         n_points = len(scene.points)
         self._part_of = np.full(n_points, -1, np.int32)
         self._row_of = np.full(n_points, -1, np.int32)
@@ -166,7 +165,7 @@ class GlossyPixels:
         mirrored = np.zeros_like(result)
         for alpha, powers in groups:
             there = (cosine > 0) & powers.any(axis=(1, 2))
-            narrow = alpha.max(axis=1) < _MIRROR if depth else np.zeros(len(places), bool)
+            narrow = alpha.max(axis=1) < self._narrowest if depth else np.zeros(len(places), bool)
             some = np.flatnonzero(there & narrow)
             mirrored[some] += mirrored_share(cosine[some], powers[some])
             some = np.flatnonzero(there & ~narrow)

@@ -35,6 +35,8 @@ class GlossyPoints:
     points : (n,) int32
         The bake points.
     field : IncomingField
+    narrowest : float
+        Alpha below which a lobe is taken for a mirror.
     """
 
     def __init__(self, bake, reflections, lobes, first=0):
@@ -47,7 +49,7 @@ class GlossyPoints:
         self._mirror = Mirror(self.field, bake.transport.bits)
         self._materials = points.materials[which]
         self._frames = lobes.frames[first : first + len(which)]
-        self._narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
+        self.narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
         # Wide lobes need no detail of the light.
         self._is_wide = reflections.blocks.side <= _WIDE
 
@@ -107,7 +109,7 @@ class GlossyPoints:
         (k, 3) float32
         """
         result = np.zeros((len(rows), 3), np.float32)
-        narrow = alpha.max(axis=1) < self._narrowest
+        narrow = alpha.max(axis=1) < self.narrowest
         even = ~narrow & (alpha[:, 0] == alpha[:, 1])
         brushed = ~narrow & ~even
         if narrow.any():
@@ -117,7 +119,7 @@ class GlossyPoints:
             work = rows[even], outgoing[even], alpha[even, 0], powers[even]
             result[even] = self._view.reflected(*work, normals=normals[even])
         if brushed.any():
-            widths = np.maximum(alpha[brushed], self._narrowest)
+            widths = np.maximum(alpha[brushed], self.narrowest)
             work = rows[brushed], outgoing[brushed], widths, powers[brushed]
             axes = frames[brushed, :2]
             result[brushed] = self._view.reflected(*work, axes, normals[brushed])

@@ -8,8 +8,7 @@ import hashlib
 
 import numpy as np
 
-from prt_core.errors import expect, expect_kind
-from prt_core.evaluate.view import CameraRays
+from prt_core.errors import expect
 from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
 from prt_core.relight.glossy_points import GlossyPoints, SeenMetal
 from prt_core.relight.point_lobes import PointLobes
@@ -179,7 +178,6 @@ class Gloss:
         (n_lit, 3) float32
             Of `rays.lit`.
         """
-        expect_kind("rays", rays, CameraRays)
         return self._pixels.radiance(rays, PixelLight(even, own, self._sky, tuple(lamps)))
 
 

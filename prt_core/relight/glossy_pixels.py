@@ -10,8 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from prt_core.errors import expect_kind
-from prt_core.evaluate.view import CameraRays
+from prt_core.errors import expect
 from prt_core.relight.glossy_points import highlights
 from prt_core.transport.mirror import mirrored_share
 
@@ -128,7 +127,11 @@ class GlossyPixels:
         (n_lit, 3) float32
             Of `rays.lit`.
         """
-        expect_kind("rays", rays, CameraRays)
+        n_points, n_triangles = len(self._scene.points), len(self._scene.triangles)
+        expect(
+            rays.points.max(initial=-1) < n_points and rays.triangle.max(initial=-1) < n_triangles,
+            "rays: expected those of the baked scene; they met another one",
+        )
         self.n_rays, lit = 0, rays.lit
         row, column = np.divmod(lit, rays.width * rays.samples)
         places = Places(

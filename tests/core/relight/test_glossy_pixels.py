@@ -215,3 +215,13 @@ def test_a_bake_without_gloss_has_no_such_picture(tmp_path):
         relighter.picture(rays_of(bake, None, 4, 3), SKY)
     with pytest.raises(PRTError, match="rays: expected a CameraRays"):
         relighter.picture(View(np.ones(3)), SKY)
+
+
+def test_rays_of_another_scene_are_refused(mirror):
+    bake, caster, _ = mirror
+    larger = Scene.from_meshes([plane(21)], max_hidden=0)
+    rays = CameraRays(larger, caster_of(larger), None, 8, 6)
+    relighter = Relighter(bake, caster)
+    with pytest.raises(PRTError, match="rays: expected those of the baked scene"):
+        relighter.picture(rays, SKY)
+    relighter.close()

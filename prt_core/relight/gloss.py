@@ -121,7 +121,7 @@ class Gloss:
         result = np.zeros((len(seen), 3), np.float32)
         for index, part in enumerate(self._parts):
             mine = np.flatnonzero(seen.part == index)
-            result[mine] = part.toward(seen.row[mine], seen.outgoing[mine])[0]
+            result[mine] = part.glimpse(seen.row[mine], seen.outgoing[mine])
         return result
 
     def _by_entry(self, seen, reflected, sent, even):

@@ -3,7 +3,6 @@
 import numpy as np
 
 from prt_core.reflectance import principled_lobes
-from prt_core.sphere import CubeMap
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -12,8 +11,6 @@ from prt_core.transport.mirror import Mirror
 _TEXELS = 0.6
 # What reflects so much of the light that comes straight is metal to others that see it.
 _METAL = 0.15
-# Directions from which it is seen are told apart by the texels of cube maps.
-_FROM = 4
 # Blocks along an edge with which no lobe is narrow.
 _WIDE = 8
 
@@ -89,6 +86,14 @@ class GlossyPoints:
         for alpha, powers in groups:
             result += self.reflected(rows, normals, outgoing, alpha, powers, self._frames[rows])
         return result, diffuse
+
+    def glimpse(self, rows, outgoing):
+        """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""
+        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
+        result = np.zeros((len(rows), 3), np.float32)
+        for alpha, powers in self._lobes.at(self._first + rows, cosine)[0]:
+            result += self._view.glimpse(rows, outgoing, alpha, powers)
+        return result
 
     def reflected(self, rows, normals, outgoing, alpha, powers, frames):
         """What lobes reflect of the fields of points.
@@ -188,8 +193,6 @@ def highlights(materials, frames, lamp, received, world, outgoing):
 class SeenMetal:
     """Where reflections see points that reflect as much as metals do, and from where.
 
-    Points and directions that many entries share are kept once.
-
     Parameters
     ----------
     parts : list of GlossyPoints
@@ -201,8 +204,8 @@ class SeenMetal:
         Whose points they are, and which.
     outgoing : (k, 3) float32
         From there to who sees it.
-    entries : list of (int array, int array)
-        Of each part the entries of its reflections that see one, and which.
+    entries : list of (int array, slice)
+        Of each part the entries of its reflections that see one, and which these are.
     """
 
     def __init__(self, parts, n_points):
@@ -211,21 +214,18 @@ class SeenMetal:
         for index, part in enumerate(parts):
             strong = np.flatnonzero(part.strength() > _METAL)
             owner[part.points[strong]], row[part.points[strong]] = index, strong
-        around, keys, self.entries, found = CubeMap(_FROM), [], [], []
+        met, ways, self.entries, first = [], [], [], 0
         for part in parts:
             reflections = part.field.reflections
             # Negative numbers, of what returns no light, count from the end: of no part.
             entries = np.flatnonzero(owner[reflections.met] >= 0)
-            ways = -reflections.blocks.directions[reflections.block[entries]]
-            cell = around.texel_along(*ways.T)
-            found.append(entries)
-            keys.append(reflections.met[entries].astype(np.int64) * around.n_directions + cell)
-        kinds, which = np.unique(np.concatenate(keys), return_inverse=True)
-        point, cell = np.divmod(kinds, around.n_directions)
-        self.part, self.row = owner[point], row[point]
-        self.outgoing = around.directions[cell].astype(np.float32)
-        ends = np.cumsum([len(entries) for entries in found])[:-1]
-        self.entries = list(zip(found, np.split(which.ravel(), ends), strict=True))
+            met.append(reflections.met[entries])
+            directions = reflections.blocks.directions[reflections.block[entries]]
+            ways.append(-directions.astype(np.float32))
+            self.entries.append((entries, slice(first, first + len(entries))))
+            first += len(entries)
+        met = np.concatenate(met)
+        self.part, self.row, self.outgoing = owner[met], row[met], np.concatenate(ways)
 
     def __len__(self):
         return len(self.row)

@@ -11,10 +11,20 @@ import numpy as np
 
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
+from prt_core.sphere import sobol_points, square_to_ggx_normals, tangent_frames
 from prt_core.transport.lobe_cuts import cells, lobe_cut, parts_along
 
+# Facets that a glimpse takes of each lobe, and points of one at once.
+_FACETS, _MANY = 4, 1 << 13
 # Points worked on at once: what belongs to them stays in the cache.
 _PART = 128
+# Least alpha of what is met: one point stands for all that is met in a block, and its lobe for
+# theirs.
+_LEAST = np.float32(0.1)
+# Least cosine of a view of a glimpse: smooth normals may face away from who sees the surface.
+_GRAZING = 0.05
+# Shifts of a sequence that are spread evenly, one after the other.
+_GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])
 # Classes of roughness: each ends at this times the alpha at which it begins.
 _CLASS = 1.6
 
@@ -98,6 +108,61 @@ class GlossyView:
         on_all_cores(one, jobs)
         return result
 
+    def glimpse(self, rows, outgoing, alpha, powers):
+        """About what lobes send: quick, and right in the mean over many points and directions.
+
+        A few facets of each lobe mirror the blocks that they face; bright texels are exact.
+
+        Parameters
+        ----------
+        rows, outgoing, alpha, powers
+            As `reflected` takes them.
+
+        Returns
+        -------
+        (k, 3) float32
+        """
+        field, result = self.field, np.zeros((len(rows), 3), np.float32)
+        blocks = field.reflections.blocks
+        bright = np.ascontiguousarray(field.bright_directions.T, np.float32)
+        places = sobol_points(int(np.log2(_FACETS))).astype(np.float32)
+
+        def one(first):
+            part = slice(first, first + _MANY)
+            some = rows[part]
+            ways = _lifted(outgoing[part], self.normals[some])
+            width = alpha[part] if alpha.ndim == 1 else np.sqrt(alpha[part].prod(axis=1))
+            width = np.maximum(width, _LEAST)
+            frames = tangent_frames(self.normals[some]).astype(np.float32)
+            view = np.einsum("kx,kax->ka", ways, frames)
+            # Each point has a shift of its own, so that errors go away in the mean.
+            shift = np.arange(first, first + len(some))[:, None] * _GOLDEN % 1
+            uv = (places + shift[:, None].astype(np.float32)) % np.float32(1)
+            lobe = width[:, None]
+            facets = square_to_ggx_normals(uv, view[:, None], lobe, lobe)
+            cosine = np.einsum("ka,kfa->kf", view, facets)
+            incoming = 2 * cosine[..., None] * facets - view[:, None]
+            own, other = (
+                np.sqrt(1 + lobe**2 * np.maximum(1 / np.maximum(z, 1e-3) ** 2 - 1, 0))
+                for z in (view[:, None, 2], incoming[..., 2])
+            )
+            weight = np.where(incoming[..., 2] > 0, (1 + own) / (own + other), 0) / _FACETS
+            world = np.matmul(incoming, frames)
+            block = blocks.along(*np.moveaxis(world, -1, 0))
+            light = wholes(field.values[some[:, None], :, block])
+            rest = np.clip(1 - cosine, 0, 1)
+            each = np.stack([np.ones_like(rest), rest**5, rest**3, cosine * rest**6], axis=2)
+            factor = np.matmul(each * weight[..., None], powers[part])
+            result[part] = (light * np.maximum(factor, 0)).sum(axis=1)
+            if bright.size:
+                seen = field.bright_seen(some)
+                lobes = _evaluated(bright, self.normals[some], ways, width, None, powers.shape[1])
+                terms = [(lobe * seen) @ field.bright_light for lobe in lobes]
+                result[part] += np.einsum("kpc,kpc->kc", np.stack(terms, 1), powers[part])
+
+        on_all_cores(one, range(0, len(rows), _MANY))
+        return result
+
     def _parts(self, alpha, details):
         """Parts along a block's edge, whose detail of the light is added where it is missing."""
         parts = parts_along(self._side, alpha, self.field.light_map.resolution)
@@ -146,6 +211,13 @@ class GlossyView:
         return np.maximum(terms, 0, out=terms)
 
 
+def _lifted(directions, normals):
+    """Directions (k, 3) lifted to `_GRAZING` above the surface where they are below that."""
+    cosine = np.einsum("kx,kx->k", directions, normals)[:, None]
+    lifted = directions + np.maximum(_GRAZING - cosine, 0) * normals
+    return (lifted / np.linalg.norm(lifted, axis=1, keepdims=True)).astype(np.float32)
+
+
 def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
     """Lobes times the cosine, times powers of Schlick's kind: (p, m) each.
 
@@ -182,7 +254,7 @@ def _evaluated(directions, normals, outgoing, alpha, axes, n_powers):
         along, stretched, masked_own, scale = _stretched(
             directions, outgoing, alpha, axes, along, cosine, height
         )
-    # Below the horizon, where the cosine is taken as 0, it may vanish.
+    # Below the horizon, where nothing counts, it can be 0.
     np.maximum(along, 1e-12, out=along)
     np.sqrt(stretched, out=stretched)
     stretched *= height

@@ -9,7 +9,6 @@ some 12 degrees with the surface are left out: Cycles lifts their view.
 
 import argparse
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from prt_core.relight.relighter import Relighter  # noqa: E402
 from prt_core.runtime.progress import run  # noqa: E402
 from prt_core.transport import View  # noqa: E402
 
+FOLDER = ROOT / "build" / "bench" / "gloss"
 # Least cosine between view and normal that Cycles does not lift.
 _FACING = 0.2
 
@@ -121,28 +121,34 @@ def compared(ours, truths, facing):
     return result
 
 
-def measured(name, light, samples, folder, levels=2, side=81, store=None):
-    """(`compared`, seconds of a first and of a second view)."""
-    scene_of(name, levels, side)
-    world_image(studio_paths([light])[light])
-    path = Path(store or folder) / f"{name}.prt"
-    begun = time.perf_counter()
+def truth(name, light, seed, samples):
+    """`cycles_bake` of the open scene, kept for the next time."""
+    path = FOLDER / f"{name}_{light}_{seed}_{samples}.npz"
     if not path.exists():
-        bake(None, path, gloss=True, method="exhaustive" if levels < 3 else "auto")
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **cycles_bake(seed, samples))
+    return dict(np.load(path))
+
+
+def measured(name, light, samples):
+    """`compared` of a scene under an image, and seconds of a light and of a view."""
+    scene_of(name)
+    world_image(studio_paths([light])[light])
+    path = FOLDER / f"{name}.prt"
+    bake(None, path, gloss=True, method="exhaustive", restart="changed")
     baked = load(path)
-    print("bake", round(time.perf_counter() - begun, 1), baked.report["seconds"], flush=True)
-    relighter = Relighter(baked)
-    view = View.of_camera(baked.camera)
-    spent = []
+    relighter, lighting = Relighter(baked), lighting_of(studio_paths([light])[light])
+    view, spent = View.of_camera(baked.camera), []
     for _ in range(2):
         begun = time.perf_counter()
-        radiance = run(relighter.steps(lighting_of(studio_paths([light])[light]), view=view))
+        radiance = run(relighter.steps(lighting, view=view))
         spent.append(time.perf_counter() - begun)
+    relighter.close()
     points = baked.scene.points
     outgoing = view.outgoing(baked.scene.to_world(points.positions))
     facing = np.einsum("nx,nx->n", outgoing, points.normals) > _FACING
     facing = {item.name: facing[item.corner_point] for item in baked.scene.objects if item.receives}
-    truths = [cycles_bake(seed, samples) for seed in (1, 2)]
+    truths = [truth(name, light, seed, samples) for seed in (1, 2)]
     return compared(baked.colours(radiance), truths, facing), spent
 
 
@@ -153,14 +159,13 @@ def main():
     parser.add_argument("--samples", type=int, default=256)
     options = parser.parse_args()
     for name in options.names:
-        with tempfile.TemporaryDirectory() as folder:
-            for light in options.light:
-                errors, spent = measured(name, light, options.samples, folder)
-                figures = ", ".join(
-                    f"{item} {error:.1%} (noise {noise:.1%}, mean {signed:+.1%})"
-                    for item, (error, noise, signed) in errors.items()
-                )
-                print(f"{name} under {light}: {figures}; {spent[0]:.2f}, {spent[1]:.2f} s")
+        for light in options.light:
+            errors, spent = measured(name, light, options.samples)
+            figures = ", ".join(
+                f"{item} {error:.1%} (noise {noise:.1%}, mean {signed:+.1%})"
+                for item, (error, noise, signed) in errors.items()
+            )
+            print(f"{name} under {light}: {figures}; {spent[0]:.2f}, {spent[1]:.2f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from prt_core.cli.arguments import (
     size,
     view_named,
 )
+from prt_core.cli.relight_view import notes_of, wants_points, write_picture
 from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -66,7 +67,7 @@ def add_relight(commands, in_blender):
     relight.add_argument(
         "--view", metavar="VIEW",
         help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z (a "
-        "picture is seen from the camera: 'camera' with --png)",
+        "picture is seen from the camera: 'camera' with --png, each pixel by itself)",
     )  # fmt: skip
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
@@ -116,10 +117,18 @@ def _relight(options):
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
+    radiance = None
     try:
-        radiance = relighter.radiance(lighting, of=of, view=view)
-        spent, how, notes = time.perf_counter() - start, _how(relighter), relighter.notes
-        sky = relighter.sky(lighting) if options.png else None
+        if wants_points(options):
+            radiance = relighter.radiance(lighting, of=of, view=view)
+            spent = time.perf_counter() - start
+        if options.png:
+            _bpy_where_needed()
+            pictures = PictureWriter(baked, options.size, options.caster)
+            write_picture(options.png, pictures, relighter, lighting, view, radiance)
+        if radiance is None:
+            spent = time.perf_counter() - start
+        how, notes = _how(relighter), notes_of(relighter)
     finally:
         relighter.close()
     if of == "image":
@@ -127,15 +136,12 @@ def _relight(options):
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
         return 0
-    colours = baked.colours(radiance)
     if options.output:
-        write_npz(options.output, colours)
-    if options.png:
-        _write_png(baked, radiance, sky, options)
+        write_npz(options.output, baked.colours(radiance))
     if options.image:
         _write_image(options.image, baked.image(radiance))
     if options.blend:
-        _write_blend(baked, colours, options)
+        _write_blend(baked, baked.colours(radiance), options)
     written = ", ".join(p for p in _outputs(options).values() if p)
     print(f"{written}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
     _print_notes(baked, options, notes)
@@ -184,7 +190,6 @@ def _expect_request(options):
     if options.png and options.size:
         expect_view(*options.size)
     if options.view is not None:
-        expect(not options.turn, "--view: not with --turn; leave one of them out")
         expect(
             options.output or options.png or options.blend,
             "--view: an image that was baked is not shown again; give --output, --png or --blend",
@@ -267,23 +272,26 @@ def _relight_turn(baked, lighting, options):
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
-    of = _of(options)
+    of, view = _of(options), view_named(options.view, baked)
     pictures = PictureWriter(baked, options.size, options.caster)
     start, spent = time.perf_counter(), []
     for frame in range(options.turn):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
-        begun = time.perf_counter()
-        radiance = relighter.radiance(lighting, of=of)
-        spent.append(time.perf_counter() - begun)
+        begun, radiance = time.perf_counter(), None
+        if wants_points(options):
+            radiance = relighter.radiance(lighting, of=of, view=view)
+            spent.append(time.perf_counter() - begun)
         if options.image:
             shown = radiance if of == "image" else baked.image(radiance)
             _write_image(frame_path(options.image, frame + 1), shown)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
-            sky = relighter.sky(lighting)
-            pictures.write(frame_path(options.png, frame + 1), radiance, background=sky)
+            path = frame_path(options.png, frame + 1)
+            write_picture(path, pictures, relighter, lighting, view, radiance)
+        if radiance is None:
+            spent.append(time.perf_counter() - begun)
     whole = (time.perf_counter() - start) / options.turn
     first = frame_path(options.png or options.output or options.image, 1)
     print(
@@ -291,7 +299,7 @@ def _relight_turn(baked, lighting, options):
         f"{_how(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of them "
         "to relight"
     )
-    _print_notes(baked, options, relighter.notes)
+    _print_notes(baked, options, notes_of(relighter))
     return 0
 
 
@@ -349,18 +357,6 @@ def _bpy_where_needed():
 
     if "embree" not in known_casters():
         import_bpy()
-
-
-def _write_png(baked, radiance, sky, options):
-    from prt_core.evaluate import render_view, to_srgb, write_png
-
-    _bpy_where_needed()
-    caster = baked.make_caster(options.caster, "camera")
-    try:
-        picture = render_view(baked, radiance, caster, *options.size, background=sky)
-    finally:
-        caster.close()
-    write_png(options.png, to_srgb(picture))
 
 
 def _write_blend(baked, colours, options):

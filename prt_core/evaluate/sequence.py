@@ -82,6 +82,17 @@ class PictureWriter:
         background : callable, optional
             The sky (see `CameraRays.picture`).
         """
+        picture = self.rays(camera).picture(radiance, background)
+        write_png(path, to_srgb(picture))
+
+    def rays(self, camera=None):
+        """The `CameraRays` of a camera, kept until there is another.
+
+        Parameters
+        ----------
+        camera : Camera, optional
+            Default: that of the baked scene.
+        """
         camera = self._bake.camera if camera is None else camera
         if self._rays is None or camera != self._camera:
             caster = self._bake.make_caster(self._caster, "camera")
@@ -90,4 +101,4 @@ class PictureWriter:
             finally:
                 caster.close()
             self._camera = camera
-        write_png(path, to_srgb(self._rays.picture(radiance, background)))
+        return self._rays

@@ -45,6 +45,16 @@ class CameraRays:
         Pixels.
     samples : int
         Along each side of a pixel.
+
+    Attributes
+    ----------
+    directions : (m, 3) float32
+        Of the rays, of all samples in reading order.
+    triangle : (m,) int32
+        What they meet, -1 where that is nothing.
+    points : (m, 3) int32
+        The bake points around; -1 where no point is.
+    weights : (m, 3) float32
     """
 
     def __init__(self, scene, caster, camera=None, width=960, height=540, samples=2):
@@ -57,7 +67,7 @@ class CameraRays:
         self.points = np.full((n_rays, 3), -1, np.int32)
         self.weights = np.zeros((n_rays, 3), np.float32)
         triangle, barycentric = hits_in_view(scene, caster, rays)
-        self.hit = triangle >= 0
+        self.hit, self.triangle = triangle >= 0, triangle.astype(np.int32)
         # Beyond a fisheye's disc there is no sky either.
         self._sky = ~self.hit & (rays.lengths >= 0)
         for first in range(0, n_rays, _BATCH):
@@ -84,10 +94,35 @@ class CameraRays:
         """
         shape = len(self._scene.points), 3
         radiance = expect_array("radiance", radiance, shape, np.float32, -_MOST, _MOST)
-        lit = self.points[:, 0] >= 0
+        lit = self.lit
+        values = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
+        return self.picture_of(values, background, pointless)
+
+    @property
+    def lit(self):
+        """(m,) int: the samples that see bake points."""
+        return np.flatnonzero(self.points[:, 0] >= 0)
+
+    def picture_of(self, values, background=None, pointless=0.0):
+        """The view, of what each of its samples shows.
+
+        Parameters
+        ----------
+        values : (n_lit, 3) float32
+            Of the samples `lit`.
+        background, pointless
+            See `picture`.
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear.
+        """
+        lit = self.lit
+        values = expect_array("values", values, (len(lit), 3), np.float32, -_MOST, _MOST)
         image = np.zeros((len(self.hit), 3), np.float32)
-        image[self.hit & ~lit] = pointless
-        image[lit] = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
+        image[self.hit] = pointless
+        image[lit] = values
         if background is not None:
             image[self._sky] = background(self.directions[self._sky])
         s = self.samples

@@ -168,6 +168,25 @@ class EnvironmentMap:
         row = np.minimum(((1 - v) * height).astype(np.int64), height - 1)
         return self.pixels[row, column]
 
+    def interpolated(self, directions):
+        """Radiance (m, 3) float32 along `directions` (m, 3), between the middles of pixels.
+
+        Linear both ways, as Cycles shows an image.
+        """
+        directions = expect_array("directions", directions, (None, 3), np.float64)
+        u, v = equirectangular(directions)
+        height, width = self.pixels.shape[:2]
+        across, down = u * width - 0.5, np.clip((1 - v) * height - 0.5, 0, height - 1)
+        column, row = np.floor(across).astype(np.int64), np.floor(down).astype(np.int64)
+        right = (across - column).astype(np.float32)[:, None]
+        below = (down - row).astype(np.float32)[:, None]
+        columns = column % width, (column + 1) % width
+        upper, lower = (
+            self.pixels[line, columns[0]] * (1 - right) + self.pixels[line, columns[1]] * right
+            for line in (row, np.minimum(row + 1, height - 1))
+        )
+        return upper * (1 - below) + lower * below
+
 
 def named_images(paths):
     """{name: EnvironmentMap} of images, by the names of their files."""

@@ -169,4 +169,4 @@ class Environments:
             return None
         image, turned_back = self.read(lighting), lighting.matrix
         factor = np.float32(lighting.strength * (lighting.exposure_factor if exposed else 1))
-        return lambda directions: image.sample(directions @ turned_back) * factor
+        return lambda directions: image.interpolated(directions @ turned_back) * factor

@@ -10,7 +10,9 @@ import numpy as np
 
 from prt_core.errors import expect
 from prt_core.relight.coarse_view import CoarseView
+from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
 from prt_core.relight.glossy_points import GlossyPoints, SeenMetal
+from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.main_thread import maybe_in_thread
 
 # Sweeps over what reflects what reflects, at most.
@@ -26,6 +28,8 @@ class Gloss:
     ----------
     bake : Bake
         Baked with gloss.
+    caster : str
+        For the rays of mirrors; made when first needed.
 
     Raises
     ------
@@ -33,7 +37,7 @@ class Gloss:
         The bake has none.
     """
 
-    def __init__(self, bake):
+    def __init__(self, bake, caster="auto"):
         expect(
             bake.reflections,
             "view: this bake knows of no gloss, and looks the same from everywhere; bake with "
@@ -41,14 +45,31 @@ class Gloss:
         )
         self._points = bake.scene.points
         self._world = bake.scene.to_world(self._points.positions)
-        self._parts = [GlossyPoints(bake, reflections) for reflections in bake.reflections]
-        self._metal = self._light = None
+        glossy = np.concatenate([reflections.points for reflections in bake.reflections])
+        self._lobes = PointLobes(self._points.materials[glossy], self._points.normals[glossy])
+        self._parts, first = [], 0
+        for reflections in bake.reflections:
+            self._parts.append(GlossyPoints(bake, reflections, self._lobes, first))
+            first += len(reflections.points)
+        self._metal = self._light = self._sky = None
         self._coarse = {}
+        self._pixels = GlossyPixels(
+            bake.scene, self._parts, self._lobes, lambda: bake.make_caster(caster, "diffuse")
+        )
+
+    def close(self):
+        """Let go of the rays' caster."""
+        self._pixels.close()
 
     @property
     def nbytes(self):
         """Of the fields."""
         return sum(part.field.nbytes for part in self._parts)
+
+    @property
+    def mirror_rays(self):
+        """How many rays the mirrors of the last picture cast."""
+        return self._pixels.n_rays
 
     def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01):
         """Take in a light: as many sweeps as it takes until reflections of reflections settle.
@@ -68,6 +89,7 @@ class Gloss:
         tolerance : float
             Change of what is reflected at which sweeps end, in parts of it.
         """
+        self._sky = sky or texel_sky(self._parts[0].field.reflections.blocks.cube_map, texels)
         key = _digest(texels, sent, even)
         if key == self._light:
             return
@@ -168,6 +190,40 @@ class Gloss:
             glossy = np.concatenate([part.points for part in self._parts])
             self._coarse[every] = CoarseView(self._points, glossy, every)
         return self._coarse[every]
+
+    def radiance_of_pixels(self, rays, even, own, lamps=()):
+        """What the samples of a picture show under the light, each with its own normal and view.
+
+        Parameters
+        ----------
+        rays : CameraRays
+        even : (n_points, 3) float32
+            What points send out to all sides, without what they send of themselves.
+        own : (n_points, 3) float32, or None
+            That.
+        lamps
+            See `toward`.
+
+        Returns
+        -------
+        (n_lit, 3) float32
+            Of `rays.lit`.
+        """
+        return self._pixels.radiance(rays, PixelLight(even, own, self._sky, tuple(lamps)))
+
+
+def texel_sky(cube_map, texels):
+    """The light of texels, as a function of (m, 3) directions to (m, 3) radiance.
+
+    Parameters
+    ----------
+    cube_map : CubeMap
+    texels : (n_directions, 3) float32, or None
+        None: black.
+    """
+    if texels is None:
+        return lambda directions: np.zeros(directions.shape, np.float32)
+    return lambda directions: texels[cube_map.texel_along(*directions.T)]
 
 
 def _digest(*arrays):

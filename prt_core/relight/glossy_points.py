@@ -3,8 +3,6 @@
 import numpy as np
 
 from prt_core.reflectance import principled_lobes
-from prt_core.reflectance.fresnel_powers import N_POWERS, fresnel_powers
-from prt_core.reflectance.view_factors import ViewFactors
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -24,37 +22,33 @@ class GlossyPoints:
     ----------
     bake : Bake
     reflections : Reflections
+    lobes : PointLobes
+        Of the glossy points of the bake.
+    first : int
+        Its row of the first of these.
 
     Attributes
     ----------
     points : (n,) int32
         The bake points.
     field : IncomingField
+    narrowest : float
+        Alpha below which a lobe is taken for a mirror.
     """
 
-    def __init__(self, bake, reflections):
+    def __init__(self, bake, reflections, lobes, first=0):
         points, which = bake.scene.points, reflections.points
         self.points = which
         self.field = IncomingField(reflections, bake.transport.bits)
+        self._lobes, self._first = lobes, first
         self._normals = points.normals[which]
         self._view = GlossyView(self.field, self._normals)
         self._mirror = Mirror(self.field, bake.transport.bits)
         self._materials = points.materials[which]
-        lobes = principled_lobes(self._materials)
-        self._frames = lobes.frames(self._normals).astype(np.float32)
-        self._factors = ViewFactors(self._materials)
-        self._narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
+        self._frames = lobes.frames[first : first + len(which)]
+        self.narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
         # Wide lobes need no detail of the light.
         self._is_wide = reflections.blocks.side <= _WIDE
-        # Those below a coat have one roughness; a coat has its own.
-        self._groups = [
-            group
-            for group in (
-                _Group(lobes, ("metal", "dielectric", "glossy")),
-                _Group(lobes, ("coat",)),
-            )
-            if group.lobes
-        ]
 
     def light(self, texels, sent, sky=None, by_entry=None, detailed=None):
         """Take in a light, as `IncomingField.update` and `Mirror.update` do."""
@@ -63,11 +57,7 @@ class GlossyPoints:
 
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
-        result = np.zeros(len(self.points), np.float32)
-        for group in self._groups:
-            for powers in group.lobes.values():
-                result += powers[:, 0].max(axis=1)
-        return result
+        return self._lobes.strength()[self._first : self._first + len(self.points)]
 
     def facing(self, outgoing):
         """Rows of the points that face the viewer, of directions (n, 3)."""
@@ -89,40 +79,55 @@ class GlossyPoints:
         diffuse : (k, 3) float32
             What is left of diffuse light, in parts of that of the view from straight above.
         """
-        result, factors = np.zeros((len(rows), 3), np.float32), self._seen(rows, outgoing)
-        for group in self._groups:
-            powers = group.seen(rows, factors)
-            result += self._reflected(rows, outgoing, group.alpha[rows], powers)
-        return result, factors["diffuse"]
+        normals = self._normals[rows]
+        cosine = np.einsum("kx,kx->k", outgoing, normals)
+        groups, diffuse = self._lobes.at(self._first + rows, cosine)
+        result = np.zeros((len(rows), 3), np.float32)
+        for alpha, powers in groups:
+            result += self.reflected(rows, normals, outgoing, alpha, powers, self._frames[rows])
+        return result, diffuse
 
     def glimpse(self, rows, outgoing):
         """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""
-        result, factors = np.zeros((len(rows), 3), np.float32), self._seen(rows, outgoing)
-        for group in self._groups:
-            powers = group.seen(rows, factors)
-            result += self._view.glimpse(rows, outgoing, group.alpha[rows], powers)
+        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
+        result = np.zeros((len(rows), 3), np.float32)
+        for alpha, powers in self._lobes.at(self._first + rows, cosine)[0]:
+            result += self._view.glimpse(rows, outgoing, alpha, powers)
         return result
 
-    def _seen(self, rows, outgoing):
-        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
-        return self._factors.at(rows, cosine)
+    def reflected(self, rows, normals, outgoing, alpha, powers, frames):
+        """What lobes reflect of the fields of points.
 
-    def _reflected(self, rows, outgoing, alpha, powers):
+        Parameters
+        ----------
+        rows : (k,) int
+            Whose fields; one may come more than once.
+        normals, outgoing : (k, 3) float32
+            Of the places that reflect: those of the points, or of places beside them.
+        alpha : (k, 2) float32
+        powers : (k, N_POWERS, 3) float32
+        frames : (k, 3, 3) float32
+            Tangents, where the alphas differ.
+
+        Returns
+        -------
+        (k, 3) float32
+        """
         result = np.zeros((len(rows), 3), np.float32)
-        narrow = alpha.max(axis=1) < self._narrowest
+        narrow = alpha.max(axis=1) < self.narrowest
         even = ~narrow & (alpha[:, 0] == alpha[:, 1])
         brushed = ~narrow & ~even
         if narrow.any():
-            normals = self._normals[rows[narrow]]
-            work = rows[narrow], normals, outgoing[narrow], powers[narrow]
+            work = rows[narrow], normals[narrow], outgoing[narrow], powers[narrow]
             result[narrow] = self._mirror.reflected(*work)
         if even.any():
             work = rows[even], outgoing[even], alpha[even, 0], powers[even]
-            result[even] = self._view.reflected(*work)
+            result[even] = self._view.reflected(*work, normals=normals[even])
         if brushed.any():
-            widths = np.maximum(alpha[brushed], self._narrowest)
+            widths = np.maximum(alpha[brushed], self.narrowest)
             work = rows[brushed], outgoing[brushed], widths, powers[brushed]
-            result[brushed] = self._view.reflected(*work, self._frames[rows[brushed], :2])
+            axes = frames[brushed, :2]
+            result[brushed] = self._view.reflected(*work, axes, normals[brushed])
         return result
 
     def highlights(self, lamp, received, world, rows, outgoing):
@@ -147,51 +152,46 @@ class GlossyPoints:
         result = np.zeros((len(rows), 3), np.float32)
         received = received[self.points[rows]]
         lit = np.flatnonzero(received.any(axis=1))
-        if not len(lit):
-            return result
-        rows = rows[lit]
-        direction, angle = lamp.seen_from(world[self.points[rows]])
-        # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
-        spread = angle / 2 / np.sqrt(2)
-        materials = self._materials[rows]
-        widened = {
-            name: np.minimum(np.sqrt(np.hypot(getattr(materials, name)[:, 0] ** 2, spread)), 1)
-            for name in ("roughness", "coat_roughness")
-        }
-        widened = {name: values[:, None] for name, values in widened.items()}
-        lobes = principled_lobes(materials.replaced(**widened))
-        frames = self._frames[rows].astype(np.float64)
-        incoming, view = (
-            np.einsum("nx,nkx->nk", ways, frames)[:, None] for ways in (direction, outgoing[lit])
-        )
-        result[lit] = np.pi * received[lit] * lobes.eval(incoming, view)[:, 0]
+        if len(lit):
+            some = rows[lit]
+            result[lit] = highlights(
+                self._materials[some], self._frames[some], lamp, received[lit],
+                world[self.points[some]], outgoing[lit],
+            )  # fmt: skip
         return result
 
 
-class _Group:
-    """Lobes that have the same roughness at each point.
+def highlights(materials, frames, lamp, received, world, outgoing):
+    """What lobes at k places reflect of a lamp, as wide as the lamp looks.
 
-    Attributes
+    Parameters
     ----------
-    lobes : dict of str -> (n, N_POWERS, 3) float32
-        Their Fresnel terms.
-    alpha : (n, 2) float32
+    materials : Materials
+    frames : (k, 3, 3) float
+        Tangents and normals.
+    lamp : Lamp or BrightPixels
+    received : (k, 3) float32
+        Irradiance / pi.
+    world, outgoing : (k, 3) float
+
+    Returns
+    -------
+    (k, 3) float
     """
-
-    def __init__(self, lobes, names):
-        n = lobes.n_points
-        self.lobes, self.alpha = {}, np.ones((n, 2), np.float32)
-        for lobe in lobes.lobes:
-            if lobe.name in names:
-                powers = np.zeros((n, N_POWERS, 3), np.float32)
-                powers[lobe.rows] = fresnel_powers(lobe.reflectance.fresnel) * lobe.weight
-                self.lobes[lobe.name] = powers
-                alphas = lobe.reflectance.alpha_x, lobe.reflectance.alpha_y
-                self.alpha[lobe.rows] = np.concatenate(alphas, axis=1)
-
-    def seen(self, rows, factors):
-        """(k, N_POWERS, 3) float32 of points by `rows`, times the `factors` of their lobes."""
-        return sum(values[rows] * factors[name][:, None] for name, values in self.lobes.items())
+    direction, angle = lamp.seen_from(world)
+    # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
+    spread = angle / 2 / np.sqrt(2)
+    widened = {
+        name: np.minimum(np.sqrt(np.hypot(getattr(materials, name)[:, 0] ** 2, spread)), 1)
+        for name in ("roughness", "coat_roughness")
+    }
+    widened = {name: values[:, None] for name, values in widened.items()}
+    lobes = principled_lobes(materials.replaced(**widened))
+    frames = frames.astype(np.float64)
+    incoming, view = (
+        np.einsum("nx,nkx->nk", ways, frames)[:, None] for ways in (direction, outgoing)
+    )
+    return np.pi * received * lobes.eval(incoming, view)[:, 0]
 
 
 class SeenMetal:

@@ -15,6 +15,7 @@ from prt_core.errors import (
     expect_one_of,
     expect_whole,
 )
+from prt_core.evaluate.view import CameraRays
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.emission import EmittedLight
 from prt_core.relight.environments import Environments
@@ -73,7 +74,7 @@ class Relighter:
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
         self._emitted = EmittedLight(bake)
-        self._gloss = self._sent = None
+        self._caster, self._gloss, self._sent = caster, None, None
 
     def radiance(self, light=None, *, of="points", view=None, **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
@@ -92,6 +93,33 @@ class Relighter:
 
     relight = renamed("relight", "radiance")
 
+    def picture(self, rays, light=None, *, background=None, **keywords):
+        """What a camera sees, with gloss of each pixel's own normal and view, and mirrors by rays.
+
+        Parameters
+        ----------
+        rays : CameraRays
+        light : Lighting, or what its environment may be, optional
+        background : callable((m, 3) directions) -> (m, 3), optional
+            What is behind the scene; default: the image of the light (see `sky`).
+        **keywords
+            The other fields of `Lighting`.
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear Rec.709 radiance.
+
+        Raises
+        ------
+        PRTError
+            The bake has no gloss.
+        """
+        expect_kind("rays", rays, CameraRays)
+        lighting = lighting_of(light, **keywords)
+        values = run(self.steps(lighting, view=rays))
+        return rays.picture_of(values, background or self.sky(lighting))
+
     def steps(self, lighting, pace=None, of="points", view=None):
         """Relight, as a generator of `Progress`.
 
@@ -103,24 +131,27 @@ class Relighter:
         of : {"points", "image"}
             What is shown: all points, or the image that was baked. A compressed form of the
             image shows nothing else.
-        view : View, optional
+        view : View or CameraRays, optional
             From where points are looked at: adds what the lobes of a bake with gloss reflect
-            towards it. Default: only what leaves evenly to all sides, with gloss as a colour.
+            towards it. Of a picture's rays the samples are looked at, not the points. Default:
+            only what leaves evenly to all sides, with gloss as a colour.
 
         Returns
         -------
-        (n_points, 3) or (height, width, 3) float32
-            Linear Rec.709 radiance.
+        (n_points, 3), (height, width, 3) or (n_lit, 3) float32
+            Linear Rec.709 radiance; the last of the samples `lit` of a picture's rays.
         """
         expect_kind("lighting", lighting, Lighting)
         if pace is not None:
             expect_number("pace", pace, above=0)
         subject = Subject.of_bake(self.bake, expect_one_of("of", of, ("points", "image")))
         if view is not None:
-            expect_kind("view", view, View)
+            expect_kind("view", view, (View, CameraRays))
             expect(of == "points", "view: an image that was baked has its own; leave out the view")
             if self._gloss is None:
-                self._gloss = yield from maybe_in_thread(pace, "gloss", Gloss, self.bake)
+                self._gloss = yield from maybe_in_thread(
+                    pace, "gloss", Gloss, self.bake, self._caster
+                )
         lamps, image = chosen_lamps(self.bake, lighting), lighting.environment
         apart = pace and isinstance(image, Path) and reads_in_threads(image)
         light = yield from maybe_in_thread(apart, "image", self._environments.read, lighting)
@@ -168,6 +199,9 @@ class Relighter:
             self._sent = None
             work = (self._reflecting, radiance, sum(received_in_all), own, lighting, sun, lit)
             self._sent = yield from maybe_in_thread(pace, "gloss", *work)
+            if isinstance(view, CameraRays):
+                # Rays of mirrors may be Blender's, which are cast where the caller is.
+                return _exposed(self._of_pixels(view), lighting)
             return (yield from self.view_steps(view, pace))
         return subject.shaped(_exposed(radiance, lighting))
 
@@ -208,6 +242,11 @@ class Relighter:
     def lit(self):
         """The `Lighting` that `view_steps` are under; None where no light is known yet."""
         return None if self._sent is None else self._sent.lighting
+
+    @property
+    def mirror_rays(self):
+        """How many rays the mirrors of the last `picture` cast."""
+        return 0 if self._gloss is None else self._gloss.mirror_rays
 
     def has_lamps(self, lighting):
         """Whether the lamps of a `Lighting` need no shadow rays, having been asked for before.
@@ -267,8 +306,17 @@ class Relighter:
         self._gloss.light(texels, radiance, even, sky, detailed)
         return _Sent(even, 0 if own is None else own, lamps, lighting)
 
+    def _of_pixels(self, rays):
+        """(n_lit, 3) float32 of the samples of a picture's rays, under the light that is known."""
+        sent = self._sent
+        own = None if np.ndim(sent.own) == 0 else sent.own
+        even = sent.even - sent.own
+        return self._gloss.radiance_of_pixels(rays, even, own, sent.lamps)
+
     def close(self):
         """Let go of everything."""
+        if self._gloss is not None:
+            self._gloss.close()
         self._gloss = self._sent = None
         for part in (self._environments, self._lamps, self._emitted, self._compressed):
             part.close()

@@ -45,13 +45,14 @@ class GlossyView:
         self._side = field.reflections.blocks.side
         self._cells = cells(self._side)
 
-    def reflected(self, rows, outgoing, alpha, powers, axes=None, lobe=None):
+    def reflected(self, rows, outgoing, alpha, powers, axes=None, normals=None, lobe=None):
         """Radiance that lobes send towards a viewer.
 
         Parameters
         ----------
         rows : (k,) int
-            Points of the field; those that face away from the viewer send nothing.
+            Points of the field, in any order and number; what faces away from the viewer sends
+            nothing.
         outgoing : (k, 3) float32
             Unit vectors towards the viewer, in the world.
         alpha : (k,) or (k, 2) float
@@ -60,6 +61,8 @@ class GlossyView:
             Fresnel term of the lobes (see `fresnel_powers`).
         axes : (k, 2, 3) float32, optional
             Tangents, where there are two alphas.
+        normals : (k, 3) float32, optional
+            Of places beside the points, whose fields they take; default: those of the points.
         lobe : callable(directions, normals, outgoing) -> (p, m) float32, optional
             Another lobe times the cosine than that of microfacets, about as wide as `alpha` says:
             of (3, m) directions, (p, 3) normals and (p, 3) ways to the viewer, all float32. Of the
@@ -71,7 +74,7 @@ class GlossyView:
         """
         outgoing = np.asarray(outgoing, np.float32)
         alpha = np.asarray(alpha, np.float32)
-        normals = self.normals[rows]
+        normals = self.normals[rows] if normals is None else np.asarray(normals, np.float32)
         facing = np.einsum("nx,nx->n", normals, outgoing)
         result = np.zeros((len(rows), 3), np.float32)
         seen = np.flatnonzero((facing > 0) & powers.any(axis=(1, 2)))

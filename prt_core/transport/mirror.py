@@ -59,12 +59,9 @@ class Mirror:
         -------
         (k, 3) float32
         """
-        facing = np.einsum("kx,kx->k", normals, outgoing)[:, None]
-        seen = self.seen(rows, 2 * facing * normals - outgoing)
-        rest = 1 - np.clip(facing, 0, 1)
-        each = [np.ones_like(rest), rest**5, rest**3, facing * rest**6]
-        factor = sum(power * powers[:, k] for k, power in enumerate(each))
-        return seen * np.maximum(factor, 0)
+        facing = np.einsum("kx,kx->k", normals, outgoing)
+        seen = self.seen(rows, 2 * facing[:, None] * normals - outgoing)
+        return seen * mirrored_share(facing, powers)
 
     def seen(self, rows, directions):
         """(k, 3) float32 radiance that comes to points by `rows` from a direction (k, 3) each."""
@@ -84,3 +81,23 @@ class Mirror:
             known = self._keys[place] == key
             result[shut[known]] = self._sent[place[known]]
         return result
+
+
+def mirrored_share(cosine, powers):
+    """How much of the light a mirror reflects.
+
+    Parameters
+    ----------
+    cosine : (k,) float32
+        Between view and normal.
+    powers : (k, n_powers, 3) float32
+        See `fresnel_powers`.
+
+    Returns
+    -------
+    (k, 3) float32
+    """
+    cosine = cosine[:, None]
+    rest = 1 - np.clip(cosine, 0, 1)
+    each = [np.ones_like(rest), rest**5, rest**3, cosine * rest**6]
+    return np.maximum(sum(power * powers[:, k] for k, power in enumerate(each)), 0)

@@ -61,6 +61,25 @@ def test_cube_map_and_lookup_agree():
     assert (np.abs(light - centre).max(axis=1) > 1e-3).mean() < 0.2
 
 
+def test_between_the_middles_of_pixels_an_image_is_linear():
+    rng = np.random.default_rng(1)
+    environment = EnvironmentMap(rng.random((4, 8, 3), np.float32))
+
+    def along(column, row):
+        longitude, latitude = np.pi * (1 - column / 4), np.pi * (0.5 - row / 4)
+        flat = np.cos(latitude)
+        way = [flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)]
+        return environment.interpolated(np.array([way]))[0]
+
+    pixels = environment.pixels
+    np.testing.assert_allclose(along(2.5, 1.5), pixels[1, 2], rtol=1e-5)
+    quarter = 0.75 * pixels[1, 2] + 0.25 * pixels[1, 3]
+    np.testing.assert_allclose(along(2.75, 1.5), quarter, rtol=1e-5)
+    # The image goes on at its border, and ends at the poles.
+    np.testing.assert_allclose(along(8, 2), pixels[1:3, [0, 7]].mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(along(3.5, 0.1), pixels[0, 3], rtol=1e-5)
+
+
 @pytest.mark.parametrize("degrees", [0, 30, -90, 180])
 def test_rotation_turns_the_light_about_z(degrees):
     pixels = np.zeros((64, 128, 3), np.float32)

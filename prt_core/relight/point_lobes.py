@@ -1,0 +1,128 @@
+"""The lobes of glossy points, and those of places between them, towards a view."""
+
+import numpy as np
+
+from prt_core.reflectance import Materials, local_frames, principled_lobes
+from prt_core.reflectance.fresnel_powers import N_POWERS, fresnel_powers
+from prt_core.reflectance.view_factors import ViewFactors
+
+# Lobes below a coat have one roughness; a coat has its own.
+_GROUPS = ("metal", "dielectric", "glossy"), ("coat",)
+
+
+class PointLobes:
+    """Lobes of glossy points.
+
+    Row -1 is of what has no gloss.
+
+    Parameters
+    ----------
+    materials : Materials
+        Of n points.
+    normals : (n, 3) float32
+
+    Attributes
+    ----------
+    normals : (n, 3) float32
+    frames : (n, 3, 3) float32
+        Tangents and normals (see `local_frames`).
+    """
+
+    def __init__(self, materials, normals):
+        matte = Materials(albedo=np.zeros((1, 3)))
+        lobes = principled_lobes(Materials.joined([materials, matte]))
+        self._differ = bool(materials.differing())
+        self.normals = normals
+        self.frames = lobes.frames(np.concatenate([normals, [[0, 0, 1]]]))[:-1].astype(np.float32)
+        self._factors = ViewFactors(Materials.joined([materials, matte]))
+        self._groups = [_Group(lobes, names) for names in _GROUPS]
+        self._groups = [group for group in self._groups if group.lobes]
+
+    def strength(self):
+        """(n,) float32: how much is reflected straight back, at most of the channels."""
+        result = np.zeros(len(self.normals), np.float32)
+        for group in self._groups:
+            for powers in group.lobes.values():
+                result += powers[:-1, 0].max(axis=1)
+        return result
+
+    def at(self, rows, cosine):
+        """The lobes of points towards a view.
+
+        Parameters
+        ----------
+        rows : (k,) int
+        cosine : (k,) float
+            Between view and normal.
+
+        Returns
+        -------
+        groups : list of (alpha, powers)
+            Of lobes that have one roughness: (k, 2), and (k, N_POWERS, 3) of their Fresnel terms
+            (see `fresnel_powers`).
+        diffuse : (k, 3) float32
+            What is left of diffuse light, in parts of that of the view from straight above.
+        """
+        factors = self._factors.at(rows, cosine)
+        groups = []
+        for group in self._groups:
+            powers = sum(
+                values[rows] * factors[name][:, None] for name, values in group.lobes.items()
+            )
+            groups.append((group.alpha[rows], powers))
+        return groups, factors["diffuse"]
+
+    def between(self, rows, weights, cosine):
+        """The lobes of places between points, as `at` has those of points.
+
+        Fresnel terms are means; so is the roughness, of the points that have such a lobe.
+
+        Parameters
+        ----------
+        rows : (k, m) int
+        weights : (k, m) float32
+            Sum to 1.
+        cosine : (k,) float
+            Between view and normal of the places.
+        """
+        if not self._differ and (rows >= 0).all():
+            return self.at(rows[:, 0], cosine)
+        groups, diffuse = None, 0
+        for column, weight in zip(rows.T, weights.T, strict=True):
+            here, share = self.at(column, cosine)
+            diffuse = diffuse + share * weight[:, None]
+            if groups is None:
+                groups = [[0, 0, np.float32(1e-30)] for _ in here]
+            for group, (alpha, powers) in zip(groups, here, strict=True):
+                own = weight * powers.any(axis=(1, 2)) + np.float32(1e-12) * (column >= 0)
+                group[0] = group[0] + np.sqrt(alpha) * own[:, None]
+                group[1] = group[1] + powers * weight[:, None, None]
+                group[2] = group[2] + own
+        return [((a / own[:, None]) ** 2, powers) for a, powers, own in groups], diffuse
+
+    def frames_between(self, rows, weights, normals):
+        """(k, 3, 3) float32: frames of places between points `rows` (k, m), about their normals."""
+        tangents = np.einsum("km,kmx->kx", weights * (rows >= 0), self.frames[rows, 0])
+        return local_frames(normals, tangents).astype(np.float32)
+
+
+class _Group:
+    """Lobes that have the same roughness at each point.
+
+    Attributes
+    ----------
+    lobes : dict of str -> (n, N_POWERS, 3) float32
+        Their Fresnel terms.
+    alpha : (n, 2) float32
+    """
+
+    def __init__(self, lobes, names):
+        n = lobes.n_points
+        self.lobes, self.alpha = {}, np.ones((n, 2), np.float32)
+        for lobe in lobes.lobes:
+            if lobe.name in names:
+                powers = np.zeros((n, N_POWERS, 3), np.float32)
+                powers[lobe.rows] = fresnel_powers(lobe.reflectance.fresnel) * lobe.weight
+                self.lobes[lobe.name] = powers
+                alphas = lobe.reflectance.alpha_x, lobe.reflectance.alpha_y
+                self.alpha[lobe.rows] = np.concatenate(alphas, axis=1)

@@ -17,7 +17,7 @@ from prt_core.transport.lobe_cuts import cells, lobe_cut, parts_along
 # Facets that a glimpse takes of each lobe, and points of one at once.
 _FACETS, _MANY = 4, 1 << 13
 # Points worked on at once: what belongs to them stays in the cache.
-_PART = 128
+_PART = 1024
 # Least alpha of what is met: one point stands for all that is met in a block, and its lobe for
 # theirs.
 _LEAST = np.float32(0.1)

@@ -122,7 +122,7 @@ class IncomingField:
         )
         self.rest = light.copy()
         self.rest[self.bright] -= more
-        self._details = {}
+        self._details, self._bright_bits = {}, None
         # Of the bake's own texels what all their parts have.
         texels = Blocks(self.light_map, cube_map.resolution)
         angles = self.light_map.solid_angles[:, None]
@@ -180,10 +180,12 @@ class IncomingField:
 
     def bright_seen(self, rows):
         """(n, n_bright) bool: which bright texels are seen from points by `rows` (n,)."""
-        rows = self.reflections.points[rows]
-        cube_map = self.reflections.blocks.cube_map
-        texels = cube_map.texel_along(*self.bright_directions.T)
-        return (self._bits[rows[:, None], texels >> 3] >> (texels & 7).astype(np.uint8)) & 1 == 1
+        if self._bright_bits is None:
+            cube_map, points = self.reflections.blocks.cube_map, self.reflections.points
+            texels = cube_map.texel_along(*self.bright_directions.T)
+            bits = self._bits[points[:, None], texels >> 3] >> (texels & 7).astype(np.uint8)
+            self._bright_bits = (bits & 1).astype(bool)
+        return self._bright_bits[rows]
 
     @property
     def nbytes(self):

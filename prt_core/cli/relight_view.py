@@ -1,6 +1,5 @@
 """Whom `prt relight` shows gloss to, and pictures with it."""
 
-
 from prt_core.evaluate import to_srgb, write_png
 
 

@@ -105,7 +105,7 @@ def small_lamp(name, place, radius, colour=(1, 1, 1), radiance=PEAK):
     return build.lamp(name, "POINT", place, watts, shadow_soft_size=radius, color=colour)
 
 
-def ball(name, place, radius, made, segments=96):
+def ball(name, place, radius, made, segments=24):
     """A sphere without a UV map, so that a grid goes all over it."""
     bpy.ops.mesh.primitive_uv_sphere_add(
         segments=segments, ring_count=segments // 2, radius=radius, location=place, calc_uvs=False
@@ -139,7 +139,7 @@ def sphere_on_plane(alpha):
 def translucent_gold_glossy():
     """Figure 1a: an area lamp and three small ones."""
     dark()
-    build.grid("floor", 64, -2.4, 2.4, material("floor", (0.4, 0.4, 0.42)))
+    build.grid("floor", 25, -2.4, 2.4, material("floor", (0.4, 0.4, 0.42)))
     ball("wax", (-1.1, 0.1, 0.6), 0.6, translucent("wax", (0.8, 0.5, 0.4)))
     ball("gold", (0.15, 0.5, 0.6), 0.6, material("gold", None, GOLD, 0.05))
     glossy = material("glossy", (0.1, 0.2, 0.45), (0.8, 0.8, 0.8), 0.05, 0.3)
@@ -156,7 +156,7 @@ def silver_and_glossy():
     """Figure 1b: ten small lamps in a ring."""
     dark()
     floor = material("floor", (0.3, 0.26, 0.22), (0.6, 0.6, 0.6), 0.2, 0.3)
-    build.grid("floor", 64, -2.4, 2.4, floor)
+    build.grid("floor", 25, -2.4, 2.4, floor)
     ball("silver", (-0.9, 0.2, 0.7), 0.7, material("silver", None, SILVER, 0.03))
     for i, alpha in enumerate((0.2, 0.05)):
         glossy = material(f"glossy {alpha}", (0.35, 0.1 + 0.2 * i, 0.1), (0.8,) * 3, alpha, 0.4)
@@ -171,9 +171,9 @@ def silver_and_glossy():
 def gold_ring():
     """Figure 1c: a ring lies on a diffuse plane that gets its caustics; six small lamps."""
     dark()
-    build.grid("floor", 72, -2, 2, material("floor", (0.5, 0.48, 0.45)))
+    build.grid("floor", 31, -2, 2, material("floor", (0.5, 0.48, 0.45)))
     bpy.ops.mesh.primitive_torus_add(
-        major_segments=160, minor_segments=32, major_radius=0.8, minor_radius=0.16,
+        major_segments=48, minor_segments=16, major_radius=0.8, minor_radius=0.16,
         location=(0, 0, 0.16), generate_uvs=False,
     )  # fmt: skip
     build.apply_all(build.added("ring", material("gold", None, GOLD, 0.01), smooth=True))
@@ -187,9 +187,9 @@ CASES = {
     f"sphere_{alpha}": Case(lambda a=alpha: sphere_on_plane(a), 32, 45.0, ("sphere",), 32)
     for alpha in ALPHAS
 } | {
-    "translucent_gold_glossy": Case(translucent_gold_glossy, 32, 65.0, paper_percent=12.0),
-    "silver_and_glossy": Case(silver_and_glossy, 16, 59.95, paper_percent=11.0),
-    "gold_ring": Case(gold_ring, 16, 67.55, paper_percent=3.6),
+    "translucent_gold_glossy": Case(translucent_gold_glossy, 8, 65.0, paper_percent=12.0),
+    "silver_and_glossy": Case(silver_and_glossy, 8, 59.95, paper_percent=11.0),
+    "gold_ring": Case(gold_ring, 8, 67.55, paper_percent=3.6),
 }
 
 

@@ -1,4 +1,4 @@
-"""A third of the conformance scenes, and what every golden file must be.
+"""A sixth of the conformance scenes, and what every golden file must be.
 
 `make conformance` runs all scenes.
 """
@@ -15,7 +15,8 @@ from tests.conformance.golden import FOLDER, error, read_golden  # noqa: E402
 from tests.conformance.scene import all_scenes  # noqa: E402
 
 SCENES = all_scenes()
-QUICK = [scene for scene in SCENES if scene.quick]
+# Every other one of the quick ones: all kinds are among them.
+QUICK = [scene for scene in SCENES if scene.quick][::2]
 
 
 @pytest.mark.parametrize("scene", QUICK, ids=lambda scene: f"{scene.kind}/{scene.name}")
@@ -26,9 +27,9 @@ def test_a_bake_is_as_cycles_bakes_or_says_why_not(scene, tmp_path):
     assert outcome.verdict in ("right", "said"), outcome.text
 
 
-def test_a_third_of_the_scenes_is_tried_here():
+def test_a_sixth_of_the_scenes_is_tried_here():
     assert len(SCENES) >= 80
-    assert len(QUICK) >= len(SCENES) // 3
+    assert len(QUICK) >= len(SCENES) // 6
     assert {scene.kind for scene in QUICK} == {scene.kind for scene in SCENES}
 
 

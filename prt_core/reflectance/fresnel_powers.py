@@ -59,6 +59,27 @@ def fresnel_powers(term):
     return np.stack(parts, axis=1)
 
 
+def powers_at(cosine):
+    """The powers themselves.
+
+    Parameters
+    ----------
+    cosine : (...) float
+        Between light and facet.
+
+    Returns
+    -------
+    tuple of N_POWERS (...) arrays
+    """
+    rest = np.clip(1 - cosine, 0, 1)
+    return np.ones_like(rest), rest**5, rest**3, cosine * rest**6
+
+
+def powers_used(powers):
+    """How many powers any of some terms (n, N_POWERS, 3) has, counted from the first."""
+    return 1 + int(np.flatnonzero(powers.any(axis=(0, 2))).max(initial=0))
+
+
 def _shares(ior):
     """(..., 2): the way from F0 to white of a dielectric's curve, in powers; of `ior` (...)."""
     step = np.rint(np.asarray(ior, np.float64) / _STEP).astype(np.int64)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from prt_core.reflectance import principled_lobes
+from prt_core.transport.glimpse import glimpse
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -92,7 +93,7 @@ class GlossyPoints:
         cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
         result = np.zeros((len(rows), 3), np.float32)
         for alpha, powers in self._lobes.at(self._first + rows, cosine)[0]:
-            result += self._view.glimpse(rows, outgoing, alpha, powers)
+            result += glimpse(self.field, self._normals, rows, outgoing, alpha, powers)
         return result
 
     def reflected(self, rows, normals, outgoing, alpha, powers, frames):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from prt_core.errors import expect_array
+from prt_core.reflectance.fresnel_powers import powers_at
 from prt_core.transport.visibility import expect_bits
 
 
@@ -97,7 +98,5 @@ def mirrored_share(cosine, powers):
     -------
     (k, 3) float32
     """
-    cosine = cosine[:, None]
-    rest = 1 - np.clip(cosine, 0, 1)
-    each = [np.ones_like(rest), rest**5, rest**3, cosine * rest**6]
+    each = powers_at(cosine[:, None])
     return np.maximum(sum(power * powers[:, k] for k, power in enumerate(each)), 0)

@@ -7,8 +7,10 @@ from prt_core.reflectance import Constant, Microfacet, local_frames
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap, tangents
 from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
-from prt_core.transport.glossy_view import GlossyView, _evaluated
+from prt_core.transport.glimpse import glimpse
+from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import FINER, IncomingField, bright_texels
+from prt_core.transport.lobe_values import lobe_values
 from prt_core.transport.mirror import Mirror
 from prt_core.transport.visibility import unpack
 from tests.meshes import caster_of, plane, sphere, wall
@@ -112,7 +114,7 @@ def test_below_the_horizon_a_lobe_is_zero_also_where_its_denominator_is(case):
     up, alpha = np.float32([[0, 0, 1]]), np.float32([0.5])
     # (cosine + height)^2 (alpha^2 - 1) + 2 (1 + cosine) is 0 here, with a cosine cut at 0.
     below = np.float32([[np.sqrt(1 - 0.625**2)], [0], [-0.625]])
-    for lobe in _evaluated(below, up, up, alpha, None, 4):
+    for lobe in lobe_values(below, up, up, alpha, None, 4):
         np.testing.assert_array_equal(lobe, 0)
 
 
@@ -211,3 +213,28 @@ def test_mirrors_show_the_sky_or_what_is_met(case):
     assert ((right > 0.19) & (right < 0.41)).all(axis=1).mean() > 0.5
     reflected = mirror.reflected(np.arange(n), case.normals, up, white(n))
     assert np.isfinite(reflected).all()
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.3, 0.7])
+def test_glimpses_are_right_in_the_mean(case, alpha):
+    case.field.update(case.light, case.sent)
+    rng = np.random.default_rng(3)
+    rows = np.repeat(np.flatnonzero(case.scene.points.object_index == 0), 40)
+    outgoing = rng.normal(size=(len(rows), 3)) * 0.3 + [0, 0, 1]
+    outgoing = (outgoing / np.linalg.norm(outgoing, axis=1, keepdims=True)).astype(np.float32)
+    work = rows, outgoing, np.full(len(rows), alpha, np.float32), white(len(rows), 2)
+    exact = GlossyView(case.field, case.normals).reflected(*work)
+    about = glimpse(case.field, case.normals, *work)
+    np.testing.assert_allclose(about.mean(axis=0), exact.mean(axis=0), rtol=0.03)
+    # And no more than so far off each.
+    assert relative(about, exact) < 0.5
+
+
+def test_a_glimpse_from_below_a_smooth_normal_is_light_all_the_same(case):
+    case.field.update(case.light, case.sent)
+    rows = np.flatnonzero(case.scene.points.object_index == 0)
+    below = np.tile(np.float32([0.995, 0.0, -0.1]), (len(rows), 1))
+    about = glimpse(
+        case.field, case.normals, rows, below, np.full(len(rows), 0.3), white(len(rows))
+    )
+    assert np.isfinite(about).all() and (about.sum(axis=1) > 0).mean() > 0.5

@@ -227,7 +227,7 @@ def test_glimpses_are_right_in_the_mean(case, alpha):
     about = glimpse(case.field, case.normals, *work)
     np.testing.assert_allclose(about.mean(axis=0), exact.mean(axis=0), rtol=0.03)
     # And no more than so far off each.
-    assert relative(about, exact) < 0.5
+    assert relative(about, exact) < 0.7
 
 
 def test_a_glimpse_from_below_a_smooth_normal_is_light_all_the_same(case):

@@ -14,6 +14,7 @@ from prt_core.errors import expect_array, expect_kind
 from prt_core.runtime.halves import halves
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import Blocks, CubeMap
+from prt_core.transport.bright_texels import bits_of
 from prt_core.transport.lobe_cuts import COARSER, detail_of
 from prt_core.transport.reflections import Reflections
 from prt_core.transport.visibility import expect_bits
@@ -183,8 +184,7 @@ class IncomingField:
         if self._bright_bits is None:
             cube_map, points = self.reflections.blocks.cube_map, self.reflections.points
             texels = cube_map.texel_along(*self.bright_directions.T)
-            bits = self._bits[points[:, None], texels >> 3] >> (texels & 7).astype(np.uint8)
-            self._bright_bits = (bits & 1).astype(bool)
+            self._bright_bits = bits_of(self._bits, texels)[points]
         return self._bright_bits[rows]
 
     @property

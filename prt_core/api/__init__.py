@@ -9,6 +9,7 @@ from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
+from prt_core.bake.refine import refine_meshes_steps
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
@@ -27,6 +28,7 @@ from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
+from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
@@ -44,6 +46,9 @@ def bake(
     pixel_samples=2,
     geometry_image=None,
     parametrisation="auto",
+    refine=False,
+    refine_tolerance=None,
+    refine_vertices=None,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -70,6 +75,14 @@ def bake(
     parametrisation : {"auto", "uv", "sphere"}
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
+    refine : bool
+        Split edges of the meshes where vertices are too few for shadows; the bake is then of the
+        finer meshes, which stand in for the objects where colours are shown or kept.
+    refine_tolerance : float, optional
+        Relative error that drawing between vertices may make (0.02).
+    refine_vertices : int or str, optional
+        Vertices of all objects that receive, at most: a number, or as "1.5x" of those there are,
+        which is the default.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -89,7 +102,10 @@ def bake(
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, create=True)
     image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
-    steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
+    refined = _refine_settings(refine, refine_tolerance, refine_vertices, settings.seed)
+    steps = bake_blend_steps(
+        blend, output, settings, objects, two_sided, restart, image=image, refine=refined
+    )
     return run(steps, report)
 
 
@@ -104,6 +120,7 @@ def bake_blend_steps(
     scene=None,
     strict=True,
     image=None,
+    refine=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -116,6 +133,8 @@ def bake_blend_steps(
     strict : bool
         Whether a name that renders nothing is an error.
     image : ImageSettings, optional
+    refine : RefineSettings, optional
+        Default: meshes are baked as they are.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
@@ -123,6 +142,8 @@ def bake_blend_steps(
     if restart != "changed":
         expect_flag("restart", restart)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
+    if refine is not None:
+        expect_kind("refine", refine, RefineSettings)
     messages = []
     if blend is None:
         import_bpy()
@@ -150,25 +171,36 @@ def bake_blend_steps(
     scene = scene_of(uid)
     lamps = [lamp_seen(each, scene, messages) for each in seen]
     messages += world_left_out(lamps)
+    world = sky = None
     try:
         light = read_environment(scene, messages)
         suns = [lamp for lamp in lamps if lamp.is_on_texels]
         world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        if refine is not None:
+            sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
-        world = None
     say_copies(meshes, messages)
-    cube_map = CubeMap(settings.resolution)
+    cube_map, source = CubeMap(settings.resolution), None
+    if refine is not None:
+        # A bake is fresh while the meshes that were refined are as they were.
+        (source,) = yield from each_in_thread("scene", (mesh_digests, meshes))
+        work = meshes, lamps, sky, refine, settings.caster, pace
+        meshes, refinement = yield from refine_meshes_steps(*work)
+        messages.append(str(refinement))
 
     def certified(n_points):
         # Small scenes, of which every entry is traced, need no lights to be certified under.
         return chosen_method(settings.method, n_points, cube_map.n_directions) != "exhaustive"
 
-    calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
+    calls = [(Scene.from_meshes, meshes)]
+    if source is None:
+        calls.append((mesh_digests, meshes))
     if certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
-    built, source, *probes = yield from each_in_thread("scene", *calls)
+    built, *made = yield from each_in_thread("scene", *calls)
+    source, *probes = made if source is None else (source, *made)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image)
     if not probes and certified(len(built.points)):
@@ -178,6 +210,16 @@ def bake_blend_steps(
         probes[0] if probes else None, origin,
     )  # fmt: skip
     return result
+
+
+def _refine_settings(refine, tolerance, vertices, seed):
+    """`RefineSettings` of the arguments of `bake`; None where nothing is to be refined."""
+    given = {"tolerance": tolerance, "vertices": vertices}
+    given = {name: value for name, value in given.items() if value is not None}
+    if not expect_flag("refine", refine):
+        expect(not given, f"refine {', '.join(given)}: changes nothing without refine=True")
+        return None
+    return RefineSettings(**given, seed=seed)
 
 
 def _names(what, names):

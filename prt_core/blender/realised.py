@@ -6,6 +6,7 @@ from itertools import chain
 import bpy
 import numpy as np
 
+from prt_core.blender.carried_over import carry_over, note_rounds
 from prt_core.blender.stand_ins import COPY, KEPT, ORIGINAL, is_copy, is_kept, let_go
 
 COLLECTION, KEPT_COLLECTION = "PRT", "PRT Kept"
@@ -102,6 +103,8 @@ def kept_objects(scene, originals, attribute, target):
                 let_go(namesake)
             _set_normals(mesh, scene.points.normals[item.corner_point], mirrored)
             same = _object(f"{item.name} kept", mesh, mirrored, material, home)
+            if item.refined is not None:
+                carry_over(mesh, item.refined, original)
         else:
             bpy.data.meshes.remove(mesh)
             slots = same.data.materials
@@ -200,6 +203,8 @@ def _mesh(item, vertices):
     start = np.concatenate([[0], np.cumsum(item.face_sizes)[:-1]]).astype(np.int32)
     mesh.polygons.foreach_set("loop_start", start)
     mesh.update(calc_edges=True)
+    if item.refined is not None:
+        note_rounds(mesh, item.refined)
     return mesh
 
 

@@ -103,6 +103,11 @@ def size(text):
     return int(width), int(height)
 
 
+def vertices(text):
+    """A number of vertices, or a text as 1.5x: so many times those there are."""
+    return int(text) if text.isdecimal() else text
+
+
 def view_named(text, baked):
     """The `View` of 'camera' or x,y,z, where `baked` has the camera; None of None."""
     if text is None:

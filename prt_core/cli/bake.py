@@ -13,6 +13,7 @@ from prt_core.cli.arguments import (
     quiet_arguments,
     scene_argument,
     size,
+    vertices,
 )
 from prt_core.cli.show import working
 from prt_core.errors import expect
@@ -58,6 +59,18 @@ def add_bake(commands, in_blender):
         "--parametrisation", choices=PARAMETRISATIONS,
         help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
     )  # fmt: skip
+    bake.add_argument(
+        "--refine", action="store_true",
+        help="split edges where vertices are too few for shadows, and bake the finer meshes",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine-tolerance", type=float, metavar="T",
+        help="relative error that drawing between vertices may make (0.02)",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine-vertices", type=vertices, metavar="N|1.5x",
+        help="of objects that receive, at most: a number, or so many times those there are (1.5x)",
+    )  # fmt: skip
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -77,6 +90,8 @@ def _geometry_image(words):
 _NEEDED = {
     "pixel_samples": (("camera_pixels",), "--camera-pixels"),
     "parametrisation": (("geometry_image",), "--geometry-image"),
+    "refine_tolerance": (("refine",), "--refine"),
+    "refine_vertices": (("refine",), "--refine"),
 }
 
 
@@ -110,6 +125,9 @@ def _bake(options):
             pixel_samples=samples,
             geometry_image=_geometry_image(options.geometry_image),
             parametrisation=options.parametrisation or "auto",
+            refine=options.refine,
+            refine_tolerance=options.refine_tolerance,
+            refine_vertices=options.refine_vertices,
         )
     if options.json:
         print(json.dumps({"bake": str(output), **report}))

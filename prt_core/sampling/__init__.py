@@ -15,6 +15,7 @@ from prt_core.sampling.certificate import (
 )
 from prt_core.sampling.groups import Groups, certified_together
 from prt_core.sampling.huang import HuangSettings, sample_huang
+from prt_core.sampling.refinement import Refinement, RefineSettings, refine_steps
 from prt_core.sampling.sampled import Sampled, register_sampler, sampler_named, sampler_names
 
 __all__ = [
@@ -24,11 +25,14 @@ __all__ = [
     "Groups",
     "HuangSettings",
     "ObjectError",
+    "RefineSettings",
+    "Refinement",
     "Sampled",
     "certificate_steps",
     "certified_together",
     "probe_lights",
     "refine_agreement",
+    "refine_steps",
     "register_sampler",
     "sample_agreement",
     "sample_huang",

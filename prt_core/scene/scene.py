@@ -179,6 +179,7 @@ class Scene:
                 mesh.library,
                 mesh.source,
                 *(getattr(mesh, name) for name in RAYS),
+                refined=mesh.refined,
             )
             for mesh, first, n in zip(
                 meshes, counts["first_corner"], counts["n_corners"], strict=True

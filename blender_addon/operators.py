@@ -17,7 +17,7 @@ from prt_core.errors import expect
 from prt_core.runtime.progress import run
 from prt_core.store import remove_bake
 
-from . import bakes, field_list, freshness, live, plan, preview, saving, views, work
+from . import bakes, field_list, freshness, live, plan, preview, refining, saving, views, work
 from .buttons import BakeButton, Button
 from .request import request
 from .work import LongWork, status
@@ -52,6 +52,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             pace,
             scene,
             strict=False,
+            refine=refining.refine_settings(scene),
         )
         preview.forget()
         path = saving.settle(self.scene, path)

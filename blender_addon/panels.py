@@ -106,6 +106,10 @@ class PRT_PT_bake(Panel, bpy.types.Panel):
         if not settings.all_bounces:
             column.prop(settings, "bounces")
         column.prop(settings, "gloss")
+        column.prop(settings, "refine")
+        if settings.refine:
+            column.prop(settings, "refine_tolerance")
+            column.prop(settings, "refine_vertices")
         column.prop(settings, "method")
         column.prop(settings, "caster")
         column.prop(settings, "name")

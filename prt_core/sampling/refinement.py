@@ -12,10 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect_number, expect_seed, expect_whole
+from prt_core.errors import (
+    PRTError,
+    expect,
+    expect_all,
+    expect_array,
+    expect_kind,
+    expect_number,
+    expect_seed,
+    expect_whole,
+)
+from prt_core.light.environment import BRIGHTEST
+from prt_core.light.local import Lamp
 from prt_core.runtime.progress import Progress
 from prt_core.sampling.edge_errors import EdgeErrors
-from prt_core.scene import LOCAL, Scene, SplitMeshes
+from prt_core.scene import LOCAL, Mesh, Scene, SplitMeshes
 from prt_core.transport.lamps import blocking_caster
 from prt_core.transport.place_light import SKY, PlaceLight
 
@@ -147,6 +158,16 @@ def refine_steps(meshes, lamps=(), world=None, settings=None, caster="auto", mak
     refinement : Refinement
     """
     settings = RefineSettings() if settings is None else settings
+    expect_kind("settings", settings, RefineSettings)
+    meshes = expect_all("meshes", meshes, Mesh, "meshes")
+    lamps = expect_all("lamps", lamps, Lamp, "lamps")
+    if world is not None:
+        world = expect_array("world", world, (None, 3), np.float32, 0, BRIGHTEST)
+        side = round((len(world) / 6) ** 0.5)
+        expect(
+            len(world) == 6 * side**2 > 0,
+            f"world: expected the texels of a cube map, 6 n x n of them, got {len(world)}",
+        )
     make = make or (lambda function, *arguments: function(*arguments))
     yield Progress("refine", 0, 0)
     # Without hidden points: what is between the corners is asked for by rays here.

@@ -15,6 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from prt_core.errors import expect, expect_all, expect_mask
+from prt_core.scene.mesh import Mesh
 from prt_core.scene.paint import LOOKS, Look
 from prt_core.scene.refined import Refined, RefinedPaint
 
@@ -63,7 +65,8 @@ class SplitMeshes:
     """
 
     def __init__(self, meshes):
-        self._meshes = list(meshes)
+        self._meshes = meshes = expect_all("meshes", meshes, Mesh, "meshes")
+        expect(meshes, "meshes: expected at least one")
         counts = [len(mesh.vertices) for mesh in meshes]
         first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         self._first = first
@@ -134,6 +137,7 @@ class SplitMeshes:
             Its corners in that one: 0, 1, 2 its corners, 3, 4, 5 the middles of the edges that
             leave them (see `LOCAL`).
         """
+        marked = expect_mask("marked", marked, self.n_edges)
         self._round += 1
         pairs, edge, new = self._halves(marked)
         # What is one place stays one: the middle of ends that are.
@@ -317,5 +321,3 @@ def split_evenly(meshes):
     state = SplitMeshes(meshes)
     state.split(np.ones(state.n_edges, bool))
     return state.meshes()
-
-

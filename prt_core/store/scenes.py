@@ -222,11 +222,12 @@ def _read_refined(store, items):
     items = [item for item in items if "refined_from" in item]
     if not items:
         return {}
-    n_corners, n_vertices = (sum(item[key] for item in items) for key in ("n_corners", "n_vertices"))
+    n_corners, n_vertices = (
+        sum(item[key] for item in items) for key in ("n_corners", "n_vertices")
+    )
     shapes = {"around": (n_corners, 3), "weights": (n_corners, 3), "vertex_round": (n_vertices,)}
     arrays = {
-        name: store.read(f"refined_{name}", shapes[name], dtype)
-        for name, dtype in _REFINED.items()
+        name: store.read(f"refined_{name}", shapes[name], dtype) for name, dtype in _REFINED.items()
     }
     refined, corner, vertex = {}, 0, 0
     for item in items:

@@ -2,9 +2,9 @@
 
 The lights are those of the scene: its lamps, each by its own shadow rays, and its world, whose few
 brightest texels are asked for one by one and the rest by coarse texels. Beside them an even sky
-stands for the light that bounces, as a part of all light. Where a scene has neither lamps nor a world, two hard suns
-stand for the light that will come. Only light that arrives directly is taken: what bounces has no
-sharp edges but those that a sky has, where surfaces meet.
+stands for the light that bounces, as a part of all light. Where a scene has neither lamps nor a
+world, two hard suns stand for the light that will come. Only light that arrives directly is taken:
+what bounces has no sharp edges but those that a sky has, where surfaces meet.
 """
 
 from dataclasses import dataclass, replace

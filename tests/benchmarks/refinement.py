@@ -1,4 +1,4 @@
-"""Refined meshes against Cycles: `prt bake --refine` beside the mesh as it is and four times as fine.
+"""Refined meshes against Cycles: `prt bake --refine`, the mesh as it is, and all its edges split.
 
 python tests/benchmarks/refinement.py [--only SCENE] [--pictures FOLDER]    into docs/benchmarks
 
@@ -20,7 +20,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "blend_scenes")]
 
 import build  # noqa: E402
-
 from prt_core.bake import BakeSettings, bake_steps  # noqa: E402
 from prt_core.bake.load import load  # noqa: E402
 from prt_core.blender.camera import read_camera  # noqa: E402
@@ -59,12 +58,7 @@ def low_poly_room():
     left.location, left.rotation_euler = (-2 - gap, 0, 2 + gap), (0, np.pi / 2, 0)
     # A window of 6 x 6 faces with a bar across.
     n = 20
-    across = [
-        row * n + column
-        for row in range(7, 13)
-        for column in range(7, 13)
-        if row != 10
-    ]
+    across = [row * n + column for row in range(7, 13) for column in range(7, 13) if row != 10]
     import bmesh
 
     mesh = bmesh.new()
@@ -105,7 +99,10 @@ def coloured_walls():
     bpy.context.scene.world = None
 
 
-SCENES = {"03_coloured_walls, its four lamps": coloured_walls, "low-poly room, hard sun": low_poly_room}
+SCENES = {
+    "03_coloured_walls, its four lamps": coloured_walls,
+    "low-poly room, hard sun": low_poly_room,
+}
 
 
 def truths(name):
@@ -148,7 +145,7 @@ def read():
     return meshes, [lamp_seen(each, scene, messages) for each in seen], camera
 
 
-def picture(meshes, lamps, camera, wires=False):
+def picture(meshes, lamps, camera):
     """Our picture of meshes under lamps."""
     scene = Scene.from_meshes(meshes)
     with tempfile.TemporaryDirectory() as folder:
@@ -186,7 +183,10 @@ def variants(meshes, lamps):
 
 
 def table(only=None, pictures=None):
-    lines = ["| scene | mesh | vertices | times | error against Cycles | of that as it is |", "|---" * 6 + "|"]
+    lines = [
+        "| scene | mesh | vertices | times | error against Cycles | of that as it is |",
+        "|---" * 6 + "|",
+    ]
     for name, make in SCENES.items():
         if only and only not in name:
             continue
@@ -198,13 +198,15 @@ def table(only=None, pictures=None):
             ours = picture(finer, lamps, camera)
             off = error(ours, truth)
             first = first or off
+            count, times = vertices(finer), vertices(finer) / vertices(meshes)
             lines.append(
-                f"| {name} | {kind} | {vertices(finer):,} | {vertices(finer) / vertices(meshes):.2f} "
-                f"| {off:.2%} | {off / first:.2f} |"
+                f"| {name} | {kind} | {count:,} | {times:.2f} | {off:.2%} | {off / first:.2f} |"
             )
             print(lines[-1], flush=True)
             if pictures:
-                write_png(Path(pictures) / f"{name[:2]}_{kind.replace(' ', '_')}.png", to_srgb(ours))
+                write_png(
+                    Path(pictures) / f"{name[:2]}_{kind.replace(' ', '_')}.png", to_srgb(ours)
+                )
         if pictures:
             write_png(Path(pictures) / f"{name[:2]}_cycles.png", to_srgb(truth[0]))
     return lines

@@ -62,7 +62,7 @@ def bake_report(
         by_kind["rays_reflections"] = reflected.rays + reflected.short_rays
     rays = sum(by_kind.values())
     within = [value is None or value <= settings.tolerance for value in (error, emitted.error)]
-    met = seen["tolerance_met"] and all(within)
+    met, refined = seen["tolerance_met"] and all(within), _refined(scene)
     return {
         "points": len(scene.points),
         "hidden_points": int((~scene.points.visible).sum()),
@@ -80,6 +80,7 @@ def bake_report(
         "hidden_hits": bounced.hidden,
         "back_points": len(np.unique(scene.lattice_back[scene.lattice_back >= 0])),
         "dark_backs": bounced.dark_backs,
+        **({"refined": refined} if refined else {}),
         **({"glossy_points": reflected.points} if reflected.points else {}),
         **({"emitters": emitted.emitters} if emitted.emitters else {}),
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
@@ -95,6 +96,12 @@ def bake_report(
         },
         "messages": messages,
     }
+
+
+def _refined(scene):
+    """Name -> new vertices of each object whose edges were split."""
+    refined = {item.name: item.refined for item in scene.objects if item.refined is not None}
+    return {name: int((each.vertex_round > 0).sum()) for name, each in refined.items()}
 
 
 def _spared(scene, cube_map, seen):

@@ -186,7 +186,9 @@ def refine_steps(meshes, lamps=(), world=None, settings=None, caster="auto", mak
 
     try:
         casters["sky"] = make(scene.make_caster, caster, "diffuse", SKY)
-        light = PlaceLight(scene, casters["sky"], shadows, lamps, world, settings.seed)
+        light = PlaceLight(
+            scene, casters["sky"], shadows, lamps, world, settings.seed, 2 * state.n_edges
+        )
         solid = np.concatenate([mesh.is_solid() for mesh in meshes])
         errors = EdgeErrors(state, scene, solid, light)
         yield from errors.begin()

@@ -8,7 +8,7 @@ from prt_core.rays.caster import known_casters
 from prt_core.sampling import RefineSettings, edge_errors, refine_steps
 from prt_core.scene import Mesh, Scene, SplitMeshes
 from prt_core.transport import lamp_light, place_light
-from tests.meshes import caster_of, plane
+from tests.meshes import caster_of, glowing, plane
 
 
 def slab(name="slab", z=0.5, low=-0.25, high=0.25, **settings):
@@ -111,7 +111,18 @@ def test_no_slivers_are_made():
 
 def test_suns_stand_for_the_light_where_a_scene_has_none():
     _, told = refined(SHADED, (), vertices="1.2x")
-    assert set(told.errors) == {"bounced light", "the lamps"} and told.added > 0
+    assert set(told.errors) == {"bounced light", "two suns"} and told.added > 0
+
+
+def test_what_shines_casts_shadows():
+    lit = glowing(slab("light", 1.5, -0.05, 0.05, receives=False), (50, 50, 50))
+    (floor, *_), told = refined([*SHADED, lit], (), vertices="1.5x", tolerance=1e-3)
+    assert set(told.errors) == {"bounced light", "what shines"}
+    assert told.errors["what shines"] < 0.6 * told.errors_before["what shines"]
+    # The shadow of a slab at a third of the height is half as large again.
+    new = floor.vertices[floor.refined.vertex_round > 0]
+    away = np.abs(new[:, :2] - 0.015).max(axis=1)
+    assert ((away > 0.25) & (away < 0.65)).mean() > 0.8
 
 
 def test_a_bright_texel_of_the_world_casts_its_shadow():

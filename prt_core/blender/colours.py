@@ -159,7 +159,10 @@ def write_all(
     copies = [name for name in colours if name not in own]
     built = copies_there(scene, copies, target, others)
     if copies and built is None:
-        built = build_objects(scene, copies, attribute=attribute, target=target, others=others)
+        originals = {name: objects.get(places[name]) for name in copies}
+        built = build_objects(
+            scene, copies, attribute=attribute, target=target, others=others, originals=originals
+        )
     for name, present in own.items():
         write_colours(present, colours[name], attribute, domain, **options)
     for name in copies:

@@ -19,8 +19,9 @@ _SAME = 1e-6
 
 
 def build_objects(
-    scene, names=None, collection=COLLECTION, attribute="PRT", target=None, others=()
-):
+    scene, names=None, collection=COLLECTION, attribute="PRT", target=None, others=(),
+    originals=None,
+):  # fmt: skip
     """Realised copies of baked objects, in a collection of their own, in world space.
 
     Parameters
@@ -35,6 +36,8 @@ def build_objects(
         Where a new collection goes; default: the current one.
     others : sequence of str
         Colour attributes of other previews, whose copies stay.
+    originals : dict of str -> bpy.types.Object or None, optional
+        What each mesh of the bake belongs to: what was refined takes over UV maps and attributes.
 
     Returns
     -------
@@ -48,6 +51,8 @@ def build_objects(
     for item, mesh, mirrored in _meshes(scene, names):
         built[item.name] = _object(item.name, mesh, mirrored, material, home)
         built[item.name][COPY] = item.name
+        if item.refined is not None and originals:
+            carry_over(mesh, item.refined, originals.get(item.name))
     return built
 
 

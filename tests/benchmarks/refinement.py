@@ -212,6 +212,9 @@ def table(only=None, pictures=None):
     return lines
 
 
+SECTIONS = {"Against Cycles": table}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only")
@@ -220,7 +223,7 @@ def main():
     if options.only or options.pictures:
         table(options.only, options.pictures)
     else:
-        write_sections(PAGE, {"Against Cycles": table})
+        write_sections(PAGE, SECTIONS)
 
 
 if __name__ == "__main__":

@@ -51,6 +51,9 @@ def test_squares_stay_squares_without_gaps(size, turned):
         normals = doubled_areas(item) / size**2
         np.testing.assert_allclose(normals.sum(axis=0), [0, 0, 2], atol=1e-9)
         assert (normals[:, 2] > 0).all()
+        loops = item.vertices[item.corner_vertex.reshape(-1, 3)]
+        up = np.cross(loops[:, 1] - loops[:, 0], loops[:, 2] - loops[:, 0])[:, 2]
+        assert ((up < 0) == (turned and item.name == "a")).all()
         edges, counts = edges_of(item)
         assert set(counts) == {1, 2}
         ends = item.vertices[edges[counts == 1]] / size
@@ -58,6 +61,13 @@ def test_squares_stay_squares_without_gaps(size, turned):
         assert np.isclose(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum(), 4)
     border = [{tuple(v) for v in item.vertices if np.isclose(v[0], size)} for item in (one, two)]
     assert border[0] == border[1] and len(border[0]) > 2
+
+
+def test_borders_that_rounding_moved_apart_are_split_together():
+    one, two = split_at_random([square("a"), square("b", 1 + 1e-9)], seed=4)
+    border = [sorted(v[1] for v in item.vertices if abs(v[0] - 1) < 1e-6) for item in (one, two)]
+    assert len(border[0]) > 2
+    np.testing.assert_allclose(*border, atol=1e-8)
 
 
 def test_what_is_not_split_stays_the_same_object():

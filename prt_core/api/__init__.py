@@ -102,7 +102,7 @@ def bake(
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, create=True)
     image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
-    refined = _refine_settings(refine, refine_tolerance, refine_vertices, settings.seed)
+    refined = _refine_settings(refine, refine_tolerance, refine_vertices)
     steps = bake_blend_steps(
         blend, output, settings, objects, two_sided, restart, image=image, refine=refined
     )
@@ -212,14 +212,14 @@ def bake_blend_steps(
     return result
 
 
-def _refine_settings(refine, tolerance, vertices, seed):
+def _refine_settings(refine, tolerance, vertices):
     """`RefineSettings` of the arguments of `bake`; None where nothing is to be refined."""
     given = {"tolerance": tolerance, "vertices": vertices}
     given = {name: value for name, value in given.items() if value is not None}
     if not expect_flag("refine", refine):
         expect(not given, f"refine {', '.join(given)}: changes nothing without refine=True")
         return None
-    return RefineSettings(**given, seed=seed)
+    return RefineSettings(**given)
 
 
 def _names(what, names):

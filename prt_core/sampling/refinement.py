@@ -19,7 +19,6 @@ from prt_core.errors import (
     expect_array,
     expect_kind,
     expect_number,
-    expect_seed,
     expect_whole,
 )
 from prt_core.light.environment import BRIGHTEST
@@ -49,8 +48,6 @@ class RefineSettings:
     vertices : int or str
         Vertices in all, of the objects that receive, at most; "1.5x": so many times those there
         are.
-    seed : int
-        Of the shadow rays of soft lamps.
 
     Raises
     ------
@@ -60,11 +57,9 @@ class RefineSettings:
 
     tolerance: float = 0.02
     vertices: int | str = "1.5x"
-    seed: int = 0
 
     def __post_init__(self):
         expect_number("refine tolerance", self.tolerance, above=0, below=1)
-        expect_seed(self.seed)
         if isinstance(self.vertices, str):
             if not _FACTOR.fullmatch(self.vertices):
                 raise PRTError(
@@ -186,9 +181,7 @@ def refine_steps(meshes, lamps=(), world=None, settings=None, caster="auto", mak
 
     try:
         casters["sky"] = make(scene.make_caster, caster, "diffuse", SKY)
-        light = PlaceLight(
-            scene, casters["sky"], shadows, lamps, world, settings.seed, 2 * state.n_edges
-        )
+        light = PlaceLight(scene, casters["sky"], shadows, lamps, world, 2 * state.n_edges)
         solid = np.concatenate([mesh.is_solid() for mesh in meshes])
         errors = EdgeErrors(state, scene, solid, light)
         yield from errors.begin()

@@ -19,7 +19,7 @@ from prt_core.sphere import CubeMap, tangents
 from prt_core.transport.lamps import lamp_steps
 
 # Texels along an edge of the cube map whose middles stand for the sky.
-SKY = 8
+SKY = 6
 # Texels of the world that have a direction of their own: at most so many, each with more than
 # this share of all of its light.
 _MOST_BRIGHT, _BRIGHT = 32, 1 / 256
@@ -27,7 +27,7 @@ _MOST_BRIGHT, _BRIGHT = 32, 1 / 256
 _BOUNCED = 0.25
 # Shadow rays of a lamp that is not small, at least and at most; of all places and lamps together,
 # about. Places on surfaces that shine, and how far before them rays end.
-_SAMPLES, _ALL_SAMPLES, _SHINING, _SHORT = (8, 64), 1 << 27, 64, 1 - 1e-4
+_SAMPLES, _ALL_SAMPLES, _SHINING, _SHORT = (8, 32), 1 << 26, 64, 1 - 1e-4
 # Towards the suns that stand for any light, as the certificate's; rays cast together.
 _SUNS = ((0.8, 0.3, 0.52), (-0.3, -0.4, 0.87))
 _RAYS = 1 << 18
@@ -60,7 +60,6 @@ class PlaceLight:
     lamps : sequence of Lamp
     world : (n_directions, 3) float32, optional
         Radiance on the texels of a cube map.
-    seed : int
     count : int
         Places that will be asked for, about: of very many each gets fewer rays.
 
@@ -71,8 +70,8 @@ class PlaceLight:
     rays : int
     """
 
-    def __init__(self, scene, caster, shadows, lamps=(), world=None, seed=0, count=0):
-        self._scene, self._caster, self._shadows, self._seed = scene, caster, shadows, seed
+    def __init__(self, scene, caster, shadows, lamps=(), world=None, count=0):
+        self._scene, self._caster, self._shadows = scene, caster, shadows
         self.rays, lamps = 0, list(lamps)
         dark = world is None or not world.any()
         sky = CubeMap(SKY)
@@ -119,8 +118,8 @@ class PlaceLight:
                     values[:, index] = skies[:, channel.column]
                 continue
             lamp, count = channel.lamp, 1 if channel.lamp.is_small else self._samples
-            # The same seed for all rounds and places: a lamp's samples are even over it anyway.
-            steps = lamp_steps(asked, self._shadows(lamp), lamp, count, (self._seed, index))
+            caster = self._shadows(lamp)
+            steps = lamp_steps(asked, caster, lamp, count, alike=True)
             values[:, index] = (yield from _hushed(steps)).mean(axis=1)
             self.rays += count * len(points)
         return values

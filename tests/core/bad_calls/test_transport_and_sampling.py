@@ -53,7 +53,7 @@ def refine_call(there):
 
 CALLS = {
     "refine_steps": refine_call,
-    "RefineSettings": plain(sampling.RefineSettings, tolerance=0.1, vertices=20, seed=3),
+    "RefineSettings": plain(sampling.RefineSettings, tolerance=0.1, vertices=20),
     "Transport": lambda t: of_transport(t),
     "Transport.relight": method(
         lambda t: t.bake.transport,

@@ -35,7 +35,7 @@ def light_at(meshes, x, world=None):
 def test_nothing_in_the_way_of_an_even_sky_is_one():
     groups, values = light_at([plane(2)], [0.0, 0.3])
     assert groups == ["bounced light", "two suns", "two suns"]
-    np.testing.assert_allclose(values[:, 0], 1, atol=0.02)
+    np.testing.assert_allclose(values[:, 0], 1, atol=0.03)
     heights = np.array([0.52, 0.87]) / np.linalg.norm(
         [[0.8, 0.3, 0.52], [-0.3, -0.4, 0.87]], axis=1
     )

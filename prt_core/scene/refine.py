@@ -271,10 +271,12 @@ def _places(vertices, mesh):
     Within a mesh only what has the very same coordinates is; between meshes what rounding may have
     moved apart as well.
     """
+    if not len(vertices):
+        return np.zeros(0, np.int64)
     _, exact = np.unique(vertices + 0.0, axis=0, return_inverse=True)
     exact = exact.reshape(-1)
-    size = max(float(np.ptp(vertices, axis=0).max(initial=0)), 1e-300)
-    cells = np.rint((vertices - vertices.min(axis=0, initial=np.inf)) / (size * _SAME))
+    size = max(float(np.ptp(vertices, axis=0).max()), 1e-300)
+    cells = np.rint((vertices - vertices.min(axis=0)) / (size * _SAME))
     _, cell = np.unique(cells, axis=0, return_inverse=True)
     cell = cell.reshape(-1)
     # A cell in which a mesh has several places is too coarse for that mesh.

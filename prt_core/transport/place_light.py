@@ -18,8 +18,9 @@ from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import CubeMap, tangents
 from prt_core.transport.lamps import lamp_steps
 
-# Texels along an edge of the cube map whose middles stand for the sky.
-SKY = 6
+# Texels along an edge of the cube map whose middles stand for the sky; and of more places than so
+# many, fewer.
+SKY, _FEWER_SKY, _MANY = 6, 4, 500_000
 # Texels of the world that have a direction of their own: at most so many, each with more than
 # this share of all of its light.
 _MOST_BRIGHT, _BRIGHT = 32, 1 / 256
@@ -74,7 +75,7 @@ class PlaceLight:
         self._scene, self._caster, self._shadows = scene, caster, shadows
         self.rays, lamps = 0, list(lamps)
         dark = world is None or not world.any()
-        sky = CubeMap(SKY)
+        sky = CubeMap(SKY if count <= _MANY else _FEWER_SKY)
         self._ways, columns = sky.directions, [sky.solid_angles]
         self.channels = [Channel("bounced light", _BOUNCED, column=0)]
         if not dark:

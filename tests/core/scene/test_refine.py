@@ -107,8 +107,9 @@ def test_three_faces_on_one_edge_and_seams_stay_together():
 
 
 def test_faces_without_area_are_split_with_their_neighbours():
-    flat = mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]], [(0, 1, 2), (0, 2, 3)],
-                np.tile([0, 0, 1.0], (4, 1)))  # fmt: skip
+    corners = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]], float)
+    up, triangles = np.tile([0, 0, 1.0], (6, 1)), np.arange(6).reshape(2, 3)
+    flat = Mesh("flat", corners, [0, 1, 2, 0, 2, 3], up, triangles, np.full((6, 3), 0.5))
     (item,) = split_evenly([flat])
     assert len(item.triangle_corners) == 8 and item.is_solid().sum() == 4
     Scene.from_meshes([item])
@@ -121,6 +122,13 @@ def test_vertices_of_one_mesh_are_never_taken_for_one():
     assert state.n_edges == 8
     state.split(np.ones(state.n_edges, bool))
     assert len(state.meshes()[0].triangle_corners) == 4
+
+
+def test_meshes_without_triangles_or_vertices_stay():
+    none = np.zeros((0, 3))
+    empty = Mesh("empty", none, np.zeros(0, int), none, none.astype(int), none)
+    assert split_evenly([empty])[0] is empty
+    assert split_evenly([empty, square("a")])[0] is empty
 
 
 class Stripes:

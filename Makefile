@@ -29,9 +29,10 @@ docs: $(VENV)/.ready
 	$(RUN) -m sphinx -W --keep-going -q docs build/docs
 	@echo "docs: build/docs/index.html"
 
-# The extension's zips for every platform into build/; PLATFORMS=linux-x64 PYTHONS=3.11 for one.
+# The extension's zips, one a platform and Python, into build/; PLATFORMS=linux-x64 PYTHONS=3.11 for
+# one, TOGETHER=1 for one a platform that holds all Pythons.
 extension: $(VENV)/.ready
-	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS))
+	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS)) $(if $(TOGETHER),--together)
 
 # Every conformance scene against Cycles, as a table; make conformance SCENES="lamps text" for some.
 conformance: $(VENV)/.ready

@@ -1,4 +1,4 @@
-# make demo | make test | make lint | make docs | make conformance | make bench | make extension; everything lives in .venv
+# make demo | make test | make lint | make docs | make conformance | make bench | make extension | make release; everything lives in .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || echo python3)
 VENV ?= .venv
 RUN = $(VENV)/bin/python
@@ -34,6 +34,11 @@ docs: $(VENV)/.ready
 extension: $(VENV)/.ready
 	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS)) $(if $(TOGETHER),--together)
 
+# All that is given away, into build/release: wheel, archive, zips, bills of materials, checksums.
+release: $(VENV)/.ready
+	$(VENV)/bin/pip install -q -e ".[release]"
+	$(RUN) scripts/release.py
+
 # Every conformance scene against Cycles, as a table; make conformance SCENES="lamps text" for some.
 conformance: $(VENV)/.ready
 	$(RUN) -m tests.conformance.run $(SCENES)
@@ -53,4 +58,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint docs conformance bench extension test-window bench-window matrix clean
+.PHONY: setup demo test lint docs conformance bench extension release test-window bench-window matrix clean

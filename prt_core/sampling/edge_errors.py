@@ -24,9 +24,9 @@ _FOR_EACH, _LEAST, _MOST_ALONG = 1, 20_000, 24
 # the way of what is shown beside it.
 _INSIDE = 1e-4
 # An edge shorter than this share of the longest of its triangle waits for that: no slivers.
-_SHORT = 0.45
+_SHORT = 0.3
 # The share of its error for which a triangle asks for its longest edge.
-_UNKNOWN = 0.1
+_UNKNOWN = 0.2
 # Places asked for their light together.
 _TOGETHER = 1 << 14
 

@@ -31,7 +31,7 @@ from prt_core.transport.place_light import SKY, PlaceLight
 
 # Of what could be spared a round takes this share, in at most this share of the vertices that may
 # be added, but so many; rounds at most.
-_OF_ALL, _OF_BUDGET, _LEAST, _ROUNDS = 0.5, 0.15, 32, 40
+_OF_ALL, _OF_BUDGET, _LEAST, _ROUNDS = 0.5, 0.1, 32, 60
 _FACTOR = re.compile(r"(\d+(?:\.\d*)?|\.\d+)x")
 # Objects whose new vertices are written out.
 _SHOWN = 4

@@ -4,8 +4,9 @@ python tests/benchmarks/refinement.py [--only SCENE] [--pictures FOLDER]    into
 
 Truth is what Cycles renders from the scene's camera: two renders of different seeds, kept in
 build/bench. Ours is the bake, lit by the same lamps, drawn as renderers draw vertex colours. The
-squared error is the mean of the product of the differences to either render, over all pixels and
-channels, relative to the product of the two: their noise takes no part in it.
+squared error is the mean of the product of the differences to either render, over pixels and
+channels, relative to the product of the two: their noise takes no part in it. Pixels that show more
+than one object measure how a renderer smooths outlines: so errors are given without them as well.
 """
 
 import argparse
@@ -158,12 +159,19 @@ def picture(meshes, lamps, camera):
         caster = bake.make_caster("auto", "camera")
         rays = CameraRays(bake.scene, caster, camera, WIDTH, HEIGHT, 4)
         caster.close()
-        return rays.picture(radiance)
+        return rays.picture(radiance), _of_one_object(bake.scene, rays)
 
 
-def error(ours, truths):
-    """Relative L2 error, without the noise of the truth."""
-    one, two = (truth.astype(np.float64) for truth in truths)
+def _of_one_object(scene, rays):
+    """(height, width) bool: pixels all of whose samples show the same object."""
+    shown = np.where(rays.triangle >= 0, scene.triangle_object[rays.triangle], -1)
+    shown = shown.reshape(HEIGHT, 4, WIDTH, 4).transpose(0, 2, 1, 3).reshape(HEIGHT, WIDTH, 16)
+    return (shown == shown[..., :1]).all(axis=2) & (shown[..., 0] >= 0)
+
+
+def error(ours, truths, pixels=slice(None)):
+    """Relative L2 error of some pixels, without the noise of the truth."""
+    ours, one, two = (image.astype(np.float64)[pixels] for image in (ours, *truths))
     return float(np.sqrt(max(((ours - one) * (ours - two)).mean(), 0) / (one * two).mean()))
 
 
@@ -174,7 +182,7 @@ def vertices(meshes):
 def variants(meshes, lamps):
     """Meshes by what was done to them."""
     yield "as it is", meshes
-    for budget in ("1.25x", "1.5x"):
+    for budget in ("1.5x",):
         settings = RefineSettings(tolerance=1e-4, vertices=budget)
         refined, told = run(refine_steps(meshes, lamps, None, settings))
         print(told)
@@ -184,8 +192,13 @@ def variants(meshes, lamps):
 
 def table(only=None, pictures=None):
     lines = [
-        "| scene | mesh | vertices | times | error against Cycles | of that as it is |",
-        "|---" * 6 + "|",
+        f"Relative L2 of {WIDTH} x {HEIGHT} pixels to Cycles' render from the camera, two of "
+        f"{SAMPLES} samples; bakes at a tolerance of {TOLERANCE}, relit by the scene's lamps with "
+        "256 shadow rays. Refinement was held by its vertices alone. *All edges split* is what one "
+        "level of simple subdivision gives.",
+        "",
+        "| scene | mesh | vertices | times | all pixels | as it is | of one object | as it is |",
+        "|---" * 8 + "|",
     ]
     for name, make in SCENES.items():
         if only and only not in name:
@@ -195,12 +208,13 @@ def table(only=None, pictures=None):
         truth = truths(name)
         first = None
         for kind, finer in variants(meshes, lamps):
-            ours = picture(finer, lamps, camera)
-            off = error(ours, truth)
+            ours, inside = picture(finer, lamps, camera)
+            off = error(ours, truth), error(ours, truth, inside)
             first = first or off
             count, times = vertices(finer), vertices(finer) / vertices(meshes)
             lines.append(
-                f"| {name} | {kind} | {count:,} | {times:.2f} | {off:.2%} | {off / first:.2f} |"
+                f"| {name} | {kind} | {count:,} | {times:.2f} | {off[0]:.2%} "
+                f"| {off[0] / first[0]:.2f} | {off[1]:.2%} | {off[1] / first[1]:.2f} |"
             )
             print(lines[-1], flush=True)
             if pictures:

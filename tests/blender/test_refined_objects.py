@@ -84,7 +84,7 @@ def test_a_bake_says_what_was_refined_and_goes_on_with_it(scene, tmp_path):
     assert prt_core.bake(None, tmp_path / "a.prt", **settings) == report
     bake = prt_core.load(tmp_path / "a.prt")
     floor = next(item for item in bake.scene.objects if item.name == "floor")
-    assert floor.refined.n_before == 4 and floor.n_vertices == len(floor.refined.vertex_round)
+    assert floor.refined.n_before == 6 and floor.n_vertices == len(floor.refined.vertex_round)
     with pytest.raises(PRTError, match="another scene"):
         prt_core.bake(None, tmp_path / "a.prt", resolution=4, tolerance=0.2)
     with pytest.raises(PRTError, match="changes nothing without refine"):

@@ -134,6 +134,8 @@ class PRT_PT_bake(Panel, bpy.types.Panel):
             details.label(
                 text=f"{_megabytes(cost.memory_bytes)} memory, {_megabytes(cost.disk_bytes)} disk"
             )
+            if scene.prt.refine:
+                details.label(text=f"up to {scene.prt.refine_vertices:.3g} times that when refined")
         row.operator("prt.refresh", text="", icon="FILE_REFRESH")
         warnings = plan.warnings(scene)
         for text, helps, name in warnings[:_MOST_WARNINGS]:

@@ -384,7 +384,8 @@ def warnings(scene):
     planned, _ = of(scene)
     if planned is None:
         return lines
-    if planned.cost is not None:
+    # Where meshes are refined, vertices come to where shadows end.
+    if planned.cost is not None and not scene.prt.refine:
         own = {item.name: item.type for item in scene.objects if item.library is None}
         for name, (distance, _) in planned.cost.coarse.items():
             helps = "prt.subdivide" if own.get(name) == "MESH" else None

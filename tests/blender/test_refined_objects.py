@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import freshness, preview
+from blender_addon import freshness, plan, preview
 from prt_core import PRTError, run
 from prt_core.blender.carried_over import ROUNDS
 from tests.blender.conftest import colours_on
@@ -56,6 +56,13 @@ def test_colours_go_to_a_finer_copy_and_restore_brings_the_object_back(scene):
     assert run(freshness.check_steps(scene, preview.held(scene))).fresh
     assert bpy.ops.prt.clear() == {"FINISHED"}
     assert not floor.hide_render and not copies(scene) and len(floor.data.vertices) == 4
+
+
+def test_coarse_meshes_are_no_warning_where_they_are_refined(scene):
+    run(plan.steps(scene))
+    assert any("too few for shadows" in text for text, *_ in plan.warnings(scene))
+    scene.prt.refine = True
+    assert not any("too few for shadows" in text for text, *_ in plan.warnings(scene))
 
 
 def test_what_is_kept_has_the_uv_maps_and_attributes_of_its_object(scene):

@@ -22,6 +22,7 @@ from prt_core.scene.images import (
     with_geometry_image,
 )
 from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.mesh_parts import MeshParts
 from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
@@ -37,6 +38,7 @@ __all__ = [
     "MATERIALS",
     "MOST_OFFSET",
     "Mesh",
+    "MeshParts",
     "Opacity",
     "PARAMETRISATIONS",
     "PointImage",

@@ -15,6 +15,7 @@ from prt_core.scene import (
     with_backs,
 )
 from prt_core.store.attributes import damage_as_error
+from prt_core.store.mesh_parts import with_mesh_parts, write_mesh_parts
 from prt_core.store.scene_checks import check_scene, lie_on
 
 _POINTS = {
@@ -102,6 +103,7 @@ def write_scene(store, scene):
     emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
     return {
         **emitters,
+        **write_mesh_parts(store, scene),
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         **_more_of(opacities),
@@ -184,6 +186,8 @@ def read_scene(store):
                 )
             )
             corner, face = part.stop, face + item["n_faces"]
+        of_object = by_triangle["triangle_object"]
+        objects = with_mesh_parts(store, objects, np.bincount(of_object, minlength=len(objects)))
         scene = Scene(
             centre=np.array(attributes["centre"], np.float64).reshape(3),
             size=attributes["size"],

@@ -6,6 +6,7 @@ The calls most people need:
 >>> bake = load("scene.prt")                                # then, anywhere
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
 >>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
+>>> export_glb(bake, "scene.glb", "city.exr")               # for engines and browsers
 >>> light_field("scene.blend", "scene.slf", lamps=True)     # any material, from any side
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
@@ -24,6 +25,7 @@ from prt_core.api import (
     compress,
     compress_bake,
     environment_light,
+    export_glb,
     light_field,
     open_blend,
     relight,
@@ -34,6 +36,7 @@ from prt_core.bake.compress import CompressSettings
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_load import LightField, load_light_field
 from prt_core.errors import PRTError
+from prt_core.export.glb import GLBSettings
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
 from prt_core.relight import Lighting, Relighter
@@ -53,6 +56,7 @@ __all__ = [
     "CompressSettings",
     "CubeMap",
     "EnvironmentMap",
+    "GLBSettings",
     "Hits",
     "Lamp",
     "LightField",
@@ -73,6 +77,7 @@ __all__ = [
     "compress",
     "compress_bake",
     "environment_light",
+    "export_glb",
     "light_field",
     "load",
     "load_light_field",

@@ -10,20 +10,19 @@ import numpy as np
 import prt_core
 from prt_core.blender_access import expect_blend, import_bpy, open_blend
 from prt_core.cli.arguments import (
-    bounces,
     caster_argument,
     expect_used,
     form_argument,
     size,
     view_named,
 )
+from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
 from prt_core.cli.relight_view import notes_of, wants_points, write_picture
 from prt_core.cli.show import Hushed
-from prt_core.errors import PRTError, expect
+from prt_core.errors import expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
 from prt_core.light import write_image
-from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
@@ -35,35 +34,15 @@ _NEEDED = {
     "scene": (("blend",), "--blend"),
     "attribute": (("blend",), "--blend"),
     "domain": (("blend",), "--blend"),
-    "rotate": (("light",), "--light IMAGE"),
-    "sharp_sun": (("light",), "--light IMAGE"),
-    "lamp_samples": (("lamps", "sharp_sun"), "--lamps or --sharp-sun"),
+    **LIGHT_NEEDS,
 }
-# Flags that are not called as what they fill in of `Lighting`.
-_FLAGS = {"rotation": "rotate"}
 
 
 def add_relight(commands, in_blender):
     """Add `relight` to the commands."""
     relight = commands.add_parser("relight", help="light a bake")
     relight.add_argument("bake", help="NAME.prt")
-    relight.add_argument("--light", metavar="IMAGE", help=".exr or .hdr, or 'world'")
-    relight.add_argument("--rotate", type=float, help="degrees about z")
-    relight.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
-    relight.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")
-    relight.add_argument(
-        "--sharp-sun", action="store_true", help="cast the shadow rays of the image's sun"
-    )
-    relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
-    relight.add_argument("--lamp-samples", type=int, help="shadow rays a lamp (256)")
-    relight.add_argument(
-        "--emission", nargs="+", metavar="NAME=HOW",
-        help="of materials that emit light: all (default), none, or NAME=2.5, NAME=#ff8800, "
-        "NAME=#ff8800:2 for a factor, a colour or both",
-    )  # fmt: skip
-    relight.add_argument(
-        "--bounces", type=bounces, default="baked", help="default: as baked; 0 is direct light"
-    )
+    lighting_arguments(relight)
     relight.add_argument(
         "--view", metavar="VIEW",
         help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z (a "
@@ -158,13 +137,10 @@ def _expect_request(options):
         any(path is not None for path in outputs.values()),
         "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
     )
-    expect(
-        options.light is not None or options.lamps or options.emission,
-        "relight: no light; give --light IMAGE, --light world, --lamps or --emission all",
-    )
+    expect_light(options, "relight")
     expect_used(options, _NEEDED)
     _fill_in(options)
-    lighting = _lighting(options)
+    lighting = lighting_of(options)
     expect(
         options.form == "auto" or options.light is not None,
         "--form: lamps are always exact; it changes nothing without --light",
@@ -213,53 +189,12 @@ def _expect_request(options):
 
 
 def _fill_in(options):
-    if options.lamp_samples is None:
-        options.lamp_samples = Lighting.lamp_samples
     expect(
         options.attribute is None or options.attribute.strip(),
         "--attribute: expected a name, got an empty one",
     )
     options.attribute = options.attribute or "PRT"
     options.domain = options.domain or "corner"
-
-
-def _lighting(options):
-    """The `Lighting` of the command line; what is wrong with it is said by the names of flags."""
-    try:
-        return Lighting(
-            options.light,
-            rotation=options.rotate,
-            strength=options.strength,
-            sharp_sun=options.sharp_sun,
-            lamps=options.lamps,
-            lamp_samples=options.lamp_samples,
-            bounces=options.bounces,
-            exposure=options.exposure,
-            emission=_emission(options.emission),
-        )
-    except PRTError as error:
-        field, _, said = str(error).partition(":")
-        flag = _FLAGS.get(field, field).replace("_", "-")
-        raise PRTError(f"--{flag}:{said}") from error
-
-
-def _emission(words):
-    """What `Lighting` takes of the words after --emission."""
-    if words is None or words == ["all"]:
-        return words and "all"
-    settings = {}
-    for word in words:
-        name, sign, how = word.rpartition("=")
-        if word == "none":
-            settings["*"] = 0.0
-        elif word != "all":
-            expect(
-                sign and name and how,
-                f"emission: expected all, none or NAME=HOW, got '{word}'; HOW is a factor, "
-                "#rrggbb or #rrggbb:factor",
-            )
-            settings[name] = how
-    return settings
 
 
 def _outputs(options):

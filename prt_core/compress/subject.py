@@ -1,4 +1,4 @@
-"""What is relit, and what a compressed form is of: all points of a bake, or its image's pixels.
+"""What a compressed form is of: all points of a bake, or the pixels of its image.
 
 All that tells the two apart is here. A form of points holds what they receive, and their albedo
 comes after it. A pixel shows several points, so that their albedo is part of its row
@@ -19,17 +19,14 @@ class Subject:
     transport : Transport
         Of all points.
     image : PointImage, optional
-    bare : bool
-        Whether the points' own colours are left out: what they receive is shown.
     """
 
     transport: object
     image: object = None
-    bare: bool = False
 
     @classmethod
     def of_bake(cls, bake, of):
-        """That of a `bake`: its "points", the "light" that they receive, or its "image".
+        """That of a `bake`: its "points" or its "image".
 
         Raises
         ------
@@ -37,10 +34,10 @@ class Subject:
             The bake has no image.
         """
         expect(
-            of != "image" or bake.scene.image is not None,
+            of == "points" or bake.scene.image is not None,
             "image: this bake holds none; bake with --camera-pixels or --geometry-image",
         )
-        return cls(bake.transport, bake.scene.image if of == "image" else None, of == "light")
+        return cls(bake.transport, bake.scene.image if of == "image" else None)
 
     @property
     def name(self):
@@ -74,11 +71,9 @@ class Subject:
         Returns
         -------
         (n_rows, 3) float32
-            Linear Rec.709; of bare points irradiance / pi.
+            Linear Rec.709.
         """
-        if self.bare or self.image is not None:
-            return product
-        return self.transport.exit_radiance(product).toward()
+        return self.transport.exit_radiance(product).toward() if self.image is None else product
 
     def radiance_of_points(self, received, sent=None):
         """What is seen of it, from what all points of the transport receive.
@@ -94,8 +89,6 @@ class Subject:
         -------
         (n_rows, 3) float32
         """
-        if self.bare:
-            return received
         radiance = self.transport.exit_radiance(received).toward()
         radiance = radiance if sent is None else radiance + sent
         return radiance if self.image is None else self.image.pixels(radiance).reshape(-1, 3)

@@ -30,8 +30,6 @@ from prt_core.transport import View
 from prt_core.transport.incoming_field import FINER
 
 FORMS = ("auto", "exact", "compressed")
-# What is relit.
-SHOWN = ("points", "image", "light")
 
 
 class Relighter:
@@ -84,7 +82,7 @@ class Relighter:
         Parameters
         ----------
         light : Lighting, or what its environment may be, optional
-        of : {"points", "image", "light"}
+        of : {"points", "image"}
             See `steps`.
         view : View, optional
             See `steps`.
@@ -130,9 +128,9 @@ class Relighter:
         lighting : Lighting
         pace : float, optional
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
-        of : {"points", "image", "light"}
-            What is shown: all points, the image that was baked, or the light that points receive,
-            without their own colours. A compressed form of the image shows nothing else.
+        of : {"points", "image"}
+            What is shown: all points, or the image that was baked. A compressed form of the
+            image shows nothing else.
         view : View or CameraRays, optional
             From where points are looked at: adds what the lobes of a bake with gloss reflect
             towards it. Of a picture's rays the samples are looked at, not the points. Default:
@@ -141,17 +139,15 @@ class Relighter:
         Returns
         -------
         (n_points, 3), (height, width, 3) or (n_lit, 3) float32
-            Linear Rec.709 radiance; the last of the samples `lit` of a picture's rays. Of "light"
-            irradiance / pi, (n_points, 3).
+            Linear Rec.709 radiance; the last of the samples `lit` of a picture's rays.
         """
         expect_kind("lighting", lighting, Lighting)
         if pace is not None:
             expect_number("pace", pace, above=0)
-        subject = Subject.of_bake(self.bake, expect_one_of("of", of, SHOWN))
+        subject = Subject.of_bake(self.bake, expect_one_of("of", of, ("points", "image")))
         if view is not None:
             expect_kind("view", view, (View, CameraRays))
-            expect(of != "image", "view: an image that was baked has its own; leave out the view")
-            expect(of != "light", "view: light that is received has none; leave out the view")
+            expect(of == "points", "view: an image that was baked has its own; leave out the view")
             if self._gloss is None:
                 self._gloss = yield from maybe_in_thread(
                     pace, "gloss", Gloss, self.bake, self._caster
@@ -162,11 +158,7 @@ class Relighter:
         self.notes = getattr(light, "notes", ())
         evaluator = None
         if light is not None and self.form != "exact":
-            unread, work = pace and not self._compressed.is_read, (
-                self.form,
-                lighting.bounces,
-                subject.name,
-            )
+            unread, work = pace and not self._compressed.is_read, (self.form, lighting.bounces, of)
             evaluator = yield from maybe_in_thread(
                 unread, "compressed form", self._compressed.evaluator, *work
             )
@@ -184,7 +176,7 @@ class Relighter:
         radiance = None
         received_in_all = []
         if evaluator is not None:
-            own = self._compressed.read().of == subject.name
+            own = self._compressed.read().of == of
             radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
             received_in_all.append(distant)
         if parts or (evaluator is None and emitted is None):

@@ -26,8 +26,8 @@ from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
-from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.mesh_parts import parts_of_meshes
+from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.own_faces import OwnFaces
 from prt_core.scene.paint import Surfaces, surfaces_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.errors import expect
+from prt_core.errors import PRTError
 
 # What whole numbers of 16 bits hold.
 _MOST = (1 << 16) - 1
@@ -42,11 +42,9 @@ def encoded(values, scale, encoding):
     return whole
 
 
-def expect_finite(name, values):
-    """Refuse colours of an object, (n, 3) float32, that are no numbers."""
-    n_bad = int((~np.isfinite(values)).any(axis=1).sum())
-    expect(
-        not n_bad,
+def refuse(name, n_bad):
+    """Raise `PRTError`: so many colours of an object are no numbers."""
+    raise PRTError(
         f"{name}: {n_bad} of its colours are NaN or infinite, which a .glb cannot hold; lower "
-        "strength or exposure, or bake again",
+        "strength or exposure, or bake again"
     )

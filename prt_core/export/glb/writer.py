@@ -92,10 +92,11 @@ def _expect_colours(scene, radiance, shape):
     """Radiance as float32; whose colours are no numbers is said by the name of the object."""
     radiance = np.asarray(radiance)
     if radiance.shape == shape and radiance.dtype.kind == "f":
-        for number, item in enumerate(scene.objects):
-            if item.receives:
-                mine = scene.points.visible & (scene.points.object_index == number)
-                colours.expect_finite(item.name, radiance[mine])
+        bad = np.flatnonzero(scene.points.visible & ~np.isfinite(radiance).all(axis=1))
+        if len(bad):
+            owner = scene.points.object_index
+            name = scene.objects[owner[bad[0]]].name
+            colours.refuse(name, int((owner[bad] == owner[bad[0]]).sum()))
         radiance = np.nan_to_num(radiance, nan=0.0, posinf=0.0, neginf=0.0)
     return expect_array("radiance", radiance, shape, np.float32)
 

@@ -2,7 +2,6 @@
 
 import json
 import struct
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +108,7 @@ class Glb:
         for view in described["bufferViews"]:
             assert view["byteOffset"] + view["byteLength"] <= length
         assert sorted(described["scenes"][0]["nodes"]) == list(range(len(described["nodes"])))
-        used = Counter()
+        used = set()
         for mesh in described["meshes"]:
             for primitive in mesh["primitives"]:
                 self._check_primitive(primitive)
@@ -117,7 +116,7 @@ class Glb:
             used.update(material.get("extensions", ()))
             assert 0 <= min(material["pbrMetallicRoughness"]["baseColorFactor"])
             assert max(material["pbrMetallicRoughness"]["baseColorFactor"]) <= 1
-        assert set(used) == set(described.get("extensionsUsed", ()))
+        assert used == set(described.get("extensionsUsed", ()))
         for node in described["nodes"]:
             assert abs(np.linalg.norm(node.get("rotation", (0, 0, 0, 1))) - 1) < 1e-9
 

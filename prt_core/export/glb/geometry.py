@@ -81,7 +81,9 @@ class Geometry:
         result = []
         for number in np.unique(slot):
             here = slot == number
-            part = vertex[here], point[here], None if uv is None else uv[here]
+            # A mirrored node turns triangles round: first they are as those of its source.
+            way = slice(None, None, -1 if placement.mirrored else 1)
+            part = (None if x is None else x[here][:, way] for x in (vertex, point, uv))
             name = material_name(item, int(number))
             result.append(self._surface(name, placement, index, *part))
         return placement, result
@@ -102,7 +104,6 @@ class Geometry:
             key = np.column_stack([key, bits])
         first, of_corner = _distinct(key)
         triangles = of_corner.reshape(-1, 3)
-        triangles = triangles[:, ::-1] if placement.mirrored else triangles
         points = point.ravel()[first].astype(np.int64)
         scene = self._scene
         place = scene.vertices[self._first_vertex[index] + vertex.ravel()[first]]

@@ -35,10 +35,17 @@ def coefficients_steps(transport, of_light):
     shown = np.empty((ORDER**2, transport.n_points, 3), np.float32)
     for number, light in enumerate(means.T):
         yield Progress("harmonics", number, ORDER**2)
-        received = transport.product(np.repeat(light[:, None], 3, axis=1))
+        received = _product(transport, light)
         shown[number] = received if of_light else transport.exit_radiance(received).toward()
     # A light of glTF's is one of Blender's, turned.
     return np.einsum("ij,jpc->ipc", _turn(), shown, optimize=True).astype(np.float32)
+
+
+def _product(transport, light):
+    """What points receive of light (n_directions,) that is negative in places, as no real one."""
+    parts = (np.maximum(sign * light, 0)[:, None].repeat(3, axis=1) for sign in (1, -1))
+    positive, negative = (transport.product(part) for part in parts)
+    return positive - negative
 
 
 def light_coefficients(light, cube_map):

@@ -1,8 +1,8 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
-plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
+properties (what is set), operators, keeping, exporting and remedies (what is done), panels (what is
+drawn), plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
 how they go with their file), preview (the one in memory and its colours), freshness (whether it is
 of the scene), live (when all this is done again), gloss (when the view moves), rendering (whether
 something renders), history (files and undo steps), work (long work
@@ -16,6 +16,7 @@ import bpy
 import prt_core.blender  # noqa: F401  (makes Blender's ray casters known)
 
 from . import (
+    exporting,
     field_operators,
     field_panel,
     following,
@@ -37,6 +38,7 @@ _PARTS = (
     operators,
     field_operators,
     keeping,
+    exporting,
     remedies,
     panels,
     field_panel,

@@ -59,7 +59,15 @@ def export_glb(bake, output, light=None, *, caster="auto", form="auto", view=Non
 
 
 def export_glb_steps(
-    bake, output, lighting, settings, caster="auto", form="auto", view=None, pace=None
+    bake,
+    output,
+    lighting,
+    settings,
+    caster="auto",
+    form="auto",
+    view=None,
+    pace=None,
+    relighter=None,
 ):
     """`export_glb` as a generator of `Progress`.
 
@@ -74,11 +82,14 @@ def export_glb_steps(
     view : View, optional
     pace : float, optional
         Seconds a step may take (see `Relighter.steps`).
+    relighter : Relighter, optional
+        Of the bake, with what it knows already and with its own form; it stays open. Light alone
+        needs another.
     """
     expect_kind("bake", bake, Bake, "what `load` returns")
     expect_kind("lighting", lighting, Lighting)
     expect_kind("settings", settings, GLBSettings)
-    shown = bake
+    shown, own = bake, relighter is None or settings.of_light
     if settings.of_light:
         expect(view is None, "view: light that is received has none; leave out the view")
         expect(
@@ -94,12 +105,13 @@ def export_glb_steps(
             compressed.of == "points",
             "weights: the compressed form is of the image; run 'prt compress --of points' first",
         )
-    relighter = Relighter(shown, caster, form)
+    relighter = Relighter(shown, caster, form) if own else relighter
     try:
         radiance = yield from relighter.steps(lighting, pace, view=view)
         used, notes = relighter.used, list(relighter.notes)
     finally:
-        relighter.close()
+        if own:
+            relighter.close()
     light = None
     if settings.weights or settings.harmonics:
         light = yield from maybe_in_thread(pace, "light", _on_texels, bake, lighting)

@@ -21,9 +21,11 @@ class Glb:
     json : dict
     nodes : dict of str -> dict
         By name.
+
+    Files of others need no `check`.
     """
 
-    def __init__(self, path):
+    def __init__(self, path, check=True):
         data = Path(path).read_bytes()
         magic, version, length = struct.unpack_from("<III", data)
         assert (magic, version, length) == (0x46546C67, 2, len(data))
@@ -36,7 +38,8 @@ class Glb:
             assert kind == 0x004E4942 and 28 + size + binary == length and binary % 4 == 0
             self.binary = data[28 + size :]
         self.nodes = {node["name"]: node for node in self.json["nodes"]}
-        self._check()
+        if check:
+            self._check()
 
     def array(self, number):
         """(n,) or (n, k) array of an accessor; normalised whole numbers as float64."""

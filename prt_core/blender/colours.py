@@ -13,6 +13,8 @@ from prt_core.runtime.files import written
 
 # Custom property of meshes whose active colours changed: what they were.
 ACTIVE_BEFORE = "prt_active_before"
+# And of meshes with kept colours: which are those for renders, where exporters look for them.
+KEPT_COLOURS = "prt_kept_colours"
 CHANNELS = "RGB"
 # A whole compressed .blend ends so: the magic number of Zstandard's seek table.
 _LAST_BYTES = b"\xb1\xea\x92\x8f"
@@ -78,12 +80,18 @@ def write_colours(
 
 
 def activate(mesh, name):
-    """Make a colour attribute the active and the render colour, where it is there."""
-    names = list(mesh.color_attributes.keys())
+    """Make a colour attribute the active and the render colour, where it is there.
+
+    The render colour of a mesh with kept colours is these.
+    """
+    colours = mesh.color_attributes
+    names, kept = list(colours.keys()), mesh.get(KEPT_COLOURS)
     index = names.index(name) if name in names else -1
-    if index >= 0 and mesh.color_attributes.active_color_index != index:
-        mesh.color_attributes.active_color_index = index
-        mesh.color_attributes.render_color_index = index
+    if index >= 0 and colours.active_color_index != index:
+        colours.active_color_index = index
+        colours.render_color_index = index
+    if kept in names and colours.render_color_index != names.index(kept):
+        colours.render_color_index = names.index(kept)
 
 
 def _colour_attribute(target, name, domain, kind):

@@ -42,7 +42,8 @@ def page(baked, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     (folder / "three").symlink_to((home / "three").resolve())
     shutil.copy(HERE / "relight.html", folder)
-    shutil.copy(ROOT / "docs" / "engines" / "prt_three.js", folder)
+    for name in ("prt_three.js", "prt.gdshader"):
+        shutil.copy(ROOT / "docs" / "engines" / name, folder)
     light = sky(baked.cube_map.directions @ TO_GLTF.T)
     export_glb(baked, folder / "scene.glb", light, weights=True, harmonics=True)
     handler = functools.partial(Silent, directory=str(folder))
@@ -88,6 +89,7 @@ def test_weights_in_a_shader_are_the_compressed_form(baked, page):
     form.model.shares_ = form.model.shares_[:0]
     truth = baked.transport.exit_radiance(form.model.product(light)).toward()[points_of(baked)]
     assert np.abs(shown(page, "weights") - truth).max() < 1e-3 * truth.max()
+    assert np.abs(shown(page, "godot") - truth).max() < 1e-3 * truth.max()
 
 
 def test_harmonics_in_a_shader_are_near_the_bake(baked, page):

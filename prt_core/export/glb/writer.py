@@ -9,6 +9,7 @@ from prt_core.errors import (
     expect,
     expect_array,
     expect_kind,
+    expect_numbers,
     expect_offers,
 )
 from prt_core.export.glb import colours, harmonics
@@ -90,14 +91,10 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
 
 def _expect_colours(scene, radiance, shape):
     """Radiance as float32; whose colours are no numbers is said by the name of the object."""
-    radiance = np.asarray(radiance)
-    if radiance.shape == shape and radiance.dtype.kind == "f":
-        bad = np.flatnonzero(scene.points.visible & ~np.isfinite(radiance).all(axis=1))
-        if len(bad):
-            owner = scene.points.object_index
-            name = scene.objects[owner[bad[0]]].name
-            colours.refuse(name, int((owner[bad] == owner[bad[0]]).sum()))
-        radiance = np.nan_to_num(radiance, nan=0.0, posinf=0.0, neginf=0.0)
+    radiance = expect_numbers("radiance", radiance)
+    if radiance.shape == shape and not np.isfinite(radiance).all():
+        owner = scene.points.object_index[~np.isfinite(radiance).all(axis=1)]
+        colours.refuse(scene.objects[owner[0]].name, int((owner == owner[0]).sum()))
     return expect_array("radiance", radiance, shape, np.float32)
 
 

@@ -13,6 +13,7 @@ from prt_core.bake.load import load
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.export.glb import glb_steps
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Progress, run
@@ -192,6 +193,44 @@ CALLS = {
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
         ("light None",),
     ),
+    "GLBSettings": plain(
+        prt_core.GLBSettings,
+        ("colours None", "white None", "texels None"),
+        colours="light",
+        material="multiplied",
+        weights=True,
+        harmonics=False,
+        encoding="u16",
+        white=2.0,
+        components=7,
+        texels=2,
+    ),
+    "export_glb": lambda t: Call(
+        prt_core.export_glb,
+        {
+            "bake": t.folder / "a.prt",
+            "output": t.folder / "a.glb",
+            "light": image(),
+            "rotation": 30.0,
+            "caster": "brute",
+            "form": "exact",
+            "material": "unlit",
+            "harmonics": True,
+            "white": 3.0,
+        },
+        ("light None", "caster other text", "caster empty text", "white None"),
+    ),  # fmt: skip
+    "glb_steps": lambda t: Call(
+        glb_steps,
+        {
+            "bake": t.bake,
+            "path": t.folder / "a.glb",
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
+            "settings": prt_core.GLBSettings(),
+            "light": t.light,
+        },
+        ("settings None", "light None", "radiance negative"),
+    ),  # fmt: skip
     "open_blend": lambda t: Call(expect_blend, {"path": blend(t)}),
     "bake": lambda t: Call(
         prt_core.bake,

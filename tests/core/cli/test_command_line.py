@@ -70,6 +70,7 @@ def contents(folder):
 
 
 RELIGHT = "relight a.prt --light sky.exr --output o.npz"
+GLB = "export glb a.prt --light sky.exr -o o.glb"
 LONG = "n" * 300
 # Each with a part of what is said.
 BAD = {
@@ -192,6 +193,24 @@ BAD = {
     "compress a.prt --of texels": "invalid choice",
     "compress a.prt --method none --of image": "--of: changes nothing with --method none",
     "compress a.prt --method block_pca": "'block_pca' takes the pixels of an image",
+    "export glb a.prt -o o.glb": "export glb: no light; give --light IMAGE",
+    "export glb a.prt --light sky.exr": "the following arguments are required: -o/--output",
+    "export glb a.prt --light sky.exr -o o.gltf": "o.gltf: expected a name that ends in .glb",
+    "export glb a.prt --light sky.exr -o file/o.glb": "file/o.glb: not a directory",
+    "export glb a.prt --light none.exr -o o.glb": "none.exr: there is no such image",
+    "export glb a.prt --lamps --rotate 3 -o o.glb": "--rotate: changes nothing without --light",
+    "export glb a.prt --lamps --form exact -o o.glb": "--form: lamps are always exact",
+    "export glb none.prt --light sky.exr -o o.glb": "none.prt: there is no such bake",
+    f"{GLB} --albedo --light-only": "not allowed with argument",
+    f"{GLB} --material multiplied --albedo": "would have it twice; take colours 'light'",
+    f"{GLB} --material shiny": "invalid choice",
+    f"{GLB} --white 0": "white: expected a number above 0",
+    f"{GLB} --components 3": "--components: changes nothing without --weights",
+    f"{GLB} --texels 1": "--texels: changes nothing without --weights",
+    f"{GLB} --weights --components 40": "components: expected a whole number from 1 to 32",
+    f"{GLB} --weights": "weights: there is no compressed form; make one with 'prt compress'",
+    f"{GLB} --view camera --light-only": "view: light that is received has none",
+    f"{GLB} --view 1,2,3": "this bake knows of no gloss",
     f"{RELIGHT} --progressive": "--progressive: changes nothing without --turn",
     f"{RELIGHT} --turn 2 --progressive --form exact": "adds to a compressed form",
     f"{RELIGHT} --turn 2 --blend o.blend": "--turn: turns an image's light",

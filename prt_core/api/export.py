@@ -43,8 +43,9 @@ def export_glb(bake, output, light=None, *, caster="auto", form="auto", view=Non
     Returns
     -------
     dict
-        objects, meshes, vertices, triangles, bytes, scale; used : "exact" or "compressed", what
-        the colours were made with; notes : list of str, what is to be said.
+        objects, meshes, vertices, triangles, bytes; colours : "radiance" or "light", what COLOR_0
+        times the scale is; scale; used : "exact" or "compressed", what the colours were made
+        with; notes : list of str, what is to be said.
 
     Raises
     ------

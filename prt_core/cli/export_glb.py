@@ -109,7 +109,7 @@ def _export(options):
         f"{options.output}: {report['objects']} objects, {report['vertices']:,} vertices, "
         f"{report['triangles']:,} triangles, {report['bytes'] / 1e6:.1f} MB; relit "
         f"{'exactly' if report['used'] == 'exact' else 'compressed'}, COLOR_0 times "
-        f"{report['scale']:.6g} is {'light' if settings.get('colours') == 'light' else 'radiance'}"
+        f"{report['scale']:.6g} is {report['colours']}"
     )
     for note in report["notes"]:
         print(f"  note    {note}")

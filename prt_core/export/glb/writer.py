@@ -56,7 +56,8 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
     Returns
     -------
     dict
-        objects, meshes, vertices, triangles, bytes, scale; notes : list of str.
+        objects, meshes, vertices, triangles, bytes; colours : "radiance" or "light"; scale; notes :
+        list of str.
 
     Raises
     ------
@@ -75,9 +76,10 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
     scale = colours.scale_of(radiance[bake.scene.points.visible], settings.white)
     shown = SimpleNamespace(radiance=radiance, scale=scale, cut=0)
     counts = yield from _objects_steps(bake, document, settings, attributes, shown, notes)
+    colours_are = "light" if settings.of_light else "radiance"
     document.extras["PRT"] = {
         "version": VERSION,
-        "colours": "light" if settings.of_light else "radiance",
+        "colours": colours_are,
         "scale": scale,
         "light": said or {},
         **attributes.described,
@@ -86,7 +88,7 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
         notes.append(f"{shown.cut:,} colours are brighter than {scale:g} and cut in COLOR_0")
     yield Progress("write", 0, 1)
     counts["bytes"] = document.write(path)
-    return {**counts, "scale": scale, "notes": notes}
+    return {**counts, "colours": colours_are, "scale": scale, "notes": notes}
 
 
 def _expect_colours(scene, radiance, shape):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
+from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, export_glb, load, run
 from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.light import read_image, write_image
@@ -398,6 +398,21 @@ def test_a_picture_without_a_camera_says_so(folder, capfd):
     assert "no camera" in out
     out = prt("relight a.prt --light sky.exr --png c.png --size 4x3", capfd)[1]
     assert "no camera" not in out
+
+
+def test_a_glb_is_that_of_the_call(folder, capfd):
+    line = "export glb a.prt --light sky.exr --rotate 20 --light-only --colours u16 -o o.glb"
+    code, out, errors = prt(line, capfd)
+    assert (code, errors) == (0, []) and out.startswith("o.glb: 2 objects, ")
+    assert "relit exactly, COLOR_0 times " in out and out.rstrip().endswith(" is light")
+    export_glb("a.prt", "call.glb", "sky.exr", rotation=20.0, colours="light", encoding="u16")
+    assert Path("o.glb").read_bytes() == Path("call.glb").read_bytes()
+    code, out, _ = prt(f"{GLB} --harmonics --json", capfd)
+    said = json.loads(out)
+    assert code == 0 and said["output"] == "o.glb" and said["objects"] == 2
+    assert prt(f"{GLB} --material multiplied", capfd)[1].rstrip().endswith(" is light")
+    for name in ("o.glb", "call.glb"):
+        Path(name).unlink()
 
 
 def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):

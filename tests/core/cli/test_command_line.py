@@ -411,6 +411,9 @@ def test_a_glb_is_that_of_the_call(folder, capfd):
     said = json.loads(out)
     assert code == 0 and said["output"] == "o.glb" and said["objects"] == 2
     assert prt(f"{GLB} --material multiplied", capfd)[1].rstrip().endswith(" is light")
+    # Pixels that a bake has beside its points belong to no object.
+    code, out, _ = prt("export glb image.prt --light sky.exr -o o.glb", capfd)
+    assert code == 0 and out.startswith("o.glb: 2 objects, ")
     for name in ("o.glb", "call.glb"):
         Path(name).unlink()
 

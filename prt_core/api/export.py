@@ -12,7 +12,7 @@ from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.received import as_received
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
-from prt_core.runtime.main_thread import maybe_in_thread
+from prt_core.runtime.main_thread import MainThreadCalls, maybe_in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 
 _SETTINGS = tuple(GLBSettings.__dataclass_fields__)
@@ -121,7 +121,8 @@ def export_glb_steps(
     steps = glb_steps(
         bake, output, radiance, settings, form=compressed, light=light, said=_said(lighting)
     )
-    report = yield from steps
+    # In a window vertices are made beside it.
+    report = yield from steps if pace is None else steps_in_thread(steps, MainThreadCalls(), "glTF")
     return {**report, "used": used, "notes": [*notes, *report["notes"]]}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import prt_core
-from prt_core.blender_access import expect_blend, import_bpy, open_blend
+from prt_core.blender_access import expect_blend, import_bpy
 from prt_core.cli.arguments import (
     bounces,
     caster_argument,
@@ -17,12 +17,11 @@ from prt_core.cli.arguments import (
     size,
     view_named,
 )
+from prt_core.cli.outputs import bpy_where_needed, write_blend, write_pixels
 from prt_core.cli.relight_view import notes_of, wants_points, write_picture
-from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
-from prt_core.light import write_image
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
@@ -123,7 +122,7 @@ def _relight(options):
             radiance = relighter.radiance(lighting, of=of, view=view)
             spent = time.perf_counter() - start
         if options.png:
-            _bpy_where_needed()
+            bpy_where_needed()
             pictures = PictureWriter(baked, options.size, options.caster)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
@@ -132,16 +131,16 @@ def _relight(options):
     finally:
         relighter.close()
     if of == "image":
-        _write_image(options.image, radiance)
+        write_pixels(options.image, radiance)
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
         return 0
     if options.output:
         write_npz(options.output, baked.colours(radiance))
     if options.image:
-        _write_image(options.image, baked.image(radiance))
+        write_pixels(options.image, baked.image(radiance))
     if options.blend:
-        _write_blend(baked, baked.colours(radiance), options)
+        write_blend(baked, baked.colours(radiance), options)
     written = ", ".join(p for p in _outputs(options).values() if p)
     print(f"{written}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
     _print_notes(baked, options, notes)
@@ -268,7 +267,7 @@ def _outputs(options):
 
 def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
-    _bpy_where_needed()
+    bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
@@ -284,7 +283,7 @@ def _relight_turn(baked, lighting, options):
             spent.append(time.perf_counter() - begun)
         if options.image:
             shown = radiance if of == "image" else baked.image(radiance)
-            _write_image(frame_path(options.image, frame + 1), shown)
+            write_pixels(frame_path(options.image, frame + 1), shown)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
@@ -325,7 +324,7 @@ def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     casts = options.lamps or options.sharp_sun or options.light == "world"
     if casts and options.caster == "auto":
-        _bpy_where_needed()
+        bpy_where_needed()
 
 
 def _of(options):
@@ -339,53 +338,3 @@ def _shown(baked, of):
     if of == "image":
         return f"{baked.scene.image.width} x {baked.scene.image.height} pixels"
     return f"{len(baked.scene.points):,} points"
-
-
-def _write_image(path, pixels):
-    """Linear pixels as a picture for the eye, or as they are in .exr."""
-    if Path(path).suffix.lower() == ".exr":
-        write_image(path, pixels)
-        return
-    from prt_core.evaluate import to_srgb, write_png
-
-    write_png(path, to_srgb(pixels))
-
-
-def _bpy_where_needed():
-    """`auto` may need Blender's rays where Embree is not installed."""
-    from prt_core.rays.caster import known_casters
-
-    if "embree" not in known_casters():
-        import_bpy()
-
-
-def _write_blend(baked, colours, options):
-    """Colours on the meshes of the scene that is open, of a named .blend, or on built ones."""
-    from prt_core.blender.colours import save_scene, write_all
-
-    bpy = import_bpy()
-    with Hushed():
-        if options.scene:
-            open_blend(options.scene)
-        elif not options.in_blender:
-            bpy.ops.wm.read_factory_settings(use_empty=True)
-        fresh = not options.scene and not options.in_blender
-        differs = "" if fresh else _differs(baked)
-        write_all(baked.scene, colours, options.attribute, options.domain.upper(), all_copies=fresh)
-        save_scene(options.blend)
-    if differs:
-        print(f"  note    the scene is not the one that was baked ({differs}); bake again")
-
-
-def _differs(baked):
-    """How the open scene differs from the one that was baked, in words; empty where it does not."""
-    from prt_core.blender.depsgraph import read_meshes
-    from prt_core.scene import changes, mesh_digests
-
-    baked_as = {item.name: item for item in baked.scene.objects}
-    meshes = read_meshes(gloss=baked.settings.get("gloss", False))
-    for mesh in meshes:
-        item = baked_as.get(mesh.name, mesh)
-        mesh.receives, mesh.two_sided = item.receives, item.two_sided
-    differences = changes(baked.source, mesh_digests(meshes))
-    return "" if differences.fresh else str(differences)

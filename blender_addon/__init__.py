@@ -1,11 +1,11 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
-plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
-how they go with their file), preview (the one in memory and its colours), freshness (whether it is
-of the scene), live (when all this is done again), gloss (when the view moves), rendering (whether
-something renders), history (files and undo steps), work (long work
+properties (what is set), operators, keeping, lightmaps, occlusion and remedies (what is done),
+panels (what is drawn), plan (what a bake would be), bakes (those on disk), naming and saving (what
+they are called, and how they go with their file), preview (the one in memory and its colours),
+freshness (whether it is of the scene), live (when all this is done again), gloss (when the view
+moves), rendering (whether something renders), history (files and undo steps), work (long work
 without a stuck window), own_changes (whose change it is), views and studio (Blender's shading and
 lights). Light fields likewise: field_operators, field_panel, field_list (those on disk),
 light_fields (the one in memory), following (when it is shown again), viewport (from where).
@@ -21,7 +21,9 @@ from . import (
     following,
     history,
     keeping,
+    lightmaps,
     live,
+    occlusion,
     operators,
     panels,
     plan,
@@ -37,6 +39,8 @@ _PARTS = (
     operators,
     field_operators,
     keeping,
+    lightmaps,
+    occlusion,
     remedies,
     panels,
     field_panel,

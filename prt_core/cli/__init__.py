@@ -1,4 +1,4 @@
-"""`prt bake | relight | occlusion | compress | info | lightfield | bench`; also `python -m prt_core`."""
+"""`prt`: bake, relight, occlusion, compress, info, lightfield, bench; also `python -m prt_core`."""
 
 import argparse
 import os

@@ -8,7 +8,7 @@ import prt_core
 from prt_core.bake.occlusion import baked_occlusion_steps
 from prt_core.blender_access import expect_blend, import_bpy
 from prt_core.cli.arguments import caster_argument, expect_used, size
-from prt_core.cli.outputs import bpy_where_needed, write_blend, write_pixels
+from prt_core.cli.outputs import bpy_where_needed, expect_png_bits, write_blend, write_pixels
 from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.evaluate.sequence import PictureWriter, write_npz
@@ -24,7 +24,7 @@ _NAMES = {"ambient": "AO", "sky": "Sky", "bent-normal": "Bent Normal"}
 _NEEDED = {
     "falloff": (("distance",), "--distance"),
     "size": (("png",), "--png"),
-    "bits": (("image", "png"), "--image PNG or --png"),
+    "bits": (("image",), "--image"),
     **{name: (("blend",), "--blend") for name in ("scene", "attribute", "domain", "channel",
                                                    "vector")},
 }  # fmt: skip
@@ -62,7 +62,7 @@ def add_occlusion(commands, in_blender):
         help="the image or atlas that was baked, .png or .exr; values are not gamma-encoded: load "
         "them as Non-Color",
     )  # fmt: skip
-    occlusion.add_argument("--bits", type=int, choices=(8, 16), help="of a channel of a .png (8)")
+    occlusion.add_argument("--bits", type=int, choices=(8, 16), help="of a channel of its .png (8)")
     occlusion.add_argument("--size", type=size, help="of the picture, as WxH")
     occlusion.add_argument("--blend", metavar="BLEND", help="a .blend with the values on meshes")
     occlusion.add_argument(
@@ -109,7 +109,7 @@ def _occlusion(options):
         write_npz(options.output, {k: v[:, 0] if one else v for k, v in corners.items()})
     if options.png:
         pictures = PictureWriter(baked, options.size or _size(baked), options.caster)
-        write_pixels(options.png, pictures.rays().picture(colours), options.bits or 8, "data")
+        write_pixels(options.png, pictures.rays().picture(colours), 8, "data")
     if options.image:
         write_pixels(options.image, baked.image(colours), options.bits or 8, "data")
     if options.blend:
@@ -128,9 +128,7 @@ def _expect_request(options):
         "occlusion: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
     )
     expect_used(options, _NEEDED)
-    asked = Occlusion(
-        options.kind, options.distance, options.falloff or "constant", options.weight
-    )
+    asked = Occlusion(options.kind, options.distance, options.falloff or "constant", options.weight)
     bent = options.kind == "bent-normal"
     expect(bent or not options.vector, "--vector: only bent normals are vectors")
     expect(
@@ -141,8 +139,7 @@ def _expect_request(options):
         options.caster == "auto" or asked.distance is not None or options.png,
         "--caster: no ray is cast; it changes nothing without --distance or --png",
     )
-    png = options.png or (options.image or "").lower().endswith(".png")
-    expect(options.bits is None or png, "--bits: an .exr has 32; leave it out")
+    expect_png_bits(options)
     if options.size:
         expect_view(*options.size)
     paths = [

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.cli.show import Hushed
+from prt_core.errors import expect
 from prt_core.light import write_image
 
 
@@ -27,6 +28,12 @@ def write_pixels(path, pixels, bits=8, curve="srgb"):
 
     whole = to_srgb(pixels, bits=bits) if curve == "srgb" else to_whole(pixels, bits)
     write_png(path, whole, curve)
+
+
+def expect_png_bits(options):
+    """Refuse bits of a channel where the image of the `options` is no .png."""
+    png = (options.image or "").lower().endswith(".png")
+    expect(options.bits is None or png, "--bits: an .exr has 32; leave it out")
 
 
 def bpy_where_needed():

@@ -3,7 +3,6 @@
 import argparse
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +16,8 @@ from prt_core.cli.arguments import (
     size,
     view_named,
 )
-from prt_core.cli.outputs import bpy_where_needed, write_blend, write_pixels
+from prt_core.cli.each_light import each_light
+from prt_core.cli.outputs import bpy_where_needed, expect_png_bits, write_blend, write_pixels
 from prt_core.cli.relight_view import notes_of, wants_points, write_picture
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -31,6 +31,7 @@ _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend":
 _NEEDED = {
     "progressive": (("turn",), "--turn"),
     "size": (("png",), "--png"),
+    "bits": (("image",), "--image"),
     "scene": (("blend",), "--blend"),
     "attribute": (("blend",), "--blend"),
     "domain": (("blend",), "--blend"),
@@ -46,7 +47,20 @@ def add_relight(commands, in_blender):
     """Add `relight` to the commands."""
     relight = commands.add_parser("relight", help="light a bake")
     relight.add_argument("bake", help="NAME.prt")
-    relight.add_argument("--light", metavar="IMAGE", help=".exr or .hdr, or 'world'")
+    relight.add_argument(
+        "--light", metavar="IMAGE", nargs="+",
+        help=".exr or .hdr, or 'world'; of several each has outputs of its own, with its name",
+    )  # fmt: skip
+    relight.add_argument(
+        "--apart",
+        action="store_true",
+        help="outputs of each light by itself: of each --light, of each lamp, of the emission",
+    )
+    relight.add_argument(
+        "--light-only",
+        action="store_true",
+        help="what surfaces receive, irradiance / pi, without their colour: to multiply with it",
+    )
     relight.add_argument("--rotate", type=float, help="degrees about z")
     relight.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
     relight.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")
@@ -71,8 +85,10 @@ def add_relight(commands, in_blender):
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
     relight.add_argument(
-        "--image", metavar="PNG", help="the image that was baked; as .exr in linear radiance"
-    )
+        "--image", metavar="PNG",
+        help="the image or atlas that was baked; as .exr in linear radiance",
+    )  # fmt: skip
+    relight.add_argument("--bits", type=int, choices=(8, 16), help="of a channel of its .png (8)")
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
@@ -101,13 +117,20 @@ def _frames(text):
 
 
 def _relight(options):
+    options.light, lights = (options.light or [None])[0], options.light
+    if options.apart or len(lights or ()) > 1:
+        return each_light(options, lights or [], _OUTPUTS, _relight_one, _expect_request)
+    return _relight_one(options)
+
+
+def _relight_one(options):
     lighting = _expect_request(options)
     if options.caster in ("blender", "bvhtree") or options.blend:
         import_bpy()
     baked = prt_core.load(options.bake)
     expect(
         not options.image or baked.scene.image is not None,
-        "--image: this bake holds none; bake with --camera-pixels or --geometry-image",
+        "--image: this bake holds none; bake with --atlas, --geometry-image or --camera-pixels",
     )
     options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
@@ -120,6 +143,7 @@ def _relight(options):
     try:
         if wants_points(options):
             radiance = relighter.radiance(lighting, of=of, view=view)
+            radiance = relighter.received if options.light_only else radiance
             spent = time.perf_counter() - start
         if options.png:
             bpy_where_needed()
@@ -131,16 +155,16 @@ def _relight(options):
     finally:
         relighter.close()
     if of == "image":
-        write_pixels(options.image, radiance)
+        write_pixels(options.image, radiance, options.bits or 8)
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
         return 0
     if options.output:
         write_npz(options.output, baked.colours(radiance))
     if options.image:
-        write_pixels(options.image, baked.image(radiance))
+        write_pixels(options.image, baked.image(radiance), options.bits or 8)
     if options.blend:
-        write_blend(baked, baked.colours(radiance), options)
+        write_blend(baked, baked.colours(radiance), options, lambda: _wear(baked, options))
     written = ", ".join(p for p in _outputs(options).values() if p)
     print(f"{written}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
     _print_notes(baked, options, notes)
@@ -162,6 +186,11 @@ def _expect_request(options):
         "relight: no light; give --light IMAGE, --light world, --lamps or --emission all",
     )
     expect_used(options, _NEEDED)
+    expect_png_bits(options)
+    expect(
+        not options.light_only or options.view is None,
+        "--light-only: gloss is no light that is received; leave out --view",
+    )
     _fill_in(options)
     lighting = _lighting(options)
     expect(
@@ -265,6 +294,14 @@ def _outputs(options):
     return {name: getattr(options, name) for name in _OUTPUTS}
 
 
+def _wear(baked, options):
+    """The atlas that was written, on the objects of the open scene."""
+    if options.image and baked.scene.image.atlas is not None:
+        from prt_core.blender.lightmaps import load_lightmap, wear_lightmap
+
+        wear_lightmap(baked.scene, load_lightmap(options.image))
+
+
 def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
     bpy_where_needed()
@@ -280,10 +317,11 @@ def _relight_turn(baked, lighting, options):
         begun, radiance = time.perf_counter(), None
         if wants_points(options):
             radiance = relighter.radiance(lighting, of=of, view=view)
+            radiance = relighter.received if options.light_only else radiance
             spent.append(time.perf_counter() - begun)
         if options.image:
             shown = radiance if of == "image" else baked.image(radiance)
-            write_pixels(frame_path(options.image, frame + 1), shown)
+            write_pixels(frame_path(options.image, frame + 1), shown, options.bits or 8)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
@@ -328,9 +366,12 @@ def _bpy_for(options):
 
 
 def _of(options):
-    """What is relit: the image alone, for which its own compressed form will do, or all points."""
+    """What is relit: the image alone, for which its own compressed form will do, or all points.
+
+    That form holds what surfaces make of light: what they receive only points tell.
+    """
     alone = options.image and not (options.output or options.png or options.blend)
-    return "image" if alone else "points"
+    return "image" if alone and not options.light_only else "points"
 
 
 def _shown(baked, of):

@@ -14,6 +14,7 @@ from prt_core.scene import (
     SceneObject,
     with_backs,
 )
+from prt_core.store.atlas import read_atlas, write_atlas
 from prt_core.store.attributes import damage_as_error
 from prt_core.store.scene_checks import check_scene, lie_on
 
@@ -102,6 +103,7 @@ def write_scene(store, scene):
     emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
     return {
         **emitters,
+        **write_atlas(store, scene.image),
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         **_more_of(opacities),
@@ -337,4 +339,6 @@ def _read_image(store, sizes):
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
-    return PointImage(*(int(size) for size in sizes), pixel, point)
+    height, width, samples = (int(size) for size in sizes)
+    atlas = read_atlas(store, height * width)
+    return PointImage(height, width, samples, pixel, point, atlas=atlas)

@@ -1,12 +1,12 @@
 """How open the surroundings of points are: ambient occlusion, the visible sky, bent normals.
 
-All three are sums over the directions that a point sees, weighted by exact integrals over the texels
-of the cube map, so that they need nothing but the bits of a bake. Bits know no distances: where only
-what is near is to count, a ray is cast in each direction whose bit says that something is in the way,
-and in no other.
+All three are sums over the directions that a point sees, weighted by exact integrals over the
+texels of the cube map, so that they need nothing but the bits of a bake. Bits know no distances:
+where only what is near is to count, a ray is cast in each direction whose bit says that something
+is in the way, and in no other.
 
-Ambient occlusion is Zhukov, Iones & Kronin 1998 with the falloffs of Blender's proportional editing;
-bent normals are Landis 2002.
+Ambient occlusion is Zhukov, Iones & Kronin 1998, with the falloffs of Blender's proportional
+editing; bent normals are Landis 2002.
 """
 
 from dataclasses import dataclass

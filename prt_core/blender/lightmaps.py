@@ -6,7 +6,7 @@ import numpy as np
 from prt_core.blender.colours import places_of
 from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import kept_objects
-from prt_core.blender.stand_ins import KEPT, arrange
+from prt_core.blender.stand_ins import COPY, KEPT, arrange, is_copy
 from prt_core.errors import expect, expect_path
 
 UV_MAP = "PRT Lightmap"
@@ -41,7 +41,7 @@ def load_lightmap(path, name=None):
     return image
 
 
-def wear_lightmap(scene, image, places=None, target=None):
+def wear_lightmap(scene, image, places=None, target=None, kept=True):
     """UV maps of an atlas on the objects that are in it, and a material that shows the image.
 
     Objects whose own mesh was baked get a UV map `PRT Lightmap`, beside those that they have. What
@@ -57,6 +57,9 @@ def wear_lightmap(scene, image, places=None, target=None):
         Name and library of the object that a mesh belongs to now; default: as baked.
     target : bpy.types.Scene, optional
         Default: the current one.
+    kept : bool
+        Whether realised objects are the user's, as those of `keep_all`; else the copies that
+        `write_all` has made wear it.
 
     Returns
     -------
@@ -88,9 +91,12 @@ def wear_lightmap(scene, image, places=None, target=None):
     for name, present in own.items():
         _set_uv(present, atlas.corner_uv[name])
     if realised:
-        built, _ = kept_objects(scene, realised, material[KEPT], target)
-        for name, present in built.items():
-            _set_uv(present, atlas.corner_uv[name])
+        built = {item[COPY]: item for item in target.objects if is_copy(item)}
+        if kept:
+            built, _ = kept_objects(scene, realised, material[KEPT], target)
+        for name in built.keys() & realised.keys():
+            _expect_same(name, built[name], atlas.corner_uv[name])
+            _set_uv(built[name], atlas.corner_uv[name])
         arrange(target)
     return list(realised)
 

@@ -57,9 +57,14 @@ def lightmap_uvs(meshes, settings):
         select = item.data.polygons.foreach_set
         try:
             with bpy.context.temp_override(
-                scene=scene, view_layer=layer, active_object=item, object=item,
-                selected_objects=[item], selected_editable_objects=[item],
-            ):  # fmt: skip
+                scene=scene,
+                view_layer=layer,
+                active_object=item,
+                object=item,
+                edit_object=item,
+                selected_objects=[item],
+                selected_editable_objects=[item],
+            ):
                 if made.any():
                     select("select", made)
                     bpy.ops.object.mode_set(mode="EDIT")

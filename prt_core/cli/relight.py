@@ -299,7 +299,7 @@ def _wear(baked, options):
     if options.image and baked.scene.image.atlas is not None:
         from prt_core.blender.lightmaps import load_lightmap, wear_lightmap
 
-        wear_lightmap(baked.scene, load_lightmap(options.image))
+        wear_lightmap(baked.scene, load_lightmap(options.image), kept=False)
 
 
 def _relight_turn(baked, lighting, options):

@@ -13,9 +13,17 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from prt_core.errors import expect, expect_offers, expect_pair
+from prt_core.errors import (
+    expect,
+    expect_all,
+    expect_array,
+    expect_named,
+    expect_offers,
+    expect_pair,
+)
 from prt_core.scene.images.point_images import PointImage, extended, intersect, surface_points
 from prt_core.scene.images.seams import Seams, uv_edges
+from prt_core.scene.mesh import Mesh
 
 # Bilinear lookups on a border reach so far, in texels.
 _RING = 1.5
@@ -74,6 +82,7 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, own=False):
     """
     expect_offers("scene", scene, ("hit_points", "objects"), "a Scene")
     width, height = expect_pair("atlas: size", size, 1, 8192)
+    corner_uv = _expect_maps(scene, meshes, corner_uv)
     flat = _Flat(scene, meshes, corner_uv, width, height)
     caster = make_caster(
         flat.vertices(), np.arange(3 * len(flat.source), dtype=np.int32).reshape(-1, 3)
@@ -100,6 +109,20 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, own=False):
     image = PointImage(height, width, 1, pixel, point, atlas=Atlas(maps, own, seams))
     flat.say(scene, texel, place)
     return extended(scene, points, image)
+
+
+def _expect_maps(scene, meshes, corner_uv):
+    """UV maps by the names of objects, each for all corners."""
+    expect_named("corner_uv", corner_uv, object, "UV maps")
+    meshes = expect_all("meshes", meshes, Mesh, "meshes")
+    sizes = {mesh.name: len(mesh.corner_vertex) for mesh in meshes}
+    there = {item.name for item in scene.objects} & set(sizes)
+    unknown = sorted(set(corner_uv) - there)
+    expect(corner_uv and not unknown, f"corner_uv: expected names of objects, got {unknown}")
+    return {
+        name: expect_array(f"{name}: corner_uv", uv, (sizes[name], 2), np.float64)
+        for name, uv in corner_uv.items()
+    }
 
 
 class _Flat:

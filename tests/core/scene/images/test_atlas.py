@@ -77,8 +77,8 @@ def test_both_sides_of_seams_are_alike_and_no_texel_moves_far():
     assert len(np.unique(seams.edge)) == 32
     after = image.finished(before)
     assert seams.error(before)[1] > 5 * seams.error(after)[1]
-    assert seams.error(after)[1] < 1e-3
-    assert np.abs(after - before).max() < 0.1
+    assert seams.error(after)[1] < 2e-3
+    assert np.abs(after - before).max() < 0.15
     # What is far from every seam is as it was.
     untouched = np.ones(64 * 64, bool)
     untouched[np.isin(image.point, image.point[np.unique(seams.texel)])] = False

@@ -15,6 +15,7 @@ from prt_core.errors import (
     shown,
 )
 from prt_core.rays import make_caster
+from prt_core.rays.caster import known_casters
 from prt_core.runtime.machine import expect_memory
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import Progress
@@ -194,7 +195,12 @@ def _atlas_steps(scene, meshes, caster, settings, unwrap):
                "'own'")  # fmt: skip
         maps = unwrap(chosen, settings)
         yield Progress("image", 0, 1)
-    scene = with_atlas(scene, meshes, maps, settings.atlas, partial(make_caster, caster), own)
+    work = with_atlas, scene, meshes, maps, settings.atlas, partial(make_caster, caster), own
+    if caster in ("embree", "brute") or (caster == "auto" and "embree" in known_casters()):
+        scene = yield from in_thread("image", *work)
+    else:
+        # Blender's rays are cast where the caller is.
+        scene = work[0](*work[1:])
     image = scene.image
     texels = len(np.unique(image.point))
     scene.messages.append(

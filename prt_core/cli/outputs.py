@@ -1,5 +1,6 @@
 """What commands write: images, and .blend files with colours."""
 
+import math
 from pathlib import Path
 
 from prt_core.blender_access import import_bpy, open_blend
@@ -28,6 +29,36 @@ def write_pixels(path, pixels, bits=8, curve="srgb"):
 
     whole = to_srgb(pixels, bits=bits) if curve == "srgb" else to_whole(pixels, bits)
     write_png(path, whole, curve)
+
+
+def image_notes(path, pixels, image):
+    """What is to be said of an image that was written.
+
+    Parameters
+    ----------
+    path : str or Path
+    pixels : (height, width, 3) float32
+    image : PointImage
+
+    Returns
+    -------
+    list of str
+        What a .png has cut, and how far the two sides of an atlas' seams differ.
+    """
+    notes, most = [], float(pixels.max(initial=0))
+    if Path(path).suffix.lower() == ".png" and most > 1:
+        share = (pixels > 1).any(axis=-1).mean()
+        stops = -math.ceil(math.log2(most) * 10) / 10
+        notes.append(
+            f"{share:.1%} of the pixels are brighter than white and cut; --exposure {stops:g} "
+            "holds them all, an .exr as well"
+        )
+    if image.atlas is not None and len(image.atlas.seams.edge):
+        mean, worst = image.atlas.seams.error(pixels)
+        notes.append(
+            f"the two sides of seams differ by {mean:.2%} in the mean, by {worst:.2%} at worst"
+        )
+    return notes
 
 
 def expect_png_bits(options):

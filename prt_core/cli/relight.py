@@ -17,7 +17,13 @@ from prt_core.cli.arguments import (
     view_named,
 )
 from prt_core.cli.each_light import each_light
-from prt_core.cli.outputs import bpy_where_needed, expect_png_bits, write_blend, write_pixels
+from prt_core.cli.outputs import (
+    bpy_where_needed,
+    expect_png_bits,
+    image_notes,
+    write_blend,
+    write_pixels,
+)
 from prt_core.cli.relight_view import notes_of, wants_points, write_picture
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -154,15 +160,16 @@ def _relight_one(options):
         how, notes = _how(relighter), notes_of(relighter)
     finally:
         relighter.close()
+    if options.image:
+        pixels = radiance if of == "image" else baked.image(radiance)
+        write_pixels(options.image, pixels, options.bits or 8)
+        notes = [*notes, *image_notes(options.image, pixels, baked.scene.image)]
     if of == "image":
-        write_pixels(options.image, radiance, options.bits or 8)
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
         return 0
     if options.output:
         write_npz(options.output, baked.colours(radiance))
-    if options.image:
-        write_pixels(options.image, baked.image(radiance), options.bits or 8)
     if options.blend:
         write_blend(baked, baked.colours(radiance), options, lambda: _wear(baked, options))
     written = ", ".join(p for p in _outputs(options).values() if p)

@@ -10,7 +10,7 @@ others take the light of the nearest texel that shows something, which is what k
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import cKDTree
 
 from prt_core.errors import (
@@ -207,16 +207,20 @@ class _Flat:
             count[which] - 1, 1
         )
         samples = start[which] + along[:, None] * (stop - start)[which]
-        free = np.ones(self.width * self.height, bool)
-        free[taken] = False
-        free = np.flatnonzero(free)
-        if not len(samples) or not len(free):
-            return free[:0], free[:0], np.empty((0, 2), np.float32)
+        near = np.zeros((self.height, self.width), bool)
+        column, row = np.floor(samples).astype(np.int64).T
+        column, row = np.clip(column, 0, self.width - 1), np.clip(row, 0, self.height - 1)
+        near[row, column] = True
+        near = binary_dilation(near, np.ones((5, 5), bool)).ravel()
+        near[taken] = False
+        free = np.flatnonzero(near)
+        if not len(free):
+            return free, free, np.empty((0, 2), np.float32)
         row, column = np.divmod(free, self.width)
         middles = np.column_stack([column, row]) + 0.5
         distance, nearest = cKDTree(samples).query(middles, distance_upper_bound=_RING)
-        near = np.isfinite(distance)
-        sample = nearest[near]
+        reached = np.isfinite(distance)
+        sample = nearest[reached]
         triangle, corner = border[which[sample]] // 3, border[which[sample]] % 3
         weights = np.zeros((len(sample), 3))
         rows = np.arange(len(sample))
@@ -226,7 +230,7 @@ class _Flat:
         reach = np.linalg.norm(self.places[triangle].mean(axis=1) - samples[sample], axis=1)
         share = np.minimum(0.25, _INSIDE / np.maximum(reach, 1e-12))[:, None]
         weights = weights * (1 - share) + share / 3
-        return free[near], triangle, weights[:, 1:].astype(np.float32)
+        return free[reached], triangle, weights[:, 1:].astype(np.float32)
 
     def seams(self, scene, from_texel):
         """The `Seams` of the charts; texels that show nothing of their own are `from_texel`."""

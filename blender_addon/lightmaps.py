@@ -17,7 +17,7 @@ from prt_core.relight.lights_apart import lights_apart
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import in_thread
 
-from . import bakes, naming, plan, saving, work
+from . import bakes, naming, plan, work
 from .buttons import Button
 from .request import request
 from .work import LongWork
@@ -108,7 +108,7 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
         asked = ImageSettings(
             atlas=tuple(self.size), atlas_objects=chosen, atlas_uv=self.uv, atlas_margin=self.margin
         )
-        self.path = path = lightmap_path(scene)
+        path = lightmap_path(scene)
         bakes.expect_ours(scene, path)
         self.report_line = yield from bake_blend_steps(
             None,
@@ -122,10 +122,10 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
             strict=False,
             image=asked,
         )
-        path = saving.settle(self.scene, path)
         bake = yield from in_thread("load", load, path)
         wanted = request(self.scene)
         relighter, files = Relighter(bake, self.scene.prt.caster, wanted.form), []
+        self.cut = 0.0
         try:
             lights = [("", wanted.lighting)]
             if self.apart:
@@ -145,10 +145,10 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
         if self.format == "EXR":
             write_image(path, pixels)
         else:
+            self.cut = max(self.cut, float((pixels > 1).any(axis=-1).mean()))
             write_png(path, to_srgb(pixels, bits=16 if self.format == "PNG16" else 8))
 
     def stopped(self, context):
-        saving.settle(self.scene, self.path)
         bakes.refresh(context.scene)
 
     def finish(self, context, result):
@@ -162,7 +162,12 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
             text += f", by the UV maps '{UV_MAP}'"
         if realised:
             text += f"; {len(realised)} of them realised, for they have no mesh of their own"
-        notes = self.report_line["messages"]
+        notes = list(self.report_line["messages"])
+        if self.cut > 0:
+            notes.append(
+                f"{self.cut:.1%} of the texels are brighter than white and cut; lower the Exposure "
+                "or take OpenEXR"
+            )
         for note in notes:
             self.report({"WARNING"}, note)
         self.report({"INFO"}, text)

@@ -1,5 +1,7 @@
 """Lightmaps in Blender: images that are loaded, and the UV maps by which objects wear them."""
 
+from contextlib import suppress
+
 import bpy
 import numpy as np
 
@@ -35,7 +37,10 @@ def load_lightmap(path, name=None):
     else:
         image = bpy.data.images.load(str(path))
         image.name = name or path.stem
-    image.colorspace_settings.name = "Linear Rec.709" if path.suffix.lower() == ".exr" else "sRGB"
+    space = "Linear Rec.709" if path.suffix.lower() == ".exr" else "sRGB"
+    # Where a colour management of the user's own has neither, Blender has chosen by its rules.
+    with suppress(TypeError):
+        image.colorspace_settings.name = space
     if bpy.data.filepath:
         image.filepath = bpy.path.relpath(str(path))
     return image

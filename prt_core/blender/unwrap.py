@@ -15,6 +15,8 @@ from prt_core.errors import PRTError, expect
 # Faces of one chart lie within this angle of its mean, in radians: Blender's own default.
 _ANGLE = np.radians(66)
 _MAP = "prt"
+# Beyond the square's edges, by rounding; and how far charts reach at least that are packed well.
+_ROUNDED, _FULL = 1e-3, 0.5
 
 
 def lightmap_uvs(meshes, settings):
@@ -39,12 +41,10 @@ def lightmap_uvs(meshes, settings):
     width, height = settings.atlas
     # Blender packs a square, in which texels of an image that is none are longer than wide.
     stretch = max(width, height) / np.array([width, height])
-    keep = settings.atlas_uv == "packed"
-    made = np.concatenate(
-        [np.full(len(m.face_sizes), not keep or m.corner_uv is None) for m in meshes]
-    )
+    kept = [settings.atlas_uv == "packed" and mesh.corner_uv is not None for mesh in meshes]
+    made = np.repeat(np.logical_not(kept), [len(mesh.face_sizes) for mesh in meshes])
     with ExitStack() as undo:
-        item = undo.enter_context(_temporary(_joined(meshes)))
+        item = undo.enter_context(_temporary(_joined(meshes, kept)))
         scene = undo.enter_context(_temporary(bpy.data.scenes.new("prt unwrap")))
         scene.collection.objects.link(item)
         scene.tool_settings.use_uv_select_sync = True
@@ -82,8 +82,14 @@ def lightmap_uvs(meshes, settings):
             reason = " ".join(str(error).split())
             raise PRTError(f"atlas: Blender cannot unwrap the objects ({reason})") from error
         uv = _uv(item.data)
-    expect(np.isfinite(uv).all(), "atlas: Blender's unwrapping gave no numbers; unwrap the objects "
-           "by hand and use 'packed'")  # fmt: skip
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    # Blender lets charts stick out, or shrinks them to nothing, where their margins take all.
+    fits = np.isfinite(uv).all() and low.min() > -_ROUNDED and high.max() < 1 + _ROUNDED
+    expect(
+        fits and (high - low).max() > _FULL,
+        f"atlas: {settings.atlas_margin} texels between all charts do not fit into "
+        f"{width} x {height}; take a larger atlas or a smaller margin",
+    )
     ends = np.cumsum([len(mesh.corner_vertex) for mesh in meshes])
     return {mesh.name: part for mesh, part in zip(meshes, np.split(uv, ends[:-1]), strict=True)}
 
@@ -103,8 +109,11 @@ def _pack(mesh, margin, square):
     )
 
 
-def _joined(meshes):
-    """A mesh object of all corners, in a frame in which their largest side is 1."""
+def _joined(meshes, kept):
+    """A mesh object of all corners, in a frame in which their largest side is 1.
+
+    `kept` (n_meshes,) bool: whose own UV maps it has.
+    """
     first, corners, positions = 0, [], []
     for mesh in meshes:
         corners.append(mesh.corner_vertex + first)
@@ -123,8 +132,10 @@ def _joined(meshes):
     start = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int32)
     data.polygons.foreach_set("loop_start", start)
     data.update(calc_edges=True)
+    # What is unwrapped anew begins without a map, so that what it had before changes nothing.
     uv = [
-        np.zeros((len(m.corner_vertex), 2)) if m.corner_uv is None else m.corner_uv for m in meshes
+        m.corner_uv if k else np.zeros((len(m.corner_vertex), 2))
+        for m, k in zip(meshes, kept, strict=True)
     ]
     layer = data.uv_layers.new(name=_MAP, do_init=False)
     layer.data.foreach_set("uv", np.concatenate(uv).astype(np.float32).ravel())

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
-from prt_core import Relighter, load
+from prt_core import PRTError, Relighter, load
 from prt_core.api import bake_blend_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.blender.compat import PATH_OPTIONS
@@ -16,6 +17,7 @@ from prt_core.light import write_image
 from prt_core.relight.lights_apart import lights_apart
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import in_thread
+from prt_core.scene import changes
 
 from . import bakes, naming, plan, work
 from .buttons import Button
@@ -110,19 +112,22 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
         )
         path = lightmap_path(scene)
         bakes.expect_ours(scene, path)
-        self.report_line = yield from bake_blend_steps(
-            None,
-            path,
-            plan.bake_settings(scene),
-            plan.receivers(scene),
-            plan.two_sided(scene),
-            "changed",
-            pace,
-            scene,
-            strict=False,
-            image=asked,
-        )
-        bake = yield from in_thread("load", load, path)
+        bake = yield from self._earlier_steps(path, asked, pace)
+        if bake is None:
+            scene = self.scene
+            yield from bake_blend_steps(
+                None,
+                path,
+                plan.bake_settings(scene),
+                plan.receivers(scene),
+                plan.two_sided(scene),
+                "changed",
+                pace,
+                scene,
+                strict=False,
+                image=asked,
+            )
+            bake = yield from in_thread("load", load, path)
         wanted = request(self.scene)
         relighter, files = Relighter(bake, self.scene.prt.caster, wanted.form), []
         self.cut = 0.0
@@ -139,6 +144,35 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
         finally:
             relighter.close()
         return bake, files
+
+    def _earlier_steps(self, path, asked, pace):
+        """The bake of an earlier lightmap where it is still of the scene, else None.
+
+        Realised objects change in which order the scene is read, which a bake would begin anew for.
+        """
+        if asked.atlas_uv == "packed" or not path.is_dir():
+            return None
+        try:
+            bake = yield from in_thread("load", load, path)
+        except PRTError:
+            return None
+        image, settings = bake.scene.image, plan.bake_settings(self.scene)
+        if getattr(image, "atlas", None) is None or bake.settings != settings.stored():
+            return None
+        if image.atlas.made != asked.atlas_made or (image.width, image.height) != asked.atlas:
+            return None
+        uid = self.scene.session_uid
+        meshes = yield from plan.read_steps(self.scene, pace=pace, gloss=settings.gloss)
+        differences = changes(bake.source, plan.reading_of(uid).digests)
+        fresh = differences.fresh and not differences.renamed
+        if fresh and image.atlas.own:
+            # UV maps are not among what tells meshes apart.
+            maps = {mesh.name: mesh.corner_uv for mesh in meshes}
+            fresh = all(
+                maps[name] is not None and np.array_equal(maps[name].astype(np.float32), uv)
+                for name, uv in image.atlas.corner_uv.items()
+            )
+        return bake if fresh else None
 
     def _write(self, path, bake, values):
         pixels = bake.image(values)
@@ -162,7 +196,7 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
             text += f", by the UV maps '{UV_MAP}'"
         if realised:
             text += f"; {len(realised)} of them realised, for they have no mesh of their own"
-        notes = list(self.report_line["messages"])
+        notes = list(bake.report["messages"])
         if self.cut > 0:
             notes.append(
                 f"{self.cut:.1%} of the texels are brighter than white and cut; lower the Exposure "

@@ -105,6 +105,12 @@ class ImageSettings:
             what = f"geometry image: {size} x {size} texels"
             expect_memory(what, _RAY_BYTES * size**2, "take fewer")
 
+    @property
+    def atlas_made(self):
+        """How an atlas comes about, for `Atlas.made`."""
+        names = None if self.atlas_objects is None else sorted(self.atlas_objects)
+        return {"uv": self.atlas_uv, "margin": self.atlas_margin, "objects": names}
+
 
 def image_steps(scene, meshes, camera, caster, settings, unwrap=None):
     """A scene with the points of an image; a generator of `Progress`.
@@ -195,7 +201,8 @@ def _atlas_steps(scene, meshes, caster, settings, unwrap):
                "'own'")  # fmt: skip
         maps = unwrap(chosen, settings)
         yield Progress("image", 0, 1)
-    work = with_atlas, scene, meshes, maps, settings.atlas, partial(make_caster, caster), own
+    factory = partial(make_caster, caster)
+    work = with_atlas, scene, meshes, maps, settings.atlas, factory, settings.atlas_made
     if caster in ("embree", "brute") or (caster == "auto" and "embree" in known_casters()):
         scene = yield from in_thread("image", *work)
     else:

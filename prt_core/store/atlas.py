@@ -36,7 +36,7 @@ def write_atlas(store, image):
     for name in _SEAMS:
         store.keep(f"seam_{name}", getattr(atlas.seams, name))
     sizes = [[name, len(uv)] for name, uv in atlas.corner_uv.items()]
-    return {"atlas": {"objects": sizes, "own": bool(atlas.own)}}
+    return {"atlas": {"objects": sizes, "made": atlas.made}}
 
 
 def read_atlas(store, n_texels):
@@ -52,9 +52,13 @@ def read_atlas(store, n_texels):
     if kept is None:
         return None
     with damage_as_error(store.path):
-        sizes, own = kept["objects"], kept["own"]
-        good = isinstance(own, bool) and all(
-            isinstance(name, str) and type(size) is int and size >= 0 for name, size in sizes
+        sizes, made = kept["objects"], kept["made"]
+        good = (
+            isinstance(made, dict)
+            and isinstance(made.get("uv"), str)
+            and all(
+                isinstance(name, str) and type(size) is int and size >= 0 for name, size in sizes
+            )
         )
         expect(good, "the objects of its atlas are")
     uv = store.read("atlas_uv", (sum(size for _, size in sizes), 2), "float32")
@@ -67,4 +71,4 @@ def read_atlas(store, n_texels):
     whole = len(seams.texel) == len(seams.weight) == len(seams.edge)
     whole = whole and np.isfinite(seams.weight).all() and (seams.edge >= 0).all()
     expect(inside and whole, f"{store.path}: the seams of its atlas are damaged; bake again")
-    return Atlas({name: part for (name, _), part in zip(sizes, parts, strict=True)}, own, seams)
+    return Atlas({name: part for (name, _), part in zip(sizes, parts, strict=True)}, made, seams)

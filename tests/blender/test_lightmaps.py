@@ -93,7 +93,7 @@ def test_the_button_is_the_call(scene, tmp_path):
 
 
 def test_another_light_bakes_nothing_again_and_the_image_follows(scene, tmp_path):
-    ask = {"filepath": str(tmp_path / "map"), "size": (32, 32), "format": "PNG"}
+    ask = {"filepath": str(tmp_path / "map"), "size": (32, 32), "margin": 1, "format": "PNG"}
     assert bpy.ops.prt.lightmap(**ask) == {"FINISHED"}
     path = next((tmp_path / "prt").glob("*lightmap.prt"))
     seconds = prt_core.BakeStore(path).attributes["seconds"]

@@ -17,6 +17,7 @@ from prt_core.errors import (
     expect,
     expect_all,
     expect_array,
+    expect_kind,
     expect_named,
     expect_offers,
     expect_pair,
@@ -43,18 +44,24 @@ class Atlas:
     ----------
     corner_uv : dict of str -> (n_corners, 2) float32
         Of each object in it, in Blender's loop order.
-    own : bool
-        Whether these are the UV maps that the objects have anyway.
+    made : dict
+        How these came about: `uv` as `ImageSettings.atlas_uv`, `margin`, and the `objects` that
+        were asked for, None for all.
     seams : Seams
         Where charts meet on the surface.
     """
 
     corner_uv: dict
-    own: bool
+    made: dict
     seams: Seams
 
+    @property
+    def own(self):
+        """Whether these are the UV maps that the objects have anyway."""
+        return self.made["uv"] == "own"
 
-def with_atlas(scene, meshes, corner_uv, size, make_caster, own=False):
+
+def with_atlas(scene, meshes, corner_uv, size, make_caster, made=None):
     """The scene with a bake point at each texel of an atlas that shows something.
 
     Parameters
@@ -67,8 +74,8 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, own=False):
     size : (int, int)
         Width and height in texels.
     make_caster : callable((n, 3) float32, (m, 3) int32) -> RayCaster
-    own : bool
-        Whether these are the objects' own UV maps.
+    made : dict, optional
+        How the maps came about (see `Atlas`); default: they are the objects' own.
 
     Returns
     -------
@@ -83,6 +90,8 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, own=False):
     expect_offers("scene", scene, ("hit_points", "objects"), "a Scene")
     width, height = expect_pair("atlas: size", size, 1, 8192)
     corner_uv = _expect_maps(scene, meshes, corner_uv)
+    made = {"uv": "own", "margin": 0, "objects": None} if made is None else made
+    expect_kind("made", made, dict)
     flat = _Flat(scene, meshes, corner_uv, width, height)
     caster = make_caster(
         flat.vertices(), np.arange(3 * len(flat.source), dtype=np.int32).reshape(-1, 3)
@@ -106,7 +115,7 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, own=False):
     pixel = np.arange(width * height, dtype=np.int32)
     point = shown.ravel()[from_texel].astype(np.int32)
     maps = {name: np.asarray(uv, np.float32) for name, uv in corner_uv.items()}
-    image = PointImage(height, width, 1, pixel, point, atlas=Atlas(maps, own, seams))
+    image = PointImage(height, width, 1, pixel, point, atlas=Atlas(maps, made, seams))
     flat.say(scene, texel, place)
     return extended(scene, points, image)
 

@@ -176,5 +176,6 @@ def _write_blend(baked, colours, options):
         how = {"vector": True, "active": False}
     elif options.channel:
         how = {"channels": options.channel, "active": False}
-        corners = {name: values[:, [0, 0, 0, 0]] for name, values in corners.items()}
+        if options.channel == "A":
+            corners = {name: values[:, [0, 0, 0, 0]] for name, values in corners.items()}
     write_blend(baked, corners, options, **how)

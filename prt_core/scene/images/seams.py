@@ -19,6 +19,8 @@ from scipy.sparse.linalg import splu
 _DENSITY = 2
 # What it costs to move a texel, against a difference between the two sides.
 _KEEP = 0.1
+# Times that they are moved again, where some were cut at black.
+_ROUNDS = 8
 # Places in the image, in texels, that are the same.
 _SAME_PLACE = 1e-3
 # Normals and albedo that are the same on both sides, within rounding.
@@ -148,13 +150,17 @@ class Seams:
             return pixels
         flat = pixels.reshape(-1, pixels.shape[-1])
         lookups, solver, texels = self._system
-        moved = solver.solve(-(lookups.T @ (lookups @ flat[texels].astype(np.float64))))
+        before = flat[texels].astype(np.float64)
+        # Light has no negative values that it had not before: what is cut there others take over.
+        least, values = np.minimum(before, 0), before
+        for _ in range(_ROUNDS):
+            values = values - solver.solve(lookups.T @ (lookups @ values))
+            if (values >= least).all():
+                break
+            values = np.maximum(values, least)
         by_point = np.zeros((int(point.max()) + 1, flat.shape[1]))
-        by_point[point[texels]] = moved
-        result = flat + by_point[point]
-        # Light has no negative values that it had not before.
-        result = np.where(flat >= 0, np.maximum(result, 0), result)
-        return result.astype(pixels.dtype).reshape(pixels.shape)
+        by_point[point[texels]] = values - before
+        return (flat + by_point[point]).astype(pixels.dtype).reshape(pixels.shape)
 
     @cached_property
     def _system(self):

@@ -95,6 +95,15 @@ def test_what_is_farther_than_the_distance_is_not_in_the_way(scale):
         assert abs(value - wanted) < 0.01, falloff
 
 
+def test_falloffs_are_those_of_blender():
+    near, half, far = np.float64([0, 0.5, 1]).T
+    passed = {name: fall(np.array([near, 0.25, half, far])) for name, fall in FALLOFFS.items()}
+    np.testing.assert_allclose(passed["constant"], 0)
+    np.testing.assert_allclose(passed["linear"], [0, 0.25, 0.5, 1])
+    np.testing.assert_allclose(passed["smooth"], [0, 0.15625, 0.5, 1])
+    np.testing.assert_allclose(passed["sharp"], [0, 0.4375, 0.75, 1])
+
+
 def test_where_nothing_is_open_the_bent_normal_is_the_normal():
     scene = Scene.from_meshes([sphere(6, inside=True)])
     assert not asked_of(scene, 8).any()

@@ -20,20 +20,24 @@ from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
 from . import bakes, naming, plan, work
-from .buttons import Button
+from .buttons import Asks, Button
 from .request import request
 from .work import LongWork
 
 _SUFFIX = {"PNG": ".png", "PNG16": ".png", "EXR": ".exr"}
 
 
-class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
+class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
     """Bake the light on objects into one image, by UV maps: a lightmap. Its rays are kept as a bake
     of its own, so that another light takes moments"""
 
     bl_idname = "prt.lightmap"
     bl_label = "Bake Lightmap"
     title = "Lightmap"
+    call = "lightmap"
+    asked = (
+        "filepath", "format", "size", "selected", "uv", "margin", "light_only", "apart",
+    )  # fmt: skip
 
     filepath: StringProperty(
         name="File", description="Where the image goes; the format decides on its suffix",
@@ -78,22 +82,14 @@ class PRT_OT_lightmap(LongWork, Button, bpy.types.Operator):
         "emission, whose sum is the light",
     )  # fmt: skip
 
-    def invoke(self, context, event):
-        if bpy.app.background:
-            return self.execute(context)
-        return context.window_manager.invoke_props_dialog(self, width=400)
-
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("filepath", "format", "size", "selected", "uv"):
-            layout.prop(self, name)
-        row = layout.row()
-        row.enabled = self.uv != "own"
-        row.prop(self, "margin")
-        layout.prop(self, "light_only")
-        layout.prop(self, "apart")
+        for name in self.asked:
+            row = layout.row()
+            row.enabled = name != "margin" or self.uv != "own"
+            row.prop(self, name)
 
     def steps(self, context, pace):
         scene = self.begin(context)

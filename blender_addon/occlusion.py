@@ -10,19 +10,23 @@ from prt_core.transport import Occlusion
 from prt_core.transport.occlusion import as_colours
 
 from . import freshness, preview, work
-from .buttons import BakeButton
+from .buttons import Asks, BakeButton
 from .work import LongWork
 
 _NAMES = {"ambient": "AO", "sky": "Sky", "bent-normal": "Bent Normal"}
 
 
-class PRT_OT_occlusion(LongWork, BakeButton, bpy.types.Operator):
+class PRT_OT_occlusion(Asks, LongWork, BakeButton, bpy.types.Operator):
     """Ambient occlusion, visible sky or bent normals, from what the loaded bake sees, as an
     attribute of the meshes or a channel of one"""
 
     bl_idname = "prt.occlusion"
     bl_label = "Occlusion to Attribute"
     title = "Occlusion"
+    call = "occlusion"
+    asked = (
+        "kind", "weight", "distance", "falloff", "attribute", "domain", "channel", "encoding",
+    )  # fmt: skip
 
     kind: EnumProperty(
         name="Kind",
@@ -71,24 +75,16 @@ class PRT_OT_occlusion(LongWork, BakeButton, bpy.types.Operator):
         ],
     )
 
-    def invoke(self, context, event):
-        if bpy.app.background:
-            return self.execute(context)
-        return context.window_manager.invoke_props_dialog(self, width=360)
-
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(self, "kind")
-        layout.prop(self, "weight")
-        layout.prop(self, "distance")
-        row = layout.row()
-        row.enabled = self.distance > 0
-        row.prop(self, "falloff")
-        layout.prop(self, "attribute")
-        layout.prop(self, "domain")
-        layout.prop(self, "encoding" if self.kind == "bent-normal" else "channel")
+        other = "channel" if self.kind == "bent-normal" else "encoding"
+        for name in self.asked:
+            if name != other:
+                row = layout.row()
+                row.enabled = name != "falloff" or self.distance > 0
+                row.prop(self, name)
 
     def steps(self, context, pace):
         scene = self.begin(context)

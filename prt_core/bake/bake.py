@@ -105,7 +105,7 @@ class Bake:
         """
         expect(
             self.scene.image is not None,
-            "image: this bake holds none; bake with --atlas, --geometry-image or --camera-pixels",
+            "image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
         )
         image = self.scene.image
         return image.finished(image.pixels(self._radiance(radiance)))

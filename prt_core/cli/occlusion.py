@@ -92,7 +92,7 @@ def _occlusion(options):
     baked = prt_core.load(options.bake)
     expect(
         not options.image or baked.scene.image is not None,
-        "--image: this bake holds none; bake with --atlas, --geometry-image or --camera-pixels",
+        "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
     )
     casts = asked.distance is not None or options.png
     if casts and options.caster == "auto":

@@ -136,7 +136,7 @@ def _relight_one(options):
     baked = prt_core.load(options.bake)
     expect(
         not options.image or baked.scene.image is not None,
-        "--image: this bake holds none; bake with --atlas, --geometry-image or --camera-pixels",
+        "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
     )
     options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:

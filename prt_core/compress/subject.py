@@ -35,7 +35,7 @@ class Subject:
         """
         expect(
             of == "points" or bake.scene.image is not None,
-            "image: this bake holds none; bake with --atlas, --geometry-image or --camera-pixels",
+            "image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
         )
         return cls(bake.transport, bake.scene.image if of == "image" else None)
 

@@ -77,8 +77,8 @@ class ImageSettings:
         asked = [self.camera_pixels, self.geometry_image, self.atlas]
         expect(
             sum(each is not None for each in asked) < 2,
-            "image: a bake holds one; give only one of --atlas, --geometry-image and "
-            "--camera-pixels",
+            "image: a bake holds one; give one of --camera-pixels, --geometry-image and --atlas, "
+            "not both",
         )
         expect_one_of("atlas_uv", self.atlas_uv, ATLAS_UV)
         expect_whole("atlas margin", self.atlas_margin, 0, 64)

@@ -195,7 +195,7 @@ def test_occlusion_by_call_and_line(folder, inside, capfd):
     ("occlusion a.prt --output o.txt", ".npz"),
     ("bake a.blend --atlas-margin 3", "--atlas"),
     ("bake a.blend --atlas 0", "expected WIDTHxHEIGHT"),
-    ("bake a.blend --atlas 64 --geometry-image floor 32", "only one of"),
+    ("bake a.blend --atlas 64 --geometry-image floor 32", "not both"),
 ])  # fmt: skip
 def test_bad_lines(inside, capfd, line, says):
     try:
@@ -227,7 +227,7 @@ def test_a_full_disk_leaves_the_image_that_was(folder, inside, capfd, monkeypatc
     ({"atlas": (64, 64), "atlas_uv": "old"}, "new, packed, own"),
     ({"atlas": (64, 64), "atlas_margin": -1}, "margin"),
     ({"atlas": (64, 64), "atlas_objects": []}, "at least one"),
-    ({"atlas": (64, 64), "camera_pixels": (4, 4)}, "only one"),
+    ({"atlas": (64, 64), "camera_pixels": (4, 4)}, "not both"),
 ])  # fmt: skip
 def test_wrong_settings(wrong, says):
     with pytest.raises(PRTError, match=says):

@@ -7,6 +7,7 @@ The calls most people need:
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
 >>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
 >>> export_glb(bake, "scene.glb", "city.exr")               # for engines and browsers
+>>> occlusion("scene.prt", distance=0.5)                    # what it knows beside light
 >>> light_field("scene.blend", "scene.slf", lamps=True)     # any material, from any side
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
@@ -27,6 +28,7 @@ from prt_core.api import (
     environment_light,
     export_glb,
     light_field,
+    occlusion,
     open_blend,
     relight,
     relight_points,
@@ -44,7 +46,7 @@ from prt_core.runtime.progress import Progress, run
 from prt_core.scene import BakePoints, Camera, Mesh, Scene
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore
-from prt_core.transport import Transport, View
+from prt_core.transport import Occlusion, Transport, View
 from prt_core.version import __version__
 
 __all__ = [
@@ -63,6 +65,7 @@ __all__ = [
     "LightFieldSettings",
     "Lighting",
     "Mesh",
+    "Occlusion",
     "PRTError",
     "Progress",
     "RayCaster",
@@ -82,6 +85,7 @@ __all__ = [
     "load",
     "load_light_field",
     "make_caster",
+    "occlusion",
     "open_blend",
     "relight",
     "relight_points",

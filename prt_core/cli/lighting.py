@@ -14,9 +14,15 @@ LIGHT_NEEDS = {
 _FLAGS = {"rotation": "rotate"}
 
 
-def lighting_arguments(parser):
-    """Add the flags of a light."""
-    parser.add_argument("--light", metavar="IMAGE", help=".exr or .hdr, or 'world'")
+def lighting_arguments(parser, several=False):
+    """Add the flags of a light; of `several`, each of which has outputs of its own."""
+    if several:
+        parser.add_argument(
+            "--light", metavar="IMAGE", nargs="+",
+            help=".exr or .hdr, or 'world'; of several each has outputs of its own, with its name",
+        )  # fmt: skip
+    else:
+        parser.add_argument("--light", metavar="IMAGE", help=".exr or .hdr, or 'world'")
     parser.add_argument("--rotate", type=float, help="degrees about z")
     parser.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
     parser.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")

@@ -12,8 +12,10 @@ $(VENV)/.ready: pyproject.toml scripts/setup.sh
 demo: $(VENV)/.ready
 	$(RUN) scripts/demo.py
 
+# Files of tests side by side, as many as there are cores, but not more than four: each has a Blender.
+JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); [ $$n -lt 4 ] && echo $$n || echo 4)
 test: $(VENV)/.ready
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n $(JOBS) --dist loadfile
 
 lint: $(VENV)/.ready
 	$(RUN) -m ruff check .
@@ -51,6 +53,11 @@ test-window: $(VENV)/.ready
 bench-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) tests/benchmarks/window.py
 
+# What .glb files are to others: Khronos' validator, three.js and a headless browser (needs npm).
+engines: $(VENV)/.ready
+	cd tests/engines && npm install --no-audit --no-fund --no-package-lock
+	$(RUN) -m pytest tests/engines
+
 # The tests on every supported Blender: bpy 4.2, 4.5, 5.0 (Python 3.11) and 5.2 (Python 3.13).
 matrix:
 	sh scripts/matrix.sh
@@ -58,4 +65,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint docs conformance bench extension release test-window bench-window matrix clean
+.PHONY: setup demo test lint docs conformance bench extension engines release test-window bench-window matrix clean

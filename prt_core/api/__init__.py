@@ -3,13 +3,16 @@
 from contextlib import suppress
 from pathlib import Path
 
+from prt_core.api.export import export_glb as export_glb
+from prt_core.api.export import export_glb_steps as export_glb_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
+from prt_core.api.occlusion import occlusion as occlusion
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
-from prt_core.bake.refine import refine_meshes_steps
+from prt_core.bake.refine import refine_meshes_steps, refine_settings
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
@@ -49,6 +52,10 @@ def bake(
     refine=False,
     refine_tolerance=None,
     refine_vertices=None,
+    atlas=None,
+    atlas_objects=None,
+    atlas_uv="new",
+    atlas_margin=4,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -83,6 +90,15 @@ def bake(
     refine_vertices : int or str, optional
         Vertices of all objects that receive, at most: a number, or as "1.5x" of those there are,
         which is the default.
+    atlas : (int, int), optional
+        Bake one image of the surfaces of several objects as well, a lightmap: width x height.
+    atlas_objects : sequence of str, optional
+        Which; default: all that receive.
+    atlas_uv : {"new", "packed", "own"}
+        Unwrap them anew; or take their own charts, scaled by area and packed apart; or their UV
+        maps as they are.
+    atlas_margin : int
+        Texels between packed charts.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -101,8 +117,11 @@ def bake(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, create=True)
-    image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
-    refined = _refine_settings(refine, refine_tolerance, refine_vertices)
+    image = ImageSettings(
+        camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
+        atlas_uv, atlas_margin,
+    )  # fmt: skip
+    refined = refine_settings(refine, refine_tolerance, refine_vertices)
     steps = bake_blend_steps(
         blend, output, settings, objects, two_sided, restart, image=image, refine=refined
     )
@@ -155,6 +174,7 @@ def bake_blend_steps(
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
+    from prt_core.blender.unwrap import lightmap_uvs
     from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
@@ -202,7 +222,7 @@ def bake_blend_steps(
     built, *made = yield from each_in_thread("scene", *calls)
     source, *probes = made if source is None else (source, *made)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
-    built = yield from image_steps(built, meshes, camera, settings.caster, image)
+    built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
     if not probes and certified(len(built.points)):
         probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
@@ -210,16 +230,6 @@ def bake_blend_steps(
         probes[0] if probes else None, origin,
     )  # fmt: skip
     return result
-
-
-def _refine_settings(refine, tolerance, vertices):
-    """`RefineSettings` of the arguments of `bake`; None where nothing is to be refined."""
-    given = {"tolerance": tolerance, "vertices": vertices}
-    given = {name: value for name, value in given.items() if value is not None}
-    if not expect_flag("refine", refine):
-        expect(not given, f"refine {', '.join(given)}: changes nothing without refine=True")
-        return None
-    return RefineSettings(**given)
 
 
 def _names(what, names):

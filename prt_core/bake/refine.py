@@ -1,8 +1,31 @@
 """The refinement of meshes before they are baked, beside the caller where that is wanted."""
 
+from prt_core.errors import expect, expect_flag
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
-from prt_core.sampling import refine_steps
+from prt_core.sampling import RefineSettings, refine_steps
+
+
+def refine_settings(refine, tolerance=None, vertices=None):
+    """`RefineSettings` of what is asked for; None where nothing is to be refined.
+
+    Parameters
+    ----------
+    refine : bool
+    tolerance, vertices : optional
+        See `RefineSettings`; None: their defaults.
+
+    Raises
+    ------
+    PRTError
+        They are given, and nothing is to be refined; or one of them is wrong.
+    """
+    given = {"tolerance": tolerance, "vertices": vertices}
+    given = {name: value for name, value in given.items() if value is not None}
+    if not expect_flag("refine", refine):
+        expect(not given, f"refine {', '.join(given)}: changes nothing without refine=True")
+        return None
+    return RefineSettings(**given)
 
 
 def refine_meshes_steps(meshes, lamps, world, settings, caster="auto", pace=None):

@@ -163,6 +163,10 @@ def bake_blend_steps(
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if refine is not None:
         expect_kind("refine", refine, RefineSettings)
+        expect(
+            image.atlas is None,
+            "refine: the UV maps of a lightmap belong to the meshes as they are; bake it by itself",
+        )
     messages = []
     if blend is None:
         import_bpy()

@@ -223,6 +223,7 @@ BAD = {
     "bake open.blend --refine --refine-vertices many": "refine vertices: expected a number as",
     "bake open.blend --refine --refine-vertices -3": "refine vertices: expected a number as",
     "bake open.blend --refine --refine-tolerance 2": "refine tolerance: expected",
+    "bake open.blend --refine --atlas 64": "refine: the UV maps of a lightmap belong to",
     "info a.prt --refined where.jpg": "where.jpg: expected a name that ends in .png",
     "info a.prt --refined where.png": "refined: no edge of this bake's meshes was split",
     "bake open.blend --parametrisation uv": "--parametrisation: changes nothing without",

@@ -128,7 +128,7 @@ def bake_blend_steps(
         import_bpy()
     else:
         messages += open_blend(blend)
-    from prt_core.blender.camera import read_camera
+    from prt_core.blender.camera import read_camera, read_cameras
     from prt_core.blender.depsgraph import read_meshes_steps
     from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
@@ -140,6 +140,7 @@ def bake_blend_steps(
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     camera, seen = read_camera(scene, messages), []
+    cameras = read_cameras(scene)
 
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
@@ -175,7 +176,7 @@ def bake_blend_steps(
         probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace,
-        probes[0] if probes else None, origin,
+        probes[0] if probes else None, origin, cameras,
     )  # fmt: skip
     return result
 

@@ -22,6 +22,7 @@ from prt_core.compress.choice.choose import (
     reason_of,
 )
 from prt_core.compress.choice.methods import describe, settings_of
+from prt_core.compress.subject import Subject
 from prt_core.errors import (
     PRTError,
     expect,
@@ -34,7 +35,9 @@ from prt_core.errors import (
     system_errors,
 )
 from prt_core.light import EnvironmentMap, TurningLight
+from prt_core.relight.fixed_view import FixedView
 from prt_core.relight.forms import CompressedForm
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.machine import peak_bytes
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import Progress
@@ -113,7 +116,7 @@ def compress_steps(bake, settings=None, lights=None):
         The attributes that are stored: method, of ("points" or "image"), settings, why, trials,
         bytes, bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst,
         worst_light, lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint,
-        versions.
+        versions; rows_error where pixels show gloss.
     """
     settings = CompressSettings() if settings is None else settings
     expect_kind("settings", settings, CompressSettings)
@@ -145,7 +148,12 @@ def _compress(bake, settings, lights):
     few = {name: light.at(_CHOICE) for name, light in few}
     limits = settings.limits
     ranked, trials = yield from choose_steps(task, names, limits, few)
-    new = yield from new_lights(task, turning, lights)
+    relighter = Relighter(bake, form="exact") if task.subject.shows_gloss else None
+    try:
+        new = yield from new_lights(task, turning, lights, relighter)
+    finally:
+        if relighter is not None:
+            relighter.close()
     methods = {method.name: method for method in map(method_from_text, names)}
     form, measured, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
     spent = time.perf_counter() - began
@@ -184,7 +192,11 @@ def _task(bake, settings):
     )
     if image is None or settings.of == "points":
         return Task.of(bake.transport, bake.scene.points, settings.seed, bake.dense)
-    return Task.of_image(bake.transport, image, settings.seed)
+    subject = Subject.of_bake(bake, "image")
+    if not subject.shows_gloss:
+        return Task.of_image(bake.transport, image, settings.seed)
+    seen = subject.reflections, FixedView(bake).weights()
+    return Task.of_image(bake.transport, image, settings.seed, *seen)
 
 
 def _fit_best(task, methods, ranked, trials, limits, lights):

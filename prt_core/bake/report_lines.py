@@ -142,12 +142,18 @@ def compressed_lines(report):
     settings = ", ".join(f"{k} {v}" for k, v in report["settings"].items() if v is not None)
     settings = f" ({settings})" if settings else ""
     of = ", of the image" if report.get("of") == "image" else ""
+    of += " with gloss" if "rows_error" in report else ""
     yield f"  method  {report['method']}{settings}{of}, {report['seconds']:.1f} s"
     yield (
         f"  error   {report['error']:.2%} of relit colours in the mean over {report['lights']} "
         f"lights it was not chosen under, {report['worst']:.2%} under {report['worst_light']}"
         f"{', within the tolerance' if report['tolerance_met'] else ''}"
     )
+    if "rows_error" in report:
+        yield (
+            f"          {report['rows_error']:.2%} of these without any compression: lobes meet "
+            "light in texels here, in finer detail on the exact way"
+        )
     yield (
         f"  size    {report['bytes'] / 1e6:.1f} MB, {report['bits_a_coefficient']:.2f} bits a "
         "coefficient"

@@ -40,6 +40,7 @@ def bake_steps(
     pace=None,
     lights=None,
     origin=None,
+    cameras=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -70,6 +71,8 @@ def bake_steps(
         two soft suns.
     origin : dict of str -> str, optional
         Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
+    cameras : dict of str -> Camera, optional
+        Kept with the bake: all cameras of the scene by name, for views.
 
     Returns
     -------
@@ -87,7 +90,7 @@ def bake_steps(
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
     camera = None if camera is None else expect_camera(camera)
-    given = lamps, world, camera, source, restart, pace, lights, origin
+    given = lamps, world, camera, source, restart, pace, lights, origin, cameras
     world = expect_bake_input(scene, path, cube_map, *given)
     casters = []
 
@@ -95,7 +98,7 @@ def bake_steps(
         casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
-    parts = (lamps, world, camera, source, origin)
+    parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
             if pace is None:

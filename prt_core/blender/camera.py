@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 
+from prt_core.blender.identity import display_names
 from prt_core.blender.render_scene import rendered_layer
 from prt_core.scene import Camera
 
@@ -23,12 +24,29 @@ def read_camera(scene=None, messages=None):
         Told what is not followed.
     """
     scene = scene or bpy.context.scene
-    messages = [] if messages is None else messages
-    item = scene.camera
-    if item is None or item.type != "CAMERA":
-        return None
     # A script may have moved it a moment ago.
     rendered_layer(scene)[0].update()
+    return _camera_of(scene.camera, scene, [] if messages is None else messages)
+
+
+def read_cameras(scene=None):
+    """All cameras of a scene whose lens is followed, shown or hidden: dict of str -> `Camera`.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene, optional
+    """
+    scene = scene or bpy.context.scene
+    rendered_layer(scene)[0].update()
+    items = [item for item in scene.objects if item.type == "CAMERA"]
+    names, _ = display_names(items)
+    cameras = {names[item.session_uid]: _camera_of(item, scene, []) for item in items}
+    return {name: camera for name, camera in cameras.items() if camera is not None}
+
+
+def _camera_of(item, scene, messages):
+    if item is None or item.type != "CAMERA":
+        return None
     data, render = item.data, scene.render
     what = f"camera '{item.name}'"
     lens = {"PERSP": "perspective", "ORTHO": "orthographic"}.get(data.type)

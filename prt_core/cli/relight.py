@@ -14,10 +14,16 @@ from prt_core.cli.arguments import (
     caster_argument,
     expect_used,
     form_argument,
+    is_place,
     size,
-    view_named,
 )
-from prt_core.cli.relight_view import notes_of, wants_points, write_picture
+from prt_core.cli.relight_view import (
+    asked_view,
+    image_of,
+    notes_of,
+    wants_points,
+    write_picture,
+)
 from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -66,8 +72,8 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument(
         "--view", metavar="VIEW",
-        help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z (a "
-        "picture is seen from the camera: 'camera' with --png, each pixel by itself)",
+        help="whom gloss is shown to, of a bake with gloss: 'camera', a camera of the scene by its "
+        "name, or a place as x,y,z (--png is seen from the camera, each pixel by itself)",
     )  # fmt: skip
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
@@ -110,36 +116,35 @@ def _relight(options):
         not options.image or baked.scene.image is not None,
         "--image: this bake holds none; bake with --camera-pixels or --geometry-image",
     )
-    options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
+    camera, view = asked_view(options, baked)
+    options.size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
-        return _relight_turn(baked, lighting, options)
-    view = view_named(options.view, baked)
+        return _relight_turn(baked, lighting, options, camera, view)
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
     radiance = None
     try:
-        if wants_points(options):
+        if wants_points(options, view):
             radiance = relighter.radiance(lighting, of=of, view=view)
             spent = time.perf_counter() - start
         if options.png:
             _bpy_where_needed()
-            pictures = PictureWriter(baked, options.size, options.caster)
+            pictures = PictureWriter(baked, options.size, options.caster, camera)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
             spent = time.perf_counter() - start
+        if options.image:
+            _write_image(options.image, image_of(baked, relighter, lighting, radiance, of))
         how, notes = _how(relighter), notes_of(relighter)
     finally:
         relighter.close()
     if of == "image":
-        _write_image(options.image, radiance)
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
         return 0
     if options.output:
         write_npz(options.output, baked.colours(radiance))
-    if options.image:
-        _write_image(options.image, baked.image(radiance))
     if options.blend:
         _write_blend(baked, baked.colours(radiance), options)
     written = ", ".join(p for p in _outputs(options).values() if p)
@@ -195,8 +200,9 @@ def _expect_request(options):
             "--view: an image that was baked is not shown again; give --output, --png or --blend",
         )
         expect(
-            not options.png or options.view == "camera",
-            "--view: a picture is seen from the camera; give --view camera with --png",
+            not options.png or not is_place(options.view),
+            "--view: a picture is seen from the camera; give --view camera with --png, or the "
+            "name of another",
         )
     paths = []
     for name, path in outputs.items():
@@ -266,24 +272,24 @@ def _outputs(options):
     return {name: getattr(options, name) for name in _OUTPUTS}
 
 
-def _relight_turn(baked, lighting, options):
+def _relight_turn(baked, lighting, options, camera, view):
     """A turntable: the light turns once, what the camera sees is traced once."""
     _bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
-    of, view = _of(options), view_named(options.view, baked)
-    pictures = PictureWriter(baked, options.size, options.caster)
+    of = _of(options)
+    pictures = PictureWriter(baked, options.size, options.caster, camera)
     start, spent = time.perf_counter(), []
     for frame in range(options.turn):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
         begun, radiance = time.perf_counter(), None
-        if wants_points(options):
+        if wants_points(options, view):
             radiance = relighter.radiance(lighting, of=of, view=view)
             spent.append(time.perf_counter() - begun)
         if options.image:
-            shown = radiance if of == "image" else baked.image(radiance)
+            shown = image_of(baked, relighter, lighting, radiance, of)
             _write_image(frame_path(options.image, frame + 1), shown)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
@@ -312,7 +318,7 @@ def _how(relighter):
 
 
 def _print_notes(baked, options, notes):
-    if options.png and baked.camera is None:
+    if options.png and baked.camera is None and options.view is None:
         notes = [
             *notes,
             "the baked scene has no camera whose lens is followed: seen from the front",

@@ -30,6 +30,7 @@ from prt_core.runtime.renamed import renamed_keyword, warn_renamed
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
+from prt_core.transport import View
 
 
 def bake(
@@ -167,7 +168,7 @@ def bake_blend_steps(
         return chosen_method(settings.method, n_points, cube_map.n_directions) != "exhaustive"
 
     calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
-    if certified(sum(len(mesh.vertices) for mesh in meshes)):
+    if settings.gloss or certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
     built, source, *probes = yield from each_in_thread("scene", *calls)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
@@ -289,8 +290,9 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
     form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
-    view : View, optional
-        From where a bake with gloss is looked at; default: only what leaves evenly to all sides.
+    view : View or str, optional
+        From where a bake with gloss is looked at, or the name of a camera of its scene ("camera":
+        its own); default: only what leaves evenly to all sides.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
         lamp_samples, bounces, exposure, emission.
@@ -308,8 +310,9 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
 @renamed_keyword(transport="form")
 def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, form)
+    lighting, bake = lighting_of(light, **keywords), _loaded(bake)
+    view = View.of_camera(bake.camera_named(view)) if isinstance(view, str) else view
+    relighter = Relighter(bake, caster, form)
     try:
         return run(relighter.steps(lighting, view=view))
     finally:

@@ -2,10 +2,17 @@
 
 import platform
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from prt_core.bake.compress_gloss import (
+    GLOSS_METHODS,
+    WIDE,
+    compress_gloss_steps,
+    expect_gloss_method,
+    widest_needed,
+)
 from prt_core.bake.measure import measure_steps, met, new_lights, standing_lights
 from prt_core.compress import (
     Limits,
@@ -22,6 +29,7 @@ from prt_core.compress.choice.choose import (
     reason_of,
 )
 from prt_core.compress.choice.methods import describe, settings_of
+from prt_core.compress.gloss_transfer import GlossTransfer
 from prt_core.compress.subject import Subject
 from prt_core.errors import (
     PRTError,
@@ -56,7 +64,8 @@ class CompressSettings:
     Parameters
     ----------
     method : str
-        `auto`, or a registered method (`compress.method_names()`); settings of its own that are
+        `auto`, or a registered method (`compress.method_names()`), or one of `GLOSS_METHODS` for
+        what views show of gloss; settings of its own that are
         to be the same at all its budgets as NAME:key=value,key=value.
     tolerance : float, optional
         Relative L2 error of relit colours: in the mean over lights, and twice that under the
@@ -82,14 +91,23 @@ class CompressSettings:
         expect_one_of("of", self.of, ("auto", "points", "image"))
         good = isinstance(self.method, str)
         name, names = self.method.partition(":")[0] if good else None, method_names()
+        expect_gloss_method(name)
+        names = [*names, *GLOSS_METHODS]
         expect(
             good and (self.method == "auto" or name in names),
             f"method: expected auto, {', '.join(names)} or none, got {shown(self.method)}",
         )
-        if name != "auto":
+        if self.of_gloss:
+            GlossTransfer.from_text(self.method)
+        elif name != "auto":
             method_from_text(self.method)
         expect_seed(self.seed)
         self.limits  # noqa: B018  (checks them)
+
+    @property
+    def of_gloss(self):
+        """Whether it is what views show of gloss that is compressed."""
+        return self.method.partition(":")[0] in GLOSS_METHODS
 
     @property
     def limits(self):
@@ -123,7 +141,17 @@ def compress_steps(bake, settings=None, lights=None):
     expect_offers("bake", bake, ("scene", "transport", "path"), "what `load` returns")
     lights = _expect_lights(lights)
     with system_errors(bake.path):
-        return (yield from _compress(bake, settings, lights))
+        expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
+        if settings.of_gloss:
+            return (yield from compress_gloss_steps(bake, settings, lights))
+        report = yield from _compress(bake, settings, lights)
+        tries = settings.method == "auto" and report["of"] == "points" and bake.reflections
+        if not tries or widest_needed(bake) < WIDE:
+            return report
+        # What moves beside the light is the view: harmonics where they are near enough.
+        wanted = replace(settings, method=GLOSS_METHODS[0])
+        gloss = yield from compress_gloss_steps(bake, wanted, lights, only_within=True)
+        return {**report, "gloss": gloss}
 
 
 def _expect_lights(lights):
@@ -136,7 +164,6 @@ def _expect_lights(lights):
 
 
 def _compress(bake, settings, lights):
-    expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
     began = time.perf_counter()
     task = _task(bake, settings)
     names = candidate_names() if settings.method == "auto" else [settings.method]

@@ -4,6 +4,7 @@ import time
 
 from prt_core.bake.bounces import Bounced, bounce_steps
 from prt_core.bake.emission import bounced_emission_steps, emission_steps
+from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.reflections import reflection_steps
@@ -154,6 +155,9 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     )
     reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
     emitted = yield from emission_steps(store, scene, caster, settings, seconds)
+    certified = yield from gloss_certificate_steps(
+        store, scene, cube_map, caster, settings, lights, seconds
+    )
     bounced = Bounced()
     if settings.bounces != 0:
         work = store, scene, cube_map, caster, settings, seconds, emitted.probes
@@ -161,7 +165,17 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
         report = bake_report(
-            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
+            scene,
+            cube_map,
+            caster,
+            settings,
+            seen,
+            emitted,
+            bounced,
+            seconds,
+            store,
+            reflected,
+            certified,
         )
     if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")

@@ -19,6 +19,7 @@ from prt_core.cli.arguments import (
 )
 from prt_core.cli.relight_view import (
     asked_view,
+    how_relit,
     image_of,
     notes_of,
     wants_points,
@@ -136,7 +137,7 @@ def _relight(options):
             spent = time.perf_counter() - start
         if options.image:
             _write_image(options.image, image_of(baked, relighter, lighting, radiance, of))
-        how, notes = _how(relighter), notes_of(relighter)
+        how, notes = how_relit(relighter), notes_of(relighter)
     finally:
         relighter.close()
     if of == "image":
@@ -302,19 +303,11 @@ def _relight_turn(baked, lighting, options, camera, view):
     first = frame_path(options.png or options.output or options.image, 1)
     print(
         f"{first} and on: {options.turn} frames of {_shown(baked, of)} relit "
-        f"{_how(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of them "
-        "to relight"
+        f"{how_relit(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of "
+        "them to relight"
     )
     _print_notes(baked, options, notes_of(relighter))
     return 0
-
-
-def _how(relighter):
-    """How colours were made, for the line that reports them."""
-    if relighter.used == "exact":
-        return "exactly"
-    attributes = relighter.compressed().attributes
-    return f"compressed ({attributes['method']}, error {attributes['error']:.2%})"
 
 
 def _print_notes(baked, options, notes):

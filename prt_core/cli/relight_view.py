@@ -65,3 +65,13 @@ def notes_of(relighter):
     rays = relighter.mirror_rays
     traced = f"mirrors are traced for the picture, by {rays:,} rays"
     return [*relighter.notes, traced] if rays else list(relighter.notes)
+
+
+def how_relit(relighter):
+    """How colours were made, for the line that reports them."""
+    gloss = relighter.gloss_used
+    gloss = f", gloss by {gloss}" if gloss else ""
+    if relighter.used == "exact":
+        return f"exactly{gloss}"
+    attributes = relighter.compressed().attributes
+    return f"compressed ({attributes['method']}, error {attributes['error']:.2%}){gloss}"

@@ -22,6 +22,7 @@ from prt_core.relight.environments import Environments
 from prt_core.relight.fixed_view import FixedView
 from prt_core.relight.forms import FormInUse
 from prt_core.relight.gloss import Gloss
+from prt_core.relight.gloss_form import GlossFormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps, world_suns
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.runtime.main_thread import maybe_in_thread
@@ -57,6 +58,8 @@ class Relighter:
     ----------
     used : str
         "exact" or "compressed": what the last colours were made with.
+    gloss_used : str
+        The method of the compressed gloss that the last view was made with; empty for none.
     why : str
         Why `auto` did not use a compressed form; empty where it did.
     notes : tuple of str
@@ -70,8 +73,9 @@ class Relighter:
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.form = bake, expect_one_of("form", form, FORMS)
         expect_kind("caster", caster, str, "the name of one")
-        self.used, self.notes = "exact", ()
+        self.used, self.gloss_used, self.notes = "exact", "", ()
         self._compressed = FormInUse(bake, expect_flag("progressive", progressive))
+        self._gloss_form = GlossFormInUse(bake)
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
         self._emitted = EmittedLight(bake)
@@ -195,8 +199,16 @@ class Relighter:
             received_in_all.append(emitted[0])
         if pixels is not None and radiance is None:
             return pixels
+        gloss_form = None
+        if isinstance(view, View) and self.form != "exact" and not (lamps or emitted):
+            applies = light is not None and lighting.bounces in (
+                "baked",
+                self.bake.transport.bounces,
+            )
+            gloss_form = self._gloss_form.read() if applies else None
+        self.gloss_used = "" if gloss_form is None else gloss_form.model.name
         if view is not None or baked_view:
-            if self._gloss is None:
+            if self._gloss is None and gloss_form is None:
                 work = Gloss, self.bake, self._caster
                 self._gloss = yield from maybe_in_thread(pace, "gloss", *work)
             first = len(parts) - len(lamps)
@@ -207,7 +219,8 @@ class Relighter:
             own = None if emitted is None else emitted[1]
             self._sent = None
             sky = lighting if pixels is None else None
-            work = (self._reflecting, radiance, sum(received_in_all), own, lighting, sky, sun, lit)
+            work = (self._reflecting, radiance, sum(received_in_all), own, lighting, sky, sun, lit,
+                    gloss_form)  # fmt: skip
             self._sent = yield from maybe_in_thread(pace, "gloss", *work)
             if isinstance(view, CameraRays):
                 # Rays of mirrors may be Blender's, which are cast where the caller is.
@@ -250,7 +263,7 @@ class Relighter:
         expect_whole("every", every, 1)
         expect(self._sent is not None, "view: no light is known yet; relight with a view first")
         sent = self._sent
-        reflected, share = yield from self._gloss.toward_steps(view, sent.lamps, pace, every)
+        reflected, share = yield from sent.gloss.toward_steps(view, sent.lamps, pace, every)
         radiance = (sent.even - sent.own) * share + sent.own + reflected
         return _exposed(radiance, sent.lighting)
 
@@ -314,21 +327,27 @@ class Relighter:
             self._fixed = FixedView(self.bake, self._gloss)
         return self._fixed.view
 
-    def _reflecting(self, radiance, received, own, lighting, distant, sun, lamps):
+    def _reflecting(self, radiance, received, own, lighting, distant, sun, lamps, form):
         """The `_Sent` of a light, which lobes reflect from now on.
 
         `radiance` is what leaves evenly to all sides, with what stands in for gloss; `distant` the
-        lighting whose light from far away is reflected, or None.
+        lighting whose light from far away is reflected, or None; `form` the `GlossForm` that
+        reflects it, or None.
         """
+        even = radiance - self.bake.transport.materials.stand_in * received
+        own = 0 if own is None else own
+        if form is not None:
+            return _Sent(
+                even, own, lamps, lighting, form.light(self._environments.on_texels(distant))
+            )
         texels = sky = detailed = None
         if distant is not None:
             # Lights that are lamps here have their highlights from there, not from texels.
             texels = self._environments.on_texels(distant, without_sun=sun is not None)
             sky = self._environments.sky(distant, exposed=False) if sun is None else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
-        even = radiance - self.bake.transport.materials.stand_in * received
         self._gloss.light(texels, radiance, even, sky, detailed)
-        return _Sent(even, 0 if own is None else own, lamps, lighting)
+        return _Sent(even, own, lamps, lighting, self._gloss)
 
     def _of_pixels(self, rays):
         """(n_lit, 3) float32 of the samples of a picture's rays, under the light that is known."""
@@ -342,7 +361,8 @@ class Relighter:
         if self._gloss is not None:
             self._gloss.close()
         self._gloss = self._sent = self._fixed = None
-        for part in (self._environments, self._lamps, self._emitted, self._compressed):
+        parts = self._environments, self._lamps, self._emitted, self._compressed, self._gloss_form
+        for part in parts:
             part.close()
 
 
@@ -354,6 +374,7 @@ class _Sent:
     own: np.ndarray  # (n_points, 3) float32 of their own, or 0
     lamps: list  # of (Lamp, (n_points, 3) float32): what points receive of each
     lighting: Lighting
+    gloss: object  # what reflects it: `Gloss`, or a `GlossForm`
 
 
 def _exposed(radiance, lighting):

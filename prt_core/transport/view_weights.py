@@ -112,6 +112,28 @@ class ViewWeights:
         sums.add(own, points, share * self._even[points], share)
         return Weights(texels, *sums.joined())
 
+    def lobes_at(self, points):
+        """Lobes of glossy points towards the viewer, whatever is in their way.
+
+        Parameters
+        ----------
+        points : (n,) int
+            That face the viewer.
+
+        Returns
+        -------
+        weights : (n, 3, n_directions) float32
+            Of the radiance of each texel.
+        diffuse : (n, 3) float32
+            What they leave of diffuse light, in parts of that of the view from straight above.
+        """
+        points = np.asarray(points)
+        normals, outgoing = self._transport.normals[points], self._outgoing[points]
+        cosine = np.einsum("nx,nx->n", normals, outgoing)
+        rows = np.asarray(self._first)[self._part[points]] + self._row[points]
+        groups, left = self._lobes.at(rows, cosine)
+        return self._lobe_weights(rows, points, groups), left
+
     def _lobe_weights(self, rows, points, groups):
         """(n, 3, n_directions): lobes of points times the cosine and the texels' solid angles."""
         cube_map = self._transport.cube_map

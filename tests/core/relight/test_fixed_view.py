@@ -85,7 +85,7 @@ def test_rows_are_what_relighting_for_the_camera_gives(path):
 
 
 def test_a_white_furnace_is_white(tmp_path):
-    ball = of(sphere(16, 0.5, (0, 0, 0), albedo=(0, 0, 0)), metal=1.0, roughness=0.5)
+    ball = of(sphere(16, 0.5, (0, 0, 0), albedo=(0, 0, 0)), metal=np.ones(3), roughness=0.5)
     bake = baked(tmp_path / "a.prt", [ball], camera((0, -3.0, 0), (0, 0, 0), 0.2), bounces=0)
     rows = ViewRows(TransportRows(bake.transport), bake.scene.image, FixedView(bake).weights())
     result = rows.product(np.ones((bake.cube_map.n_directions, 3), np.float32))

@@ -106,20 +106,24 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         ViewWeights(scene, transport, parts, lobes, view, glossy[0].narrowest, METAL)
         for view in views
     ]
-    errors = {}
+    shown, lit = {}, {}
     for name, light in (lights or probe_lights(cube_map)).items():
-        received = transport.received(np.asarray(light, np.float32))
+        light = np.asarray(light, np.float32)
+        received = transport.received(light)
         sent = transport.exit_radiance(received).toward()
         even = sent - transport.materials.stand_in * received
         for part in glossy:
             part.light(light, sent)
-        distance = size = 0.0
-        for view, weight in zip(views, weights, strict=True):
-            shown = _shown(glossy, view, even)
-            truth = _truth(weight, some, seen, light, sent, even)
-            distance += float(((shown - truth).astype(np.float64) ** 2).sum())
-            size += float((truth.astype(np.float64) ** 2).sum())
-        errors[name] = float(np.sqrt(distance / size)) if size else 0.0
+        shown[name] = [_shown(glossy, view, even) for view in views]
+        lit[name] = light, sent, even
+        yield Progress("gloss certificate", len(shown), len(shown))
+    sums = {name: np.zeros(2) for name in lit}
+    for turn, weight in enumerate(weights):
+        for name, truth in zip(lit, _truths(weight, some, seen, lit.values()), strict=True):
+            away = (shown[name][turn] - truth).astype(np.float64)
+            sums[name] += (away**2).sum(), (truth.astype(np.float64) ** 2).sum()
+        yield Progress("gloss certificate", turn + 1, len(weights))
+    errors = {name: float(np.sqrt(a / b)) if b else 0.0 for name, (a, b) in sums.items()}
     add_seconds(seconds, "gloss certificate", time.perf_counter() - start)
     return GlossError(errors, len(some), _VIEWS, rays)
 
@@ -199,18 +203,20 @@ def _shown(glossy, view, even):
     return np.concatenate(result)
 
 
-def _truth(weights, some, seen, light, sent, even):
-    """(n, 3): the same, summed over all that was traced anew."""
-    result, first = np.empty((len(some), 3), np.float32), 0
+def _truths(weights, some, seen, lights):
+    """(n, 3) under each light: the same, summed over all that was traced anew."""
+    lights, first = list(lights), 0
+    result = np.empty((len(lights), len(some), 3), np.float32)
     for part in seen:
         rows = slice(first, first + len(part.free))
         first = rows.stop
         lobe, diffuse = weights.lobes_at(some[rows])
-        total = np.einsum("ncd,dc->nc", lobe * part.free[:, None], light)
-        met = np.einsum("mk,mkc->mc", part.weights, sent[part.points])
-        there = lobe[part.row, :, part.texel] * met
-        for channel in range(3):
-            total[:, channel] += np.bincount(part.row, there[:, channel], len(total))
-        result[rows] = total + diffuse * even[some[rows]]
+        open_, there = lobe * part.free[:, None], lobe[part.row, :, part.texel]
+        for index, (light, sent, even) in enumerate(lights):
+            total = np.einsum("ncd,dc->nc", open_, light)
+            met = there * np.einsum("mk,mkc->mc", part.weights, sent[part.points])
+            for channel in range(3):
+                total[:, channel] += np.bincount(part.row, met[:, channel], len(total))
+            result[index, rows] = total + diffuse * even[some[rows]]
     expect(np.isfinite(result).all(), "gloss: what views show is not finite")
     return result

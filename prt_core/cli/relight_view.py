@@ -29,10 +29,14 @@ def image_of(baked, relighter, lighting, radiance, of):
     baked : Bake
     relighter : Relighter
     lighting : Lighting
-    radiance : array
+    radiance : (height, width, 3) or (n_points, 3) float32
         Of the image, or of points.
     of : {"points", "image"}
         Which.
+
+    Returns
+    -------
+    (height, width, 3) float32
     """
     if of == "image":
         return radiance

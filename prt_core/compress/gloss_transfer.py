@@ -147,7 +147,18 @@ class GlossTransfer:
         return {name: getattr(self, name) for name in names}
 
     def fit_steps(self, transport, reflections):
-        """Make and compress the matrices; a generator of `Progress`. Returns self."""
+        """Make and compress the matrices; a generator of `Progress`.
+
+        Parameters
+        ----------
+        transport : Transport
+        reflections : sequence of Reflections
+
+        Returns
+        -------
+        GlossTransfer
+            Itself.
+        """
         rows = TransferRows(transport, reflections, self.order)
         yield from rows.prepare_steps()
         n_clusters = max(1, round(rows.n_points / self.points))

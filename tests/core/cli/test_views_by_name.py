@@ -92,10 +92,10 @@ def test_pictures_are_seen_from_it(folder, capsys):
 
 def test_a_wrong_name_is_answered_with_those_that_there_are(folder, capsys):
     words = ["relight", str(folder / "a.prt"), "--light", str(folder / "sky.exr")]
-    assert main([*words, "--view", "top", "--output", str(folder / "c.npz")]) == 1
+    assert main([*words, "--view", "top", "--output", str(folder / "c.npz")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "--view: the baked scene has none called 'top'" in said
-    assert "it has '1,2,3', 'Plan', 'Top' and 'camera', its own; or give a place as x,y,z" in said
+    assert "it has '1,2,3', 'Plan', 'Top' and 'camera', its own, or give a place as x,y,z" in said
     assert not (folder / "c.npz").exists()
-    assert main([*words, "--view", "0,0,3", "--png", str(folder / "c.png")]) == 1
+    assert main([*words, "--view", "0,0,3", "--png", str(folder / "c.png")]) == 2
     assert "a picture is seen from the camera" in capsys.readouterr().err

@@ -311,12 +311,21 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
 def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
     lighting, bake = lighting_of(light, **keywords), _loaded(bake)
-    view = View.of_camera(bake.camera_named(view)) if isinstance(view, str) else view
     relighter = Relighter(bake, caster, form)
     try:
-        return run(relighter.steps(lighting, view=view))
+        return run(relighter.steps(lighting, view=_view_of(bake, view)))
     finally:
         relighter.close()
+
+
+def _view_of(bake, view):
+    """A `View` as it is; that of a camera of the baked scene by its name."""
+    if not isinstance(view, str):
+        return view
+    try:
+        return View.of_camera(bake.camera_named(view))
+    except PRTError as error:
+        raise PRTError(f"view: {str(error).partition(': ')[2]}") from error
 
 
 def _loaded(bake):

@@ -137,6 +137,12 @@ def test_all_cameras_of_a_scene_are_read_by_name(camera):
     assert set(cameras) == {"camera", "Behind"} and cameras["camera"] == read_camera()
     ours = cameras["Behind"]
     np.testing.assert_allclose(ours.position, (1, 2, 3))
+    # Blender has no place for what is hidden: it follows from its own and its parents'.
+    hidden.parent, camera.parent.location = camera.parent, (0, 0, 7)
+    np.testing.assert_allclose(read_cameras(scene)["Behind"].position, (0.01, 0.02, 7.03))
+    hidden.constraints.new("COPY_LOCATION").target = camera
+    assert set(read_cameras(scene)) == {"camera"}
+    hidden.constraints.clear()
     assert ours.lens == "orthographic" and ours.tangent == 1.5 and ours.shift == (0.25, 0)
     assert ours.clip[0] == 0.5 and ours.sensor_fit == "vertical"
     assert ours.pixel_aspect == cameras["camera"].pixel_aspect

@@ -25,8 +25,9 @@ from prt_core.sphere import square_to_cosine, tangent_frames
 from prt_core.transport import Reflections, Transport
 from prt_core.transport.view_weights import ViewWeights
 
-# Points that are traced anew, views of each, and points traced together.
-_POINTS, _VIEWS, _TOGETHER = 192, 4, 32
+# Points that are traced anew, at most and at least, and one of so many of small bakes; views of
+# each, and points traced together.
+_POINTS, _FEWEST, _ONE_OF, _VIEWS, _TOGETHER = 192, 48, 32, 4, 32
 # Least cosine of a view.
 _GRAZING = 0.2
 
@@ -84,7 +85,9 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
     )  # fmt: skip
     rng = generator(settings.seed, Stage.GLOSS_CERTIFICATE)
     reflections = read_reflections(store, scene, cube_map)
-    parts = [_some(part, points, cube_map, rng, len(reflections)) for part in reflections]
+    n_glossy = sum(len(part) for part in reflections)
+    count = min(_POINTS, max(_FEWEST, n_glossy // _ONE_OF)) // len(reflections)
+    parts = [_some(part, points, cube_map, rng, count) for part in reflections]
     parts = [part for part in parts if len(part)]
     if not parts:
         return None
@@ -128,7 +131,7 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
     return GlossError(errors, len(some), _VIEWS, rays)
 
 
-def _some(reflections, points, cube_map, rng, n_parts):
+def _some(reflections, points, cube_map, rng, count):
     """Some of the points that `Reflections` are of, whose lobes no mirrors are: their own part."""
     lobes = PointLobes(points.materials[reflections.points], points.normals[reflections.points])
     # As seen from straight above: a mirror stays one.
@@ -137,8 +140,8 @@ def _some(reflections, points, cube_map, rng, n_parts):
     least = np.min([np.where(p.any(axis=(1, 2)), a.min(axis=1), 9) for a, p in groups], axis=0)
     texel = np.pi / 2 / cube_map.resolution
     good = np.flatnonzero((widest < 9) & (least > texel / 2) & points.visible[reflections.points])
-    if len(good) > _POINTS // n_parts:
-        good = np.sort(rng.choice(good, _POINTS // n_parts, replace=False))
+    if len(good) > count:
+        good = np.sort(rng.choice(good, count, replace=False))
     entries = [np.arange(reflections.start[row], reflections.start[row + 1]) for row in good]
     start = np.concatenate([[0], np.cumsum([len(each) for each in entries])]).astype(np.int64)
     entries = np.concatenate(entries) if entries else np.zeros(0, np.int64)

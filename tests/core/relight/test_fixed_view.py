@@ -84,6 +84,22 @@ def test_rows_are_what_relighting_for_the_camera_gives(path):
     np.testing.assert_allclose(rows.product(few), alone, rtol=1e-4, atol=1e-6)
 
 
+def test_metal_is_seen_in_metal(tmp_path):
+    floor = of(plane(12, name="floor"), metal=GOLD, stand_in=0.5 * GOLD, roughness=0.5)
+    ball = of(sphere(14, 0.4, (0, 0, 0.5)), metal=GOLD, stand_in=0.5 * GOLD, roughness=0.4)
+    bake = baked(tmp_path / "a.prt", [floor, ball], camera((0.3, -3.0, 0.4), (0, 0, 0.3), 0.3))
+    light = SKY.to_cube_map(bake.cube_map, 20)
+    exact = Relighter(bake, CASTER).radiance(light, of="image")
+    view = FixedView(bake).weights()
+    rows = ViewRows(TransportRows(bake.transport), bake.scene.image, view)
+    near = off(rows.product(light).reshape(exact.shape), exact)
+    # As if what is seen there sent out its colour without gloss.
+    view._seen.strong[:] = False
+    rows = ViewRows(TransportRows(bake.transport), bake.scene.image, view)
+    evenly = off(rows.product(light).reshape(exact.shape), exact)
+    assert near < 0.1 and near < 0.5 * evenly, (near, evenly)
+
+
 def test_a_white_furnace_is_white(tmp_path):
     ball = of(sphere(16, 0.5, (0, 0, 0), albedo=(0, 0, 0)), metal=np.ones(3), roughness=0.5)
     bake = baked(tmp_path / "a.prt", [ball], camera((0, -3.0, 0), (0, 0, 0), 0.2), bounces=0)

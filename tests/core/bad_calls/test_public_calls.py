@@ -1,6 +1,7 @@
 """Wrong public calls: bakes, stores, relighting, pictures."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,7 @@ def bake_call(there):
             "lamps": lamps,
             "world": there.light,
             "camera": camera(),
+            "cameras": {"Top": camera()},
             "source": {"plane": "digest"},
             "pace": 0.5,
             "lights": {"sky": there.light},
@@ -117,6 +119,9 @@ CALLS = {
         },
         ("camera None",),
     ),  # fmt: skip
+    "Bake.camera_named": lambda t: Call(
+        replace(t.bake, cameras={"Top": camera()}).camera_named, {"name": "Top"}
+    ),
     "BakeSettings": plain(
         BakeSettings,
         ("caster other text", "caster empty text", "bounces None"),

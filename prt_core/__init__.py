@@ -6,6 +6,7 @@ The calls most people need:
 >>> bake = load("scene.prt")                                # then, anywhere
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
 >>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
+>>> export_web("scene.prt", "page")                         # a web page that relights it
 >>> light_field("scene.blend", "scene.slf", lamps=True)     # any material, from any side
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
@@ -24,6 +25,7 @@ from prt_core.api import (
     compress,
     compress_bake,
     environment_light,
+    export_web,
     light_field,
     open_blend,
     relight,
@@ -73,6 +75,7 @@ __all__ = [
     "compress",
     "compress_bake",
     "environment_light",
+    "export_web",
     "light_field",
     "load",
     "load_light_field",

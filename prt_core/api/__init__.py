@@ -3,6 +3,8 @@
 from contextlib import suppress
 from pathlib import Path
 
+from prt_core.api.export_web import export_web as export_web
+from prt_core.api.export_web import export_web_steps as export_web_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
 from prt_core.bake import Bake, BakeSettings, bake_steps

@@ -1,4 +1,4 @@
-"""`prt bake | relight | compress | info | lightfield | bench`; also `python -m prt_core`."""
+"""`prt bake | relight | compress | info | lightfield | export | bench`; also `python -m prt_core`."""
 
 import argparse
 import os
@@ -7,6 +7,7 @@ import sys
 from prt_core.cli.bake import add_bake
 from prt_core.cli.bench import add_bench
 from prt_core.cli.compress import add_compress
+from prt_core.cli.export import add_export
 from prt_core.cli.info import add_info
 from prt_core.cli.lightfield import add_lightfield
 from prt_core.cli.relight import add_relight
@@ -75,5 +76,6 @@ def _parser(in_blender):
     add_info(commands)
     add_compress(commands)
     add_lightfield(commands, in_blender)
+    add_export(commands)
     add_bench(commands, in_blender)
     return parser

@@ -1,0 +1,402 @@
+// What the graphics card does: for a new light, colours of points, by transform feedback; for a new
+// view, triangles between them. Tables are textures, WIDE texels a row, looked up by number.
+const WIDE = 4096;
+
+const HEAD = `#version 300 es
+precision highp float; precision highp int; precision highp sampler2D; precision highp isampler2D;
+precision highp usampler2D; precision highp sampler2DArray;
+ivec2 at(int i) { return ivec2(i & ${WIDE - 1}, i / ${WIDE}); }
+`;
+
+// What a cluster gives to a slot: its mean and weighted components, under the light.
+const SLOTS = `uniform isampler2D weights; uniform usampler2D clusters, firsts; uniform sampler2D products;
+uniform int quads; out vec4 value;
+vec3 row(int i) { return texelFetch(products, at(i), 0).rgb; }
+void main() {
+  int cluster = int(texelFetch(clusters, at(gl_VertexID), 0).r);
+  int i = int(texelFetch(firsts, at(cluster), 0).r);
+  vec3 sum = row(i++);
+  for (int k = 0; k < quads; k++, i += 4) {
+    vec4 w = vec4(texelFetch(weights, at(gl_VertexID * quads + k), 0));
+    sum += w.x * row(i) + w.y * row(i + 1) + w.z * row(i + 2) + w.w * row(i + 3);
+  }
+  value = vec4(sum, 0);
+}`;
+
+// What points receive: of their cluster and the next one, the brightest texels, the scene's lights.
+const RECEIVED = `uniform sampler2D slots, seconds; uniform usampler2D normals, bits;
+uniform sampler2DArray sources; uniform float strengths[MANY]; uniform int many;
+uniform int bright, rowBytes; uniform vec3 ways[16], suns[16]; uniform float environment;
+out vec4 value;
+vec3 unfolded(vec2 code) {
+  vec2 p = code / 4095. * 2. - 1.;
+  vec3 n = vec3(p, 1. - abs(p.x) - abs(p.y));
+  if (n.z < 0.) n.xy = (1. - abs(n.yx)) * vec2(n.x < 0. ? -1. : 1., n.y < 0. ? -1. : 1.);
+  return normalize(n);
+}
+void main() {
+  int i = gl_VertexID;
+  vec3 sum = texelFetch(slots, at(i), 0).rgb, normal = unfolded(vec2(texelFetch(normals, at(i), 0).rg));
+  vec2 second = texelFetch(seconds, at(i), 0).rg;
+  if (second.y > 0.) sum = mix(sum, texelFetch(slots, at(int(second.x)), 0).rgb, second.y);
+  for (int k = 0; k < bright; k++) {
+    uint byte = texelFetch(bits, at(k * rowBytes + i / 8), 0).r;
+    if ((byte >> uint(i & 7) & 1u) == 1u) sum += dot(normal, ways[k]) * suns[k];
+  }
+  sum *= environment;
+  for (int k = 0; k < many; k++)
+    if (strengths[k] != 0.) sum += strengths[k] * texelFetch(sources, ivec3(at(i), k), 0).rgb;
+  value = vec4(sum, 0);
+}`;
+
+// What points send of what they and their backs receive, and of their own.
+const SENT = `uniform sampler2D received, emission; uniform usampler2D albedo, through, opposite, emitter;
+uniform float most, mostThrough, strengths[MANY]; uniform int n; out vec4 value;
+vec3 share(usampler2D table, float most) {
+  vec3 root = vec3(texelFetch(table, at(gl_VertexID), 0).rgb) / 4095.;
+  return root * root * most;
+}
+void main() {
+  vec3 sum = share(albedo, most) * texelFetch(received, at(gl_VertexID), 0).rgb;
+#ifdef THROUGH
+  int behind = int(texelFetch(opposite, at(gl_VertexID), 0).r);
+  if (behind < n) sum += share(through, mostThrough) * texelFetch(received, at(behind), 0).rgb;
+#endif
+#ifdef EMISSION
+  int source = int(texelFetch(emitter, at(gl_VertexID), 0).r);
+  if (source < MANY) sum += strengths[source] * texelFetch(emission, at(gl_VertexID), 0).rgb;
+#endif
+  value = vec4(sum, 1);
+}`;
+
+// Linear colours as a screen shows them. `curve`: what a channel becomes, by its logarithm.
+const SHOWN = `uniform float exposure, curve[CURVE]; uniform bool filmic; uniform mat3 inset, outset;
+float along(float x) {
+  float place = clamp((log2(max(x, 1e-10)) + 12.) / 18., 0., 1.) * float(CURVE - 1);
+  int i = min(int(place), CURVE - 2);
+  return mix(curve[i], curve[i + 1], place - float(i));
+}
+vec3 shown(vec3 linear) {
+  vec3 c = max(linear, 0.) * exposure;
+  if (filmic) {
+    c = inset * c;
+    return clamp(outset * vec3(along(c.x), along(c.y), along(c.z)), 0., 1.);
+  }
+  c = min(c, 1.);
+  return mix(12.92 * c, 1.055 * pow(c, vec3(1. / 2.4)) - 0.055, step(0.0031308, c));
+}
+`;
+
+// Corners that lie between points, of pieces of what lets light pass, take from three of them.
+const SURFACE = `layout(location = 0) in vec3 position; uniform mat4 view; uniform sampler2D radiance, between;
+uniform int n; out vec3 colour; out float opacity;
+void main() {
+  gl_Position = view * vec4(position, 1);
+  opacity = 1.;
+  if (gl_VertexID < n) { colour = texelFetch(radiance, at(gl_VertexID), 0).rgb; return; }
+  int i = 2 * (gl_VertexID - n);
+  vec4 around = texelFetch(between, at(i), 0), w = texelFetch(between, at(i + 1), 0);
+  colour = w.x * texelFetch(radiance, at(int(around.x)), 0).rgb
+    + w.y * texelFetch(radiance, at(int(around.y)), 0).rgb
+    + w.z * texelFetch(radiance, at(int(around.z)), 0).rgb;
+  opacity = around.w;
+}`;
+const PAINTED = SHOWN + `in vec3 colour; in float opacity; uniform bool single; out vec4 pixel;
+void main() {
+  ivec2 p = ivec2(gl_FragCoord.xy) & 3;
+  int a = p.x ^ p.y, order = (a & 1) << 3 | (p.y & 1) << 2 | (a & 2) | (p.y & 2) >> 1;
+  if (opacity <= (float(order) + 0.5) / 16.) discard;
+  pixel = vec4(single && !gl_FrontFacing ? vec3(0) : shown(colour), 1);
+}`;
+
+const CORNERS = `uniform mat3 rays; out vec3 way;
+void main() {
+  vec2 p = vec2(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1);
+  way = rays * vec3(p, 1);
+  gl_Position = vec4(p, 1, 1);
+}`;
+const SKY = SHOWN + `in vec3 way; uniform sampler2D image; uniform float turn, strength; out vec4 pixel;
+void main() {
+  vec3 w = normalize(way);
+  vec2 place = vec2(0.5 - (atan(w.y, w.x) - turn) / 6.2831853, 0.5 - asin(clamp(w.z, -1., 1.)) / 3.1415927);
+  pixel = vec4(shown(textureLod(image, place, 0.).rgb * strength), 1);
+}`;
+
+// Rows of bits, of which those below others in a face were stored as differences.
+function down(bits, n) {
+  const row = bits.shape[1] * n;
+  for (let i = row; i < bits.length; i++) if (i / row % n >= 1) bits[i] ^= bits[i - row];
+  return bits;
+}
+
+PRT.Gpu = class {
+  constructor(gl, arrays, facts) {
+    Object.assign(this, {gl, facts, n: facts.n_points, many: Math.max(facts.sources.length, 1)});
+    if (Math.ceil(arrays.weight.length / 4 / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+      throw new PRT.Trouble("This device's graphics hold no tables as large as this bake needs.");
+    const lines = [`#define MANY ${this.many}`, `#define CURVE ${PRT.filmic.curve.length}`];
+    if (facts.through) lines.push("#define THROUGH");
+    if (facts.emission_factor) lines.push("#define EMISSION");
+    this.head = HEAD + lines.join("\n") + "\n";
+    this.slots = this.program(SLOTS, null);
+    this.received = this.program(RECEIVED, null);
+    this.sent = this.program(SENT, null);
+    this.surface = this.program(SURFACE, PAINTED);
+    this.sky = this.program(CORNERS, SKY);
+    this.feedback = gl.createTransformFeedback();
+    this.nothing = gl.createVertexArray();
+    this.tables(arrays);
+    this.geometry(arrays);
+    this.bits = arrays.bits && down(arrays.bits, facts.resolution);
+  }
+
+  program(vertex, fragment) {
+    const {gl} = this, program = gl.createProgram();
+    const add = (kind, text) => {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, this.head + text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+      return shader;
+    };
+    const both = [add(gl.VERTEX_SHADER, vertex), add(gl.FRAGMENT_SHADER, fragment || "void main() {}")];
+    if (!fragment) gl.transformFeedbackVaryings(program, ["value"], gl.INTERLEAVED_ATTRIBS);
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
+      throw new Error(gl.getProgramInfoLog(program) + both.map(s => gl.getShaderInfoLog(s)).join(""));
+    const places = {};
+    for (let i = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i--;) {
+      const {name} = gl.getActiveUniform(program, i);
+      places[name.replace("[0]", "")] = gl.getUniformLocation(program, name);
+    }
+    return {program, places};
+  }
+
+  // A texture of `count` texels a layer, of WIDE a row.
+  table(format, data, count, layers = 0) {
+    const {gl} = this, [internal, layout, type, size] = this.formats()[format], high = Math.max(1, Math.ceil(count / WIDE));
+    const target = layers ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D, texture = gl.createTexture();
+    const padded = data && new data.constructor(WIDE * high * size * (layers || 1));
+    if (data && layers) for (let k = 0; k < layers; k++) padded.set(data.subarray(k * count, (k + 1) * count), k * WIDE * high);
+    else if (data) padded.set(data);
+    gl.bindTexture(target, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    if (layers) gl.texImage3D(target, 0, internal, WIDE, high, layers, 0, layout, type, padded);
+    else gl.texImage2D(target, 0, internal, WIDE, high, 0, layout, type, padded);
+    for (const name of ["MIN", "MAG"]) gl.texParameteri(target, gl[`TEXTURE_${name}_FILTER`], gl.NEAREST);
+    return {texture, target, high, layout, type};
+  }
+
+  formats() {
+    const {gl} = this;
+    return {
+      i8x4: [gl.RGBA8I, gl.RGBA_INTEGER, gl.BYTE, 4], u8: [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE, 1],
+      u16: [gl.R16UI, gl.RED_INTEGER, gl.UNSIGNED_SHORT, 1], u16x2: [gl.RG16UI, gl.RG_INTEGER, gl.UNSIGNED_SHORT, 2],
+      u16x3: [gl.RGB16UI, gl.RGB_INTEGER, gl.UNSIGNED_SHORT, 3], u32: [gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT, 1],
+      f32x2: [gl.RG32F, gl.RG, gl.FLOAT, 2], f32x4: [gl.RGBA32F, gl.RGBA, gl.FLOAT, 4],
+      shared: [gl.RGB9_E5, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, 1],
+    };
+  }
+
+  tables(a) {
+    const {facts, n} = this, rank = facts.rank, nSlots = a.cluster.length, quads = Math.ceil(rank / 4);
+    const weights = new Int8Array(4 * quads * nSlots), firsts = new Uint32Array(a.rank.length);
+    for (let k = 0; k < rank; k++) for (let i = 0; i < nSlots; i++) weights[4 * quads * i + k] = a.weight[k * nSlots + i];
+    for (let c = 1; c < firsts.length; c++) firsts[c] = firsts[c - 1] + 1 + a.rank[c - 1];
+    const seconds = new Float32Array(2 * n), count = facts.sources.length;
+    a.border.forEach((point, k) => { seconds[2 * point] = n + k; seconds[2 * point + 1] = a.border_share[k] / 510; });
+    const sources = new Uint32Array(Math.max(1, count) * n);
+    for (let k = 0; k < count; k++) sources.set(a["source" + k], k * n);
+    this.nSlots = nSlots;
+    this.quads = quads;
+    this.nRows = a.row_step.length / 3;
+    this.data = {
+      weights: this.table("i8x4", weights, quads * nSlots), clusters: this.table("u16", a.cluster, nSlots),
+      firsts: this.table("u32", firsts, firsts.length), products: this.table("f32x4", null, this.nRows),
+      seconds: this.table("f32x2", seconds, n), normals: this.table("u16x2", a.normal, n),
+      sources: this.table("shared", sources, n, Math.max(1, count)), albedo: this.table("u16x3", a.albedo, n),
+      slots: this.target(nSlots), received: this.target(n), radiance: this.target(n),
+      bits: this.table("u8", null, facts.bits ? 16 * a.bits.shape[1] : 1),
+    };
+    if (facts.through) Object.assign(this.data, {through: this.table("u16x3", a.through, n), opposite: this.table("u32", a.opposite, n)});
+    if (facts.emission_factor) Object.assign(this.data, {emission: this.table("shared", a.emission, n), emitter: this.table("u8", a.emitter, n)});
+  }
+
+  // A table that a pass writes, by way of a buffer.
+  target(count) {
+    const {gl} = this, table = this.table("f32x4", null, count), buffer = gl.createBuffer();
+    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, buffer);
+    gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 16 * WIDE * table.high, gl.DYNAMIC_COPY);
+    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
+    return Object.assign(table, {buffer, count});
+  }
+
+  geometry(a) {
+    const {gl, n, facts} = this, more = facts.n_between, positions = new Float32Array(3 * (n + more));
+    for (let b = 0, i = 0; b < a.box_start.length; b++)
+      for (const end = a.box_start[b + 1] ?? n; i < end; i++) for (let c = 0; c < 3; c++)
+        positions[3 * i + c] = a.box[6 * b + c] + a.box[6 * b + 3 + c] * a.position[3 * i + c];
+    const between = new Float32Array(8 * more);
+    for (let i = 0; i < more; i++) for (let c = 0; c < 3; c++) {
+      positions[3 * (n + i) + c] = a.between_box[c] + a.between_box[3 + c] * a.between_position[3 * i + c];
+      between[8 * i + c] = a.between[3 * i + c];
+      between[8 * i + 4 + c] = a.between_weight[3 * i + c] / 65535;
+      between[8 * i + 3] = a.between_opacity[i] / 255;
+    }
+    this.data.between = this.table("f32x4", between, 2 * more);
+    const m = facts.n_triangles, indices = new Uint32Array(3 * m);
+    for (let t = 0; t < m; t++) {
+      indices[3 * t] = a.triangle[t];
+      indices[3 * t + 1] = a.triangle[t] + a.corner[t];
+      indices[3 * t + 2] = a.triangle[t] + a.corner[m + t];
+    }
+    this.mesh = gl.createVertexArray();
+    gl.bindVertexArray(this.mesh);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, positions, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+    this.positions = positions;
+  }
+
+  // Give a program its tables and numbers.
+  use({program, places}, tables, numbers) {
+    const {gl} = this;
+    gl.useProgram(program);
+    let unit = 0;
+    for (const name of tables) if (places[name] && this.data[name]) {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(this.data[name].target, this.data[name].texture);
+      gl.uniform1i(places[name], unit++);
+    }
+    for (const [name, [kind, ...value]] of Object.entries(numbers)) if (places[name]) {
+      if (kind.startsWith("Matrix")) gl["uniform" + kind](places[name], false, value[0]);
+      else gl["uniform" + kind](places[name], value[0]);
+    }
+  }
+
+  run(program, tables, numbers, name) {
+    const {gl} = this, {texture, buffer, count, high} = this.data[name];
+    this.use(program, tables, numbers);
+    gl.bindVertexArray(this.nothing);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, buffer);
+    gl.enable(gl.RASTERIZER_DISCARD);
+    gl.beginTransformFeedback(gl.POINTS);
+    gl.drawArrays(gl.POINTS, 0, count);
+    gl.endTransformFeedback();
+    gl.disable(gl.RASTERIZER_DISCARD);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, buffer);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDE, high, gl.RGBA, gl.FLOAT, 0);
+    gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, null);
+  }
+
+  // Put some values into a table, from its first texel on.
+  fill(name, data, size) {
+    const {gl} = this, {texture, high, layout, type} = this.data[name];
+    const whole = this.data[name].whole ||= new data.constructor(WIDE * high * size);
+    whole.set(data);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDE, high, layout, type, whole);
+  }
+
+  // A new light from far away: what `Evaluator.under` gives; null: none.
+  setDistant(distant) {
+    this.ways = new Float32Array(48);
+    this.suns = new Float32Array(48);
+    this.nBright = distant ? distant.bright.length : 0;
+    this.fill("products", distant ? distant.products : new Float32Array(4 * this.nRows), 4);
+    if (this.nBright) {
+      const width = this.bits.shape[1], rows = new Uint8Array(16 * width);
+      distant.bright.forEach(({texel, radiance}, k) => {
+        rows.set(this.bits.subarray(texel * width, (texel + 1) * width), k * width);
+        this.ways.set(PRT.texelVector(texel, this.facts.resolution).map(x => x / Math.PI), 3 * k);
+        this.suns.set(radiance, 3 * k);
+      });
+      this.fill("bits", rows, 1);
+    }
+    this.run(this.slots, ["weights", "clusters", "firsts", "products"], {quads: ["1i", this.quads]}, "slots");
+  }
+
+  // Strengths of the environment and of the scene's own lights.
+  setStrengths(environment, strengths) {
+    const scaled = new Float32Array(this.many), own = new Float32Array(this.many);
+    strengths.forEach((s, k) => {
+      scaled[k] = s / this.facts.sources[k].factor;
+      own[k] = s / this.facts.emission_factor;
+    });
+    this.run(this.received, ["slots", "seconds", "normals", "bits", "sources"], {
+      strengths: ["1fv", scaled], many: ["1i", strengths.length], bright: ["1i", this.nBright],
+      rowBytes: ["1i", this.bits ? this.bits.shape[1] : 1], ways: ["3fv", this.ways], suns: ["3fv", this.suns],
+      environment: ["1f", environment],
+    }, "received");
+    this.run(this.sent, ["received", "albedo", "through", "opposite", "emission", "emitter"], {
+      most: ["1f", this.facts.albedo], mostThrough: ["1f", this.facts.through || 0],
+      strengths: ["1fv", own], n: ["1i", this.n],
+    }, "radiance");
+  }
+
+  // Radiance of all points, four numbers each, read back.
+  radiance() {
+    const {gl} = this, out = new Float32Array(4 * this.n);
+    gl.bindBuffer(gl.COPY_READ_BUFFER, this.data.radiance.buffer);
+    gl.getBufferSubData(gl.COPY_READ_BUFFER, 0, out);
+    gl.bindBuffer(gl.COPY_READ_BUFFER, null);
+    return out;
+  }
+
+  // The image that is seen behind the scene.
+  setSky(image) {
+    const {gl} = this, most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+    const step = Math.ceil(image.width / Math.min(most, WIDE)), width = Math.floor(image.width / step), height = Math.floor(image.height / step);
+    const data = new Float32Array(3 * width * height);
+    for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) for (let c = 0; c < 3; c++)
+      data[3 * (y * width + x) + c] = Math.min(image.pixels[3 * (y * step * image.width + x * step) + c], 6e4);
+    if (this.data.image) gl.deleteTexture(this.data.image.texture);
+    const texture = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, width, height, 0, gl.RGB, gl.FLOAT, data);
+    for (const name of ["MIN", "MAG"]) gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}_FILTER`], gl.LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+    this.data.image = {texture, target: gl.TEXTURE_2D};
+  }
+
+  // One picture. `look`: exposure as a factor, filmic; `sky`: turn in degrees and strength, or null.
+  draw({matrix, rays}, look, sky) {
+    const {gl, facts} = this, {width, height} = gl.canvas, {inset, outset, curve} = PRT.filmic;
+    const shown = {exposure: ["1f", look.exposure], filmic: ["1i", look.filmic ? 1 : 0], inset: ["Matrix3fv", inset],
+      outset: ["Matrix3fv", outset], curve: ["1fv", curve]};
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(0, 0, 0, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.disable(gl.CULL_FACE);
+    if (sky && this.data.image) {
+      gl.disable(gl.DEPTH_TEST);
+      this.use(this.sky, ["image"], {...shown, rays: ["Matrix3fv", rays], turn: ["1f", sky.turn * Math.PI / 180], strength: ["1f", sky.strength]});
+      gl.bindVertexArray(this.nothing);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+    gl.enable(gl.DEPTH_TEST);
+    gl.bindVertexArray(this.mesh);
+    const values = {...shown, view: ["Matrix4fv", matrix], n: ["1i", this.n]};
+    this.use(this.surface, ["radiance", "between"], {...values, single: ["1i", 1]});
+    gl.drawElements(gl.TRIANGLES, 3 * facts.n_single, gl.UNSIGNED_INT, 0);
+    if (facts.n_single < facts.n_triangles) {
+      gl.enable(gl.CULL_FACE);
+      this.use(this.surface, ["radiance", "between"], {...values, single: ["1i", 0]});
+      gl.drawElements(gl.TRIANGLES, 3 * (facts.n_triangles - facts.n_single), gl.UNSIGNED_INT, 12 * facts.n_single);
+    }
+    gl.bindVertexArray(null);
+  }
+};

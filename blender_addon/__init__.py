@@ -1,8 +1,8 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
-plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
+properties (what is set), operators, keeping, web_page and remedies (what is done), panels (what is
+drawn), plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
 how they go with their file), preview (the one in memory and its colours), freshness (whether it is
 of the scene), live (when all this is done again), gloss (when the view moves), rendering (whether
 something renders), history (files and undo steps), work (long work
@@ -29,6 +29,7 @@ from . import (
     properties,
     remedies,
     rendering,
+    web_page,
     work,
 )
 
@@ -37,6 +38,7 @@ _PARTS = (
     operators,
     field_operators,
     keeping,
+    web_page,
     remedies,
     panels,
     field_panel,

@@ -225,6 +225,7 @@ class PRT_PT_preview(Panel, bpy.types.Panel):
         keep.domain = settings.domain
         column.operator("prt.turntable", icon="KEY_HLT")
         column.operator("prt.export", icon="EXPORT")
+        column.operator("prt.web_page_dialog", icon="URL")
 
 
 class PRT_PT_bakes(Panel, bpy.types.Panel):

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from PIL import Image
 from scipy.optimize import least_squares
 
 _SIDE, _NODES = 32, 31
@@ -55,7 +54,9 @@ def as_blender_shows(linear):
 def shown(parameters, linear):
     """The page's colours."""
     inset, outset = (with_rows_of_one(parameters[k : k + 6]) for k in (0, 6))
-    place = np.clip((np.log2(np.maximum(linear @ inset.T, 1e-10)) - _FIRST) / (_LAST - _FIRST), 0, 1)
+    place = np.clip(
+        (np.log2(np.maximum(linear @ inset.T, 1e-10)) - _FIRST) / (_LAST - _FIRST), 0, 1
+    )
     curve = np.interp(place * (_NODES - 1), np.arange(_NODES), parameters[12:])
     return np.clip(curve @ outset.T, 0, 1)
 
@@ -72,10 +73,9 @@ def main():
     curve = np.clip((np.arange(_NODES) / (_NODES - 1) - 0.1) * 1.25, 0, 1)
     start = np.concatenate([[0.1] * 6, [-0.1] * 6, curve])
     fit = least_squares(
-        lambda p: np.concatenate(
-            [(shown(p, linear) - truth).ravel(), 0.02 * np.diff(p[12:], 2)]
-        ),
-        start, max_nfev=60,
+        lambda p: np.concatenate([(shown(p, linear) - truth).ravel(), 0.02 * np.diff(p[12:], 2)]),
+        start,
+        max_nfev=60,
     )
     error = np.abs(shown(fit.x, other) - check)
     print(f"// of new colours: mean {error.mean():.4f}, 99 % below {np.quantile(error, 0.99):.4f}")

@@ -1,6 +1,6 @@
 """Shrink some of Blender's own images of light (Poly Haven, CC0) to those that web pages offer.
 
-    python scripts/web_lights.py
+python scripts/web_lights.py
 """
 
 from pathlib import Path

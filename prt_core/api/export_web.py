@@ -34,12 +34,12 @@ def export_web(bake, output, *, report=None, **settings):
     return run(export_web_steps(bake, output, **settings), report)
 
 
-def export_web_steps(bake, output, **settings):
-    """`export_web` as a generator of `Progress`."""
+def export_web_steps(bake, output, *, pace=None, **settings):
+    """`export_web` as a generator of `Progress`, each of which takes about `pace` seconds."""
     known = WebSettings.__dataclass_fields__
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = WebSettings(**settings)
     if not isinstance(bake, Bake):
         bake = yield from in_thread("load", load, expect_path("bake", bake))
-    return (yield from write_web_steps(bake, output, settings))
+    return (yield from write_web_steps(bake, output, settings, pace))

@@ -45,12 +45,12 @@ class Source:
     in_world: bool = False
 
 
-def lamp_steps(bake, caster, n_samples):
+def lamp_steps(bake, caster, n_samples, pace=None):
     """List of `Source`, of lamps and the world's suns; a generator of `Progress`."""
     lamps = list(bake.lamps)
     light = LampLight(bake, caster)
     try:
-        parts = yield from light.steps(lamps, n_samples)
+        parts = yield from light.steps(lamps, n_samples, pace)
     finally:
         light.close()
     sources = []
@@ -103,7 +103,7 @@ def page_images(paths=None):
     paths : sequence of str or Path, optional
     """
     if paths is not None:
-        return {name: shrunk(image) for name, image in named_images(list(paths)).items()}
+        return {name: shrunk(image) for name, image in named_images(paths).items()}
     with np.load(_PAGE / _BUILT_IN) as images:
         return {name: EnvironmentMap(from_rgbe(images[name]), name) for name in images.files}
 

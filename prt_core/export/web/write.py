@@ -21,18 +21,20 @@ from prt_core.export.web.sources import (
     page_images,
     rgbe,
 )
+from prt_core.export.web.squeeze import squeezed
 from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.files import expect_output, new_folder, written
-from prt_core.runtime.main_thread import in_thread
+from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.transport.sent import Sent
 from prt_core.version import __version__
 
 _PAGE = Path(__file__).parent / "page"
 # In the order in which they are run.
 SCRIPTS = (
-    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "filmic.js", "gpu.js", "view.js", "page.js"
+    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "filmic.js", "gpu.js", "view.js",
+    "page.js",
 )  # fmt: skip
 _INDEX, _SCRIPT, _STYLE, _DATA = "index.html", "page.js", "style.css", "data.js"
 
@@ -74,7 +76,7 @@ class WebSettings:
         expect_kind("caster", self.caster, str, "the name of one")
 
 
-def write_web_steps(bake, output, settings=None):
+def write_web_steps(bake, output, settings=None, pace=None):
     """Write a bake as a web page; a generator of `Progress`.
 
     Parameters
@@ -83,6 +85,8 @@ def write_web_steps(bake, output, settings=None):
     output : str or Path
         A folder, or NAME.html.
     settings : WebSettings, optional
+    pace : float, optional
+        Seconds a step of casting rays may take.
 
     Returns
     -------
@@ -102,9 +106,10 @@ def write_web_steps(bake, output, settings=None):
     images = yield from in_thread("lights", page_images, settings.lights)
     expect_images(images)
     surface = yield from in_thread("surface", surface_of, bake.scene)
-    sources = yield from lamp_steps(bake, settings.caster, settings.lamp_samples)
+    sources = yield from lamp_steps(bake, settings.caster, settings.lamp_samples, pace)
     sources += yield from emitter_steps(bake)
-    model, form = yield from form_steps(bake)
+    steps = form_steps(bake)
+    model, form = yield from steps_in_thread(steps, MainThreadCalls(), "compress")
     coded = yield from in_thread("codes", coded_form, model)
     errors = yield from error_steps(bake.transport, coded.model, images, settings.bits)
     title = settings.title or _name_of(bake)
@@ -219,8 +224,10 @@ def _pack_emission(pack, facts, scene, sources, points):
 
 def _files(data, title, one_file):
     """{name: text} of a page; one that is called `index.html` alone where it is one file."""
-    texts = {path.name: path.read_text("utf-8") for path in _PAGE.iterdir() if path.suffix != ".npz"}
-    script = "".join(texts[name] for name in SCRIPTS)
+    texts = {
+        path.name: path.read_text("utf-8") for path in _PAGE.iterdir() if path.suffix != ".npz"
+    }
+    script = "".join(squeezed(texts[name]) for name in SCRIPTS)
     page = texts[_INDEX].replace("TITLE", escape(title))
     if one_file:
         page = page.replace(f'<link rel="stylesheet" href="{_STYLE}">',

@@ -6,18 +6,19 @@ const HEAD = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D; precision highp isampler2D;
 precision highp usampler2D; precision highp sampler2DArray;
 ivec2 at(int i) { return ivec2(i & ${WIDE - 1}, i / ${WIDE}); }
+#define get(table, i) texelFetch(table, at(i), 0)
 `;
 
 // What a cluster gives to a slot: its mean and weighted components, under the light.
 const SLOTS = `uniform isampler2D weights; uniform usampler2D clusters, firsts; uniform sampler2D products;
 uniform int quads; out vec4 value;
-vec3 row(int i) { return texelFetch(products, at(i), 0).rgb; }
+vec3 row(int i) { return get(products, i).rgb; }
 void main() {
-  int cluster = int(texelFetch(clusters, at(gl_VertexID), 0).r);
-  int i = int(texelFetch(firsts, at(cluster), 0).r);
+  int cluster = int(get(clusters, gl_VertexID).r);
+  int i = int(get(firsts, cluster).r);
   vec3 sum = row(i++);
   for (int k = 0; k < quads; k++, i += 4) {
-    vec4 w = vec4(texelFetch(weights, at(gl_VertexID * quads + k), 0));
+    vec4 w = vec4(get(weights, gl_VertexID * quads + k));
     sum += w.x * row(i) + w.y * row(i + 1) + w.z * row(i + 2) + w.w * row(i + 3);
   }
   value = vec4(sum, 0);
@@ -36,11 +37,11 @@ vec3 unfolded(vec2 code) {
 }
 void main() {
   int i = gl_VertexID;
-  vec3 sum = texelFetch(slots, at(i), 0).rgb, normal = unfolded(vec2(texelFetch(normals, at(i), 0).rg));
-  vec2 second = texelFetch(seconds, at(i), 0).rg;
-  if (second.y > 0.) sum = mix(sum, texelFetch(slots, at(int(second.x)), 0).rgb, second.y);
+  vec3 sum = get(slots, i).rgb, normal = unfolded(vec2(get(normals, i).rg));
+  vec2 second = get(seconds, i).rg;
+  if (second.y > 0.) sum = mix(sum, get(slots, int(second.x)).rgb, second.y);
   for (int k = 0; k < bright; k++) {
-    uint byte = texelFetch(bits, at(k * rowBytes + i / 8), 0).r;
+    uint byte = get(bits, k * rowBytes + i / 8).r;
     if ((byte >> uint(i & 7) & 1u) == 1u) sum += dot(normal, ways[k]) * suns[k];
   }
   sum *= environment;
@@ -57,14 +58,14 @@ vec3 share(usampler2D table, float most) {
   return root * root * most;
 }
 void main() {
-  vec3 sum = share(albedo, most) * texelFetch(received, at(gl_VertexID), 0).rgb;
+  vec3 sum = share(albedo, most) * get(received, gl_VertexID).rgb;
 #ifdef THROUGH
-  int behind = int(texelFetch(opposite, at(gl_VertexID), 0).r);
-  if (behind < n) sum += share(through, mostThrough) * texelFetch(received, at(behind), 0).rgb;
+  int behind = int(get(opposite, gl_VertexID).r);
+  if (behind < n) sum += share(through, mostThrough) * get(received, behind).rgb;
 #endif
 #ifdef EMISSION
-  int source = int(texelFetch(emitter, at(gl_VertexID), 0).r);
-  if (source < MANY) sum += strengths[source] * texelFetch(emission, at(gl_VertexID), 0).rgb;
+  int source = int(get(emitter, gl_VertexID).r);
+  if (source < MANY) sum += strengths[source] * get(emission, gl_VertexID).rgb;
 #endif
   value = vec4(sum, 1);
 }`;
@@ -89,19 +90,19 @@ vec3 shown(vec3 linear) {
 
 // Corners that lie between points, of pieces of what lets light pass, take from three of them.
 const SURFACE = `layout(location = 0) in vec3 position; uniform mat4 view; uniform sampler2D radiance, between;
-uniform int n; out vec3 colour; out float opacity;
+uniform int n; centroid out vec3 colour; centroid out float opacity;
 void main() {
   gl_Position = view * vec4(position, 1);
   opacity = 1.;
-  if (gl_VertexID < n) { colour = texelFetch(radiance, at(gl_VertexID), 0).rgb; return; }
+  if (gl_VertexID < n) { colour = get(radiance, gl_VertexID).rgb; return; }
   int i = 2 * (gl_VertexID - n);
-  vec4 around = texelFetch(between, at(i), 0), w = texelFetch(between, at(i + 1), 0);
-  colour = w.x * texelFetch(radiance, at(int(around.x)), 0).rgb
-    + w.y * texelFetch(radiance, at(int(around.y)), 0).rgb
-    + w.z * texelFetch(radiance, at(int(around.z)), 0).rgb;
+  vec4 around = get(between, i), w = get(between, i + 1);
+  colour = w.x * get(radiance, int(around.x)).rgb
+    + w.y * get(radiance, int(around.y)).rgb
+    + w.z * get(radiance, int(around.z)).rgb;
   opacity = around.w;
 }`;
-const PAINTED = SHOWN + `in vec3 colour; in float opacity; uniform bool single; out vec4 pixel;
+const PAINTED = SHOWN + `centroid in vec3 colour; centroid in float opacity; uniform bool single; out vec4 pixel;
 void main() {
   ivec2 p = ivec2(gl_FragCoord.xy) & 3;
   int a = p.x ^ p.y, order = (a & 1) << 3 | (p.y & 1) << 2 | (a & 2) | (p.y & 2) >> 1;

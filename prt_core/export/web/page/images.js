@@ -82,35 +82,6 @@ function decoded(name, bytes, width, height) {
   return out;
 }
 
-// Pixels in the primaries of Rec.709; `places` are x and y of red, green, blue and white.
-const REC709 = [0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329];
-PRT.toRec709 = function (image, places) {
-  if (!places || places.length !== 8 || places.some(Number.isNaN)) return image;
-  if (places.every((p, i) => Math.abs(p - REC709[i]) < 2e-3)) return image;
-  const from = toXYZ(places), white = toXYZ(REC709), m = times(inverse(white), from), {pixels} = image;
-  for (let i = 0; i < pixels.length; i += 3) {
-    const [r, g, b] = [pixels[i], pixels[i + 1], pixels[i + 2]];
-    for (let c = 0; c < 3; c++) pixels[i + c] = m[3 * c] * r + m[3 * c + 1] * g + m[3 * c + 2] * b;
-  }
-  return image;
-};
-
-// Columns are the primaries, such that all together are white of luminance 1.
-function toXYZ(p) {
-  const column = i => [p[2 * i] / p[2 * i + 1], 1, (1 - p[2 * i] - p[2 * i + 1]) / p[2 * i + 1]];
-  const [r, g, b, w] = [0, 1, 2, 3].map(column), m = [0, 1, 2].flatMap(k => [r[k], g[k], b[k]]), inv = inverse(m);
-  const s = [0, 1, 2].map(k => inv[3 * k] * w[0] + inv[3 * k + 1] * w[1] + inv[3 * k + 2] * w[2]);
-  return m.map((value, i) => value * s[i % 3]);
-}
-
-function inverse([a, b, c, d, e, f, g, h, i]) {
-  const det = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g);
-  return [e * i - f * h, c * h - b * i, b * f - c * e, f * g - d * i, a * i - c * g, c * d - a * f,
-    d * h - e * g, b * g - a * h, a * e - b * d].map(x => x / det);
-}
-
-const times = (a, b) => a.map((_, i) => [0, 1, 2].reduce((sum, k) => sum + a[3 * (i / 3 | 0) + k] * b[3 * k + i % 3], 0));
-
 // The light of the scene's world, whose texels are all there is, as an image for the background.
 PRT.imageOfTexels = function (texels, n) {
   const height = 4 * n, width = 8 * n, pixels = new Float32Array(3 * width * height);

@@ -1,4 +1,4 @@
-"""`prt bake | relight | compress | info | lightfield | export | bench`, and `python -m prt_core`."""
+"""`prt bake | relight | info | compress | lightfield | export | bench`; `python -m prt_core`."""
 
 import argparse
 import os

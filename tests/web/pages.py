@@ -33,7 +33,7 @@ def milliseconds(browser, turns):
 
 
 def radiance_picture(image):
-    """Pixels (height, width, 3) as an .hdr file without runs: bytes, what they say, codes, header."""
+    """Pixels (height, width, 3) as an .hdr file without runs: its bytes, pixels, codes, header."""
     most = image.max(axis=-1)
     exponent = np.where(most > 0, np.floor(np.log2(np.maximum(most, 1e-30))) + 1, -128)
     codes = np.floor(image / np.exp2(exponent - 8)[..., None])

@@ -1,6 +1,6 @@
 """Scripts without what only people read: comments, indentation, spaces around operators.
 
-Lines stay, so that a statement may end with one; strings and patterns stay as they are, but for
+Statements that end with their line go on doing so; strings and patterns stay as they are, but for
 the shaders among them.
 """
 
@@ -10,6 +10,9 @@ import re
 _LITERAL = re.compile(r'"(?:[^"\\\n]|\\.)*"|`[^`]*`|(?<=[(,=])/(?:[^/\\\n\[]|\\.|\[[^\]\n]*\])+/')
 # Two signs stay apart: together they would be another operator.
 _OPERATORS = re.compile(r"( [+-] [+-])| ?([=+*/<>{}(),;:?&|!%^-]+) ?")
+# What begins with a zero, is constant, or goes on in the next line.
+_ZERO, _CONSTANT = re.compile(r"(?<![\w.$])0\.(?=\d)"), re.compile(r"\bconst ")
+_OPEN, _PLAIN = re.compile(r"([{(\[,;=+?:&|])\n"), re.compile(r"([{};,])\n(?=[^#])")
 
 
 def squeezed(script):
@@ -36,9 +39,11 @@ def squeezed(script):
 
 
 def _tight(code):
-    return _OPERATORS.sub(lambda m: m.group(1) or m.group(2), code)
+    code = _OPERATORS.sub(lambda m: m.group(1) or m.group(2), code)
+    return _OPEN.sub(r"\1", _ZERO.sub(".", _CONSTANT.sub("let ", code)))
 
 
 def _shader(text):
-    lines = (line if line.startswith(("#", "`#")) else _tight(line) for line in text.split("\n"))
-    return "\n".join(lines)
+    """Lines that begin with # end where they end; all others are one."""
+    lines = [line if line.startswith(("#", "`#")) else _tight(line) for line in text.split("\n")]
+    return _PLAIN.sub(r"\1", "\n".join(lines))

@@ -39,7 +39,7 @@ class Browser:
     """
 
     def __init__(self, width=960, height=540, flags=(), mobile=False):
-        self._folder = tempfile.TemporaryDirectory(prefix="chromium-")
+        self._folder = tempfile.TemporaryDirectory(prefix="chromium-", ignore_cleanup_errors=True)
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
         # The protocol's ends are descriptors 3 and 4.
@@ -72,8 +72,12 @@ class Browser:
         return self
 
     def __exit__(self, *_):
-        self._process.kill()
-        self._process.wait()
+        try:
+            os.write(self._out, b'{"id": 0, "method": "Browser.close"}\0')
+            self._process.wait(10)
+        except (OSError, subprocess.TimeoutExpired):
+            self._process.kill()
+            self._process.wait()
         os.close(self._in)
         os.close(self._out)
         self._folder.cleanup()

@@ -33,9 +33,11 @@ from prt_core.version import __version__
 _PAGE = Path(__file__).parent / "page"
 # In the order in which they are run.
 SCRIPTS = (
-    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "filmic.js", "gpu.js", "view.js",
-    "page.js",
+    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "filmic.js", "shaders.js",
+    "gpu.js", "view.js", "page.js",
 )  # fmt: skip
+# By which a page of this project is known, in its first bytes.
+_MARK, _HEAD = b'name="generator" content="prt_core"', 1024
 _INDEX, _SCRIPT, _STYLE, _DATA = "index.html", "page.js", "style.css", "data.js"
 
 
@@ -114,7 +116,8 @@ def write_web_steps(bake, output, settings=None, pace=None):
     errors = yield from error_steps(bake.transport, coded.model, images, settings.bits)
     title = settings.title or _name_of(bake)
     facts = {"title": title, "version": __version__, "error": errors["error"],
-             "worst": errors["worst"], "bits": settings.bits}  # fmt: skip
+             "worst": errors["worst"], "bits": settings.bits,
+             "gloss": bool(bake.reflections)}  # fmt: skip
     pack = Pack(facts)
     work = _pack, pack, facts, bake, surface, sources, coded, images
     yield from in_thread("pack", *work)
@@ -127,11 +130,21 @@ def write_web_steps(bake, output, settings=None, pace=None):
         "bytes": sum(sizes.values()),
         "parts": pack.sizes,
         "form": form,
-        "notes": [note for image in images.values() for note in image.notes],
+        "notes": _notes(bake, images),
         "points": len(surface.points),
         "triangles": len(surface.triangles),
         **errors,
     }
+
+
+def _notes(bake, images):
+    """What a page does not show as the bake has it, and what is to be said of its images."""
+    notes = [note for image in images.values() for note in image.notes]
+    if bake.reflections:
+        notes.append("gloss is shown as an even colour: pages have no highlights or reflections")
+    if bake.camera is not None and bake.camera.lens != "perspective":
+        notes.append(f"the camera's lens is {bake.camera.lens}; the page begins with a view of all")
+    return notes
 
 
 def _expect_place(output, settings):
@@ -141,6 +154,11 @@ def _expect_place(output, settings):
         expect(settings.one_file is not False, f"{output}: is one file; name a folder instead")
         return expect_output("output", output, (".html", ".htm"), create=True), None, True
     folder = expect_output("output", output, None, folder=True, create=True)
+    page = folder / _INDEX
+    expect(
+        not page.is_file() or _MARK in page.read_bytes()[:_HEAD],
+        f"{page}: is another's page; name another folder",
+    )
     return folder, folder, bool(settings.one_file)
 
 

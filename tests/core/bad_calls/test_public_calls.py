@@ -85,6 +85,7 @@ CALLS = {
         },
         (
             "bits None",
+            "output folder",
             "title text",
             "title None",
             "lights None",

@@ -142,3 +142,7 @@ def test_what_is_wrong_is_said_before_the_work(bake, tmp_path):
         with pytest.raises(PRTError, match=what):
             export_web(bake, tmp_path / "page.html", **settings)
     assert not list(tmp_path.iterdir())
+    (tmp_path / "index.html").write_text("my own page")
+    with pytest.raises(PRTError, match="another's page"):
+        export_web(bake, tmp_path)
+    assert (tmp_path / "index.html").read_text() == "my own page"

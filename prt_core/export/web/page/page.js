@@ -196,6 +196,7 @@ async function begin() {
   const percent = x => `${(100 * x).toFixed(1)} %`;
   $("about").textContent = `${data.n_points.toLocaleString()} points. Colours are within ${percent(data.error)} of exact ones in the mean` +
     `, ${percent(data.worst)} at worst, under these lights.` + (data.bits ? "" : " Without visibility bits: suns are soft.") +
+    (data.gloss ? " Gloss is shown as an even colour." : "") +
     " Images offered by Poly Haven (CC0) where they are the page's own.";
   document.body.classList.remove("loading");
   say("");

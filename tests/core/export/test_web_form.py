@@ -2,13 +2,17 @@
 
 import base64
 import json
+import tomllib
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import prt_core
 from prt_core.bake import BakeSettings, bake_steps, load
 from prt_core.errors import PRTError
+from prt_core.export.web import write
 from prt_core.export.web.curve import hilbert_index
 from prt_core.export.web.form import coded_form, form_steps
 from prt_core.export.web.pack import Pack, shared_exponent
@@ -100,9 +104,7 @@ def _kinds(coded):
 
 
 def test_a_bake_lends_its_own_form(bake):
-    import prt_core
-
-    prt_core.compress(bake.path, method="cpca", tolerance=0.2)
+    prt_core.compress(bake.path, method="cpca", tolerance=0.5)
     _, form = run(form_steps(load(bake.path)))
     assert form == "the bake's own cpca"
 
@@ -131,8 +133,6 @@ def test_scripts_are_squeezed_but_strings_are_not():
 
 
 def test_what_is_wrong_is_said_before_the_work(bake, tmp_path):
-    from prt_core import export_web
-
     for what, settings in (
         ("no such setting", {"bit": True}),
         ("bits", {"bits": "yes"}),
@@ -140,9 +140,18 @@ def test_what_is_wrong_is_said_before_the_work(bake, tmp_path):
         ("is one file", {"one_file": False}),
     ):
         with pytest.raises(PRTError, match=what):
-            export_web(bake, tmp_path / "page.html", **settings)
+            prt_core.export_web(bake, tmp_path / "page.html", **settings)
     assert not list(tmp_path.iterdir())
     (tmp_path / "index.html").write_text("my own page")
     with pytest.raises(PRTError, match="another's page"):
-        export_web(bake, tmp_path)
+        prt_core.export_web(bake, tmp_path)
     assert (tmp_path / "index.html").read_text() == "my own page"
+
+
+def test_the_package_carries_the_page():
+    folder = Path(write.__file__).parent
+    settings = tomllib.loads((Path(prt_core.__path__[0]).parent / "pyproject.toml").read_text())
+    patterns = settings["tool"]["setuptools"]["package-data"]["prt_core.export.web"]
+    packed = {path for pattern in patterns for path in folder.glob(pattern)}
+    assert packed == set((folder / "page").iterdir())
+    assert {path.name for path in packed if path.suffix == ".js"} == set(write.SCRIPTS)

@@ -3,17 +3,26 @@
 
 // Rows of bits, of which those below others in a face were stored as differences.
 function down(bits, n) {
-  const row = bits.shape[1] * n;
-  for (let i = row; i < bits.length; i++) if (i / row % n >= 1) bits[i] ^= bits[i - row];
+  const width = bits.shape[1] * n;
+  for (let row = 1; row < 6 * n; row++) if (row % n)
+    for (let i = row * width, end = i + width; i < end; i++) bits[i] ^= bits[i - width];
   return bits;
 }
 
-PRT.Gpu = class {
+// What textures hold, how it is handed over, and numbers a texel.
+const FORMATS = {
+  i8x4: "RGBA8I RGBA_INTEGER BYTE 4", u8: "R8UI RED_INTEGER UNSIGNED_BYTE 1", u16: "R16UI RED_INTEGER UNSIGNED_SHORT 1",
+  u16x2: "RG16UI RG_INTEGER UNSIGNED_SHORT 2", u16x3: "RGB16UI RGB_INTEGER UNSIGNED_SHORT 3",
+  u32: "R32UI RED_INTEGER UNSIGNED_INT 1", f32x2: "RG32F RG FLOAT 2", f32x4: "RGBA32F RGBA FLOAT 4",
+  shared: "RGB9_E5 RGB UNSIGNED_INT_5_9_9_9_REV 1",
+};
+
+class Gpu {
   constructor(gl, arrays, facts) {
-    Object.assign(this, {gl, facts, n: facts.n_points, many: Math.max(facts.sources.length, 1)});
-    if (Math.ceil(arrays.weight.length / 4 / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
-      throw new PRT.Trouble("This device's graphics hold no tables as large as this bake needs.");
-    const lines = [`#define MANY ${this.many}`, `#define CURVE ${PRT.filmic.curve.length}`];
+    Object.assign(this, {gl, facts, n: facts.n_points, many: max(facts.sources.length, 1)});
+    if (ceil(arrays.weight.length / 4 / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+      fail("This device's graphics hold no tables as large as this bake needs.");
+    const lines = [`#define MANY ${this.many}`, `#define CURVE ${FILMIC.curve.length}`];
     if (facts.through) lines.push("#define THROUGH");
     if (facts.emission_factor) lines.push("#define EMISSION");
     this.head = HEAD + lines.join("\n") + "\n";
@@ -51,40 +60,34 @@ PRT.Gpu = class {
     return {program, places};
   }
 
+  bind(texture, target = this.gl.TEXTURE_2D, unit = 0) {
+    this.gl.activeTexture(this.gl.TEXTURE0 + unit);
+    this.gl.bindTexture(target, texture);
+    this.gl.pixelStorei(this.gl.UNPACK_ALIGNMENT, 1);
+  }
+
   // A texture of `count` texels a layer, of WIDE a row.
   table(format, data, count, layers = 0) {
-    const {gl} = this, [internal, layout, type, size] = this.formats()[format], high = Math.max(1, Math.ceil(count / WIDE));
+    const {gl} = this, [internal, layout, type, size] = FORMATS[format].split(" ").map(name => gl[name] || +name), high = max(1, ceil(count / WIDE));
     const target = layers ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D, texture = gl.createTexture();
     const padded = data && new data.constructor(WIDE * high * size * (layers || 1));
     if (data && layers) for (let k = 0; k < layers; k++) padded.set(data.subarray(k * count, (k + 1) * count), k * WIDE * high);
     else if (data) padded.set(data);
-    gl.bindTexture(target, texture);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    this.bind(texture, target);
     if (layers) gl.texImage3D(target, 0, internal, WIDE, high, layers, 0, layout, type, padded);
     else gl.texImage2D(target, 0, internal, WIDE, high, 0, layout, type, padded);
     for (const name of ["MIN", "MAG"]) gl.texParameteri(target, gl[`TEXTURE_${name}_FILTER`], gl.NEAREST);
     return {texture, target, high, layout, type};
   }
 
-  formats() {
-    const {gl} = this;
-    return {
-      i8x4: [gl.RGBA8I, gl.RGBA_INTEGER, gl.BYTE, 4], u8: [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE, 1],
-      u16: [gl.R16UI, gl.RED_INTEGER, gl.UNSIGNED_SHORT, 1], u16x2: [gl.RG16UI, gl.RG_INTEGER, gl.UNSIGNED_SHORT, 2],
-      u16x3: [gl.RGB16UI, gl.RGB_INTEGER, gl.UNSIGNED_SHORT, 3], u32: [gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT, 1],
-      f32x2: [gl.RG32F, gl.RG, gl.FLOAT, 2], f32x4: [gl.RGBA32F, gl.RGBA, gl.FLOAT, 4],
-      shared: [gl.RGB9_E5, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, 1],
-    };
-  }
-
   tables(a) {
-    const {facts, n} = this, rank = facts.rank, nSlots = a.cluster.length, quads = Math.ceil(rank / 4);
+    const {facts, n} = this, rank = facts.rank, nSlots = a.cluster.length, quads = ceil(rank / 4);
     const weights = new Int8Array(4 * quads * nSlots), firsts = new Uint32Array(a.rank.length);
     for (let k = 0; k < rank; k++) for (let i = 0; i < nSlots; i++) weights[4 * quads * i + k] = a.weight[k * nSlots + i];
     for (let c = 1; c < firsts.length; c++) firsts[c] = firsts[c - 1] + 1 + a.rank[c - 1];
     const seconds = new Float32Array(2 * n), count = facts.sources.length;
     a.border.forEach((point, k) => { seconds[2 * point] = n + k; seconds[2 * point + 1] = a.border_share[k] / 510; });
-    const sources = new Uint32Array(Math.max(1, count) * n);
+    const sources = new Uint32Array(max(1, count) * n);
     for (let k = 0; k < count; k++) sources.set(a["source" + k], k * n);
     this.nSlots = nSlots;
     this.quads = quads;
@@ -93,7 +96,7 @@ PRT.Gpu = class {
       weights: this.table("i8x4", weights, quads * nSlots), clusters: this.table("u16", a.cluster, nSlots),
       firsts: this.table("u32", firsts, firsts.length), products: this.table("f32x4", null, this.nRows),
       seconds: this.table("f32x2", seconds, n), normals: this.table("u16x2", a.normal, n),
-      sources: this.table("shared", sources, n, Math.max(1, count)), albedo: this.table("u16x3", a.albedo, n),
+      sources: this.table("shared", sources, n, max(1, count)), albedo: this.table("u16x3", a.albedo, n),
       slots: this.target(nSlots), received: this.target(n), radiance: this.target(n),
       bits: this.table("u8", null, facts.bits ? 16 * a.bits.shape[1] : 1),
     };
@@ -147,8 +150,7 @@ PRT.Gpu = class {
     gl.useProgram(program);
     let unit = 0;
     for (const name of tables) if (places[name] && this.data[name]) {
-      gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(this.data[name].target, this.data[name].texture);
+      this.bind(this.data[name].texture, this.data[name].target, unit);
       gl.uniform1i(places[name], unit++);
     }
     for (const [name, [kind, ...value]] of Object.entries(numbers)) if (places[name]) {
@@ -171,8 +173,7 @@ PRT.Gpu = class {
     gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
     gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, buffer);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, texture);
+    this.bind(texture);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDE, high, gl.RGBA, gl.FLOAT, 0);
     gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, null);
   }
@@ -182,9 +183,7 @@ PRT.Gpu = class {
     const {gl} = this, {texture, high, layout, type} = this.data[name];
     const whole = this.data[name].whole ||= new data.constructor(WIDE * high * size);
     whole.set(data);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    this.bind(texture);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDE, high, layout, type, whole);
   }
 
@@ -198,7 +197,7 @@ PRT.Gpu = class {
       const width = this.bits.shape[1], rows = new Uint8Array(16 * width);
       distant.bright.forEach(({texel, radiance}, k) => {
         rows.set(this.bits.subarray(texel * width, (texel + 1) * width), k * width);
-        this.ways.set(PRT.texelVector(texel, this.facts.resolution).map(x => x / Math.PI), 3 * k);
+        this.ways.set(texelVector(texel, this.facts.resolution).map(x => x / PI), 3 * k);
         this.suns.set(radiance, 3 * k);
       });
       this.fill("bits", rows, 1);
@@ -236,15 +235,13 @@ PRT.Gpu = class {
   // The image that is seen behind the scene.
   setSky(image) {
     const {gl} = this, most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
-    const step = Math.ceil(image.width / Math.min(most, WIDE)), width = Math.floor(image.width / step), height = Math.floor(image.height / step);
+    const step = ceil(image.width / min(most, WIDE)), width = floor(image.width / step), height = floor(image.height / step);
     const data = new Float32Array(3 * width * height);
     for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) for (let c = 0; c < 3; c++)
-      data[3 * (y * width + x) + c] = Math.min(image.pixels[3 * (y * step * image.width + x * step) + c], 6e4);
+      data[3 * (y * width + x) + c] = min(image.pixels[3 * (y * step * image.width + x * step) + c], 6e4);
     if (this.data.image) gl.deleteTexture(this.data.image.texture);
     const texture = gl.createTexture();
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    this.bind(texture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, width, height, 0, gl.RGB, gl.FLOAT, data);
     for (const name of ["MIN", "MAG"]) gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}_FILTER`], gl.LINEAR);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
@@ -253,7 +250,7 @@ PRT.Gpu = class {
 
   // One picture. `look`: exposure as a factor, filmic; `sky`: turn in degrees and strength, or null.
   draw({matrix, rays}, look, sky) {
-    const {gl, facts} = this, {width, height} = gl.canvas, {inset, outset, curve} = PRT.filmic;
+    const {gl, facts} = this, {width, height} = gl.canvas, {inset, outset, curve} = FILMIC;
     const shown = {exposure: ["1f", look.exposure], filmic: ["1i", look.filmic ? 1 : 0], inset: ["Matrix3fv", inset],
       outset: ["Matrix3fv", outset], curve: ["1fv", curve]};
     gl.viewport(0, 0, width, height);
@@ -262,7 +259,7 @@ PRT.Gpu = class {
     gl.disable(gl.CULL_FACE);
     if (sky && this.data.image) {
       gl.disable(gl.DEPTH_TEST);
-      this.use(this.sky, ["image"], {...shown, rays: ["Matrix3fv", rays], turn: ["1f", sky.turn * Math.PI / 180], strength: ["1f", sky.strength]});
+      this.use(this.sky, ["image"], {...shown, rays: ["Matrix3fv", rays], turn: ["1f", sky.turn * PI / 180], strength: ["1f", sky.strength]});
       gl.bindVertexArray(this.nothing);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
@@ -282,4 +279,4 @@ PRT.Gpu = class {
     gl.disable(gl.POLYGON_OFFSET_FILL);
     gl.bindVertexArray(null);
   }
-};
+}

@@ -2,42 +2,39 @@
 const DAMAGED = "it was cut off or is damaged, copy or download it again";
 
 // {width, height, pixels, notes} of the bytes of a file: linear Rec.709, first row on top.
-PRT.readImage = async function (name, bytes) {
+async function readImage(name, bytes) {
   const mark = String.fromCharCode(...bytes.subarray(0, 2));
   const isExr = bytes[0] === 0x76 && bytes[1] === 0x2f && bytes[2] === 0x31 && bytes[3] === 1;
   if (!isExr && mark !== "#?")
-    throw new PRT.Trouble(`${name}: expected an .hdr or .exr image of light, this is something else`);
-  const image = isExr ? await PRT.readExr(name, bytes) : readRadiance(name, bytes);
+    fail(`${name}: expected an .hdr or .exr image of light, this is something else`);
+  const image = isExr ? await readExr(name, bytes) : readRadiance(name, bytes);
   const {width, height, pixels} = image;
   if (width !== 2 * height)
-    throw new PRT.Trouble(`${name}: an equirectangular image is twice as wide as high, this has ${width} x ${height}`);
+    fail(`${name}: an equirectangular image is twice as wide as high, this has ${width} x ${height}`);
   let negative = 0, positive = 0, most = 0;
   for (const value of pixels) {
-    if (!Number.isFinite(value))
-      throw new PRT.Trouble(`${name}: has pixels that are NaN or infinite; repair the image first`);
     if (value < 0) negative -= value; else positive += value;
-    if (value > most) most = value;
+    if (!(value <= most)) most = value;
   }
-  if (negative > 1e-4 * positive)
-    throw new PRT.Trouble(`${name}: has negative radiance; repair the image first`);
-  if (most > 1e15)
-    throw new PRT.Trouble(`${name}: its brightest value ${most.toPrecision(3)} is above 1e15; repair the image first`);
-  if (!most) throw new PRT.Trouble(`${name}: is black`);
+  const wrong = !(positive < Infinity) ? "pixels that are NaN or infinite" : negative > 1e-4 * positive ? "negative radiance"
+    : most > 1e15 && "radiance above 1e15";
+  if (wrong) fail(`${name}: has ${wrong}; repair the image first`);
+  if (!most) fail(`${name}: is black`);
   if (negative) for (let i = 0; i < pixels.length; i++) if (pixels[i] < 0) pixels[i] = 0;
   return image;
-};
+}
 
 function readRadiance(name, bytes) {
   const head = new TextDecoder("latin1").decode(bytes.subarray(0, 1 << 16));
   const end = head.indexOf("\n\n"), last = head.indexOf("\n", end + 2);
-  if (end < 0 || last < 0) throw new PRT.Trouble(`${name}: not a readable Radiance image; ${DAMAGED}`);
+  if (end < 0 || last < 0) fail(`${name}: not a readable Radiance image; ${DAMAGED}`);
   const lines = head.slice(0, end).split("\n").filter(line => line.includes("=") && line[0] !== "#");
   const fields = new Map(lines.map(line => [line.split("=")[0].trim().toUpperCase(), line.slice(line.indexOf("=") + 1).trim()]));
   const form = fields.get("FORMAT") || "32-bit_rle_rgbe";
   if (form !== "32-bit_rle_rgbe")
-    throw new PRT.Trouble(`${name}: its format '${form}' is not understood; convert it to RGB with 'ra_xyze -r'`);
+    fail(`${name}: its format '${form}' is not understood; convert it to RGB with 'ra_xyze -r'`);
   const size = head.slice(end + 2, last).trim().match(/^([-+])Y +(\d+) +([-+])X +(\d+)$/);
-  if (!size) throw new PRT.Trouble(`${name}: its orientation '${head.slice(end + 2, last).slice(0, 40)}' is not understood; turn it to '-Y height +X width'`);
+  if (!size) fail(`${name}: its orientation is not understood; turn it to '-Y height +X width'`);
   const height = +size[2], width = +size[4];
   const codes = decoded(name, bytes.subarray(last + 1), width, height), pixels = new Float32Array(3 * width * height);
   for (let row = 0; row < height; row++) for (let column = 0; column < width; column++) {
@@ -46,21 +43,21 @@ function readRadiance(name, bytes) {
     for (let c = 0; c < 3; c++) pixels[3 * (row * width + column) + c] = codes[from + c] * step;
   }
   const primaries = (fields.get("PRIMARIES") || "").split(/\s+/).map(Number);
-  return PRT.toRec709({width, height, pixels}, primaries);
+  return toRec709({width, height, pixels}, primaries);
 }
 
 // Red, green, blue and exponent of every pixel.
 function decoded(name, bytes, width, height) {
-  const out = new Uint8Array(4 * width * height), short = () => new PRT.Trouble(`${name}: its pixels end too early; ${DAMAGED}`);
+  const out = new Uint8Array(4 * width * height), short = () => fail(`${name}: its pixels end too early; ${DAMAGED}`);
   const isCoded = at => bytes[at] === 2 && bytes[at + 1] === 2 && bytes[at + 2] === width >> 8 && bytes[at + 3] === (width & 255);
   let at = 0;
   if (width < 8 || width > 32767 || !isCoded(0)) {
     // Pixels as they are; 1, 1, 1, n repeats the one before, digits of n the lowest first.
     let shift = 0;
     for (let i = 0; i < out.length; at += 4) {
-      if (at + 4 > bytes.length) throw short();
+      if (at + 4 > bytes.length) short();
       if (bytes[at] === 1 && bytes[at + 1] === 1 && bytes[at + 2] === 1) {
-        if (!i) throw new PRT.Trouble(`${name}: it begins with a repetition; ${DAMAGED}`);
+        if (!i) fail(`${name}: it begins with a repetition; ${DAMAGED}`);
         for (let count = bytes[at + 3] * 2 ** shift; count-- > 0 && i < out.length; i += 4) out.copyWithin(i, i - 4, i);
         shift += 8;
       } else { out.set(bytes.subarray(at, at + 4), i); i += 4; shift = 0; }
@@ -68,13 +65,13 @@ function decoded(name, bytes, width, height) {
     return out;
   }
   for (let row = 0; row < height; row++) {
-    if (!isCoded(at)) throw new PRT.Trouble(`${name}: a row is missing; ${DAMAGED}`);
+    if (!isCoded(at)) fail(`${name}: a row is missing; ${DAMAGED}`);
     at += 4;
     for (let part = 0; part < 4; part++) for (let column = 0; column < width;) {
       let count = bytes[at++];
       const run = count > 128;
       if (run) count -= 128;
-      if (!count || column + count > width || at + (run ? 1 : count) > bytes.length) throw short();
+      if (!count || column + count > width || at + (run ? 1 : count) > bytes.length) short();
       for (let k = 0; k < count; k++, column++) out[4 * (row * width + column) + part] = bytes[run ? at : at + k];
       at += run ? 1 : count;
     }
@@ -83,12 +80,12 @@ function decoded(name, bytes, width, height) {
 }
 
 // The light of the scene's world, whose texels are all there is, as an image for the background.
-PRT.imageOfTexels = function (texels, n) {
+function imageOfTexels(texels, n) {
   const height = 4 * n, width = 8 * n, pixels = new Float32Array(3 * width * height);
   for (let row = 0; row < height; row++) for (let column = 0; column < width; column++) {
-    const up = Math.PI / 2 - (row + 0.5) / height * Math.PI, angle = Math.PI - (column + 0.5) / width * 2 * Math.PI;
-    const from = 3 * PRT.texelAlong(Math.cos(up) * Math.cos(angle), Math.cos(up) * Math.sin(angle), Math.sin(up), n);
+    const up = PI / 2 - (row + 0.5) / height * PI, angle = PI - (column + 0.5) / width * 2 * PI;
+    const from = 3 * texelAlong(Math.cos(up) * Math.cos(angle), Math.cos(up) * Math.sin(angle), Math.sin(up), n);
     pixels.set(texels.subarray(from, from + 3), 3 * (row * width + column));
   }
   return {width, height, pixels};
-};
+}

@@ -2,17 +2,17 @@
 const $ = id => document.getElementById(id);
 const say = (text, bad) => { $("said").textContent = text; $("said").className = bad ? "bad" : ""; };
 
-PRT.Page = class {
+class Page {
   constructor(gl, arrays, facts) {
     Object.assign(this, {gl, facts, arrays, images: new Map(), strengths: [], look: {filmic: true, exposure: 1}});
-    this.evaluator = new PRT.Evaluator(arrays, facts);
-    this.gpu = new PRT.Gpu(gl, arrays, facts);
-    this.orbit = new PRT.Orbit(facts.start);
+    this.evaluator = new Evaluator(arrays, facts);
+    this.gpu = new Gpu(gl, arrays, facts);
+    this.orbit = new Orbit(facts.start);
     this.strength = this.exposure = 0;
     this.turn = 0;
     this.wanted = {};
-    facts.images.forEach((name, k) => this.add(name, () => PRT.fromRGBE(arrays["image" + k])));
-    if (arrays.world) this.add("The scene's world", null, PRT.sharedExponent(arrays.world, facts.world_factor));
+    facts.images.forEach((name, k) => this.add(name, () => fromRGBE(arrays["image" + k])));
+    if (arrays.world) this.add("The scene's world", null, sharedExponent(arrays.world, facts.world_factor));
     this.add("None", null, null);
   }
 
@@ -32,8 +32,8 @@ PRT.Page = class {
     $("light").value = name;
     if (light.read && !light.turning) {
       light.image = light.read();
-      light.turning = new PRT.TurningLight(light.image, n);
-    } else if (light.texels) light.image = PRT.imageOfTexels(light.texels, n);
+      light.turning = new TurningLight(light.image, n);
+    } else if (light.texels) light.image = imageOfTexels(light.texels, n);
     if (light.image) this.gpu.setSky(light.image);
     $("turn").disabled = !light.turning;
     $("turn").title = light.turning ? "" : "Only images can be turned";
@@ -61,10 +61,10 @@ PRT.Page = class {
 
   // An exposure that brings the brighter points near white.
   expose() {
-    const radiance = this.gpu.radiance(), n = this.gpu.n, step = Math.ceil(n / 20000), values = [];
-    for (let i = 0; i < n; i += step) values.push(Math.max(radiance[4 * i], radiance[4 * i + 1], radiance[4 * i + 2]));
+    const radiance = this.gpu.radiance(), n = this.gpu.n, step = ceil(n / 20000), values = [];
+    for (let i = 0; i < n; i += step) values.push(max(radiance[4 * i], radiance[4 * i + 1], radiance[4 * i + 2]));
     values.sort((a, b) => a - b);
-    this.bright = values[Math.floor(values.length * 0.95)] || values[values.length - 1] || 1;
+    this.bright = values[floor(values.length * 0.95)] || values[values.length - 1] || 1;
     this.exposed();
   }
 
@@ -95,15 +95,15 @@ PRT.Page = class {
     say(`Reading ${file.name} …`);
     await new Promise(done => setTimeout(done, 20));
     try {
-      const image = await PRT.readImage(file.name, new Uint8Array(await file.arrayBuffer()));
+      const image = await readImage(file.name, new Uint8Array(await file.arrayBuffer()));
       this.choose(this.add(file.name, () => image));
       say("");
-    } catch (error) { say(error instanceof PRT.Trouble ? error.message : `${file.name}: cannot be read (${error.message})`, true); }
+    } catch (error) { say(error instanceof Trouble ? error.message : `${file.name}: cannot be read (${error.message})`, true); }
   }
 
   resize() {
-    const {canvas} = this.gl, ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const width = Math.max(1, Math.round(canvas.clientWidth * ratio)), height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    const {canvas} = this.gl, ratio = min(window.devicePixelRatio || 1, 2);
+    const width = max(1, round(canvas.clientWidth * ratio)), height = max(1, round(canvas.clientHeight * ratio));
     if (canvas.width !== width || canvas.height !== height) {
       [canvas.width, canvas.height] = [width, height];
       this.draw();
@@ -136,40 +136,40 @@ PRT.Page = class {
     $("file").onchange = () => { if ($("file").files.length) this.read($("file").files[0]); $("file").value = ""; };
     $("reset").onclick = canvas.ondblclick = () => { orbit.reset(); this.later("draw"); };
     $("fold").onclick = () => $("fold").setAttribute("aria-expanded", document.body.classList.toggle("folded") ? "false" : "true");
-    window.ondragover = event => event.preventDefault();
-    window.ondrop = event => { event.preventDefault(); if (event.dataTransfer.files.length) this.read(event.dataTransfer.files[0]); };
+    window.ondragover = e => e.preventDefault();
+    window.ondrop = e => { e.preventDefault(); if (e.dataTransfer.files.length) this.read(e.dataTransfer.files[0]); };
     new ResizeObserver(() => this.resize()).observe(canvas);
-    canvas.addEventListener("webglcontextlost", event => { event.preventDefault(); say("The graphics were reset; reload the page.", true); });
+    canvas.addEventListener("webglcontextlost", e => { e.preventDefault(); say("The graphics were reset; reload the page.", true); });
     this.touch(canvas, orbit);
   }
 
   touch(canvas, orbit) {
     const fingers = new Map();
-    canvas.oncontextmenu = event => event.preventDefault();
-    canvas.onpointerdown = event => { canvas.setPointerCapture(event.pointerId); fingers.set(event.pointerId, event); };
-    canvas.onpointerup = canvas.onpointercancel = event => fingers.delete(event.pointerId);
-    canvas.onpointermove = event => {
-      const before = fingers.get(event.pointerId), size = canvas.clientHeight;
+    canvas.oncontextmenu = e => e.preventDefault();
+    canvas.onpointerdown = e => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, e); };
+    canvas.onpointerup = canvas.onpointercancel = e => fingers.delete(e.pointerId);
+    canvas.onpointermove = e => {
+      const before = fingers.get(e.pointerId), size = canvas.clientHeight;
       if (!before) return;
-      const x = (event.clientX - before.clientX) / size, y = (event.clientY - before.clientY) / size;
+      const x = (e.clientX - before.clientX) / size, y = (e.clientY - before.clientY) / size;
       if (fingers.size > 1) {
-        const other = [...fingers.values()].find(f => f.pointerId !== event.pointerId);
-        const apart = f => Math.hypot(f.clientX - other.clientX, f.clientY - other.clientY) || 1;
-        orbit.zoom(apart(before) / apart(event));
+        const other = [...fingers.values()].find(f => f.pointerId !== e.pointerId);
+        const apart = f => hypot(f.clientX - other.clientX, f.clientY - other.clientY) || 1;
+        orbit.zoom(apart(before) / apart(e));
         orbit.pan(x / 2, y / 2);
-      } else if (event.shiftKey) this.shine(this.turn + 180 * x);
-      else if (event.buttons & 6 || event.ctrlKey) orbit.pan(x, y);
+      } else if (e.shiftKey) this.shine(this.turn + 180 * x);
+      else if (e.buttons & 6 || e.ctrlKey) orbit.pan(x, y);
       else orbit.turn(4 * x, 4 * y);
-      fingers.set(event.pointerId, event);
+      fingers.set(e.pointerId, e);
       this.later("draw");
     };
-    canvas.addEventListener("wheel", event => { event.preventDefault(); orbit.zoom(Math.exp(Math.sign(event.deltaY) * 0.1)); this.later("draw"); }, {passive: false});
-    canvas.onkeydown = event => {
-      const move = {ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1]}[event.key];
-      if (move) { if (event.shiftKey) this.shine(this.turn + 50 * move[0]); else orbit.turn(...move); }
-      else if (event.key === "+" || event.key === "-") orbit.zoom(event.key === "+" ? 0.9 : 1.1);
+    canvas.addEventListener("wheel", e => { e.preventDefault(); orbit.zoom(exp(Math.sign(e.deltaY) * 0.1)); this.later("draw"); }, {passive: false});
+    canvas.onkeydown = e => {
+      const move = {ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1]}[e.key];
+      if (move) { if (e.shiftKey) this.shine(this.turn + 50 * move[0]); else orbit.turn(...move); }
+      else if (e.key === "+" || e.key === "-") orbit.zoom(e.key === "+" ? 0.9 : 1.1);
       else return;
-      event.preventDefault();
+      e.preventDefault();
       this.later("draw");
     };
   }
@@ -177,18 +177,18 @@ PRT.Page = class {
   // Turn the light to so many degrees, where it can be turned.
   shine(degrees) {
     if (!this.light.turning) return;
-    this.turn = degrees - 360 * Math.floor((degrees + 180) / 360);
+    this.turn = degrees - 360 * floor((degrees + 180) / 360);
     $("turn").value = this.turn;
     this.later("relight");
   }
-};
+}
 
 async function begin() {
   const data = window.PRT_DATA, canvas = $("canvas");
-  if (!data) throw new PRT.Trouble("The bake's data are missing: data.js must lie beside this page.");
+  if (!data) fail("The bake's data are missing: data.js must lie beside this page.");
   const gl = canvas.getContext("webgl2", {antialias: true, alpha: false, preserveDrawingBuffer: true});
-  if (!gl) throw new PRT.Trouble("This page needs WebGL 2, which this browser or device does not offer. Use a newer browser, or turn hardware acceleration on.");
-  const page = PRT.page = new PRT.Page(gl, await PRT.unpack(data.arrays), data);
+  if (!gl) fail("This page needs WebGL 2: use a newer browser, or turn hardware acceleration on.");
+  const page = PRT.page = new Page(gl, await unpack(data.arrays), data);
   page.controls();
   page.resize();
   const {light} = data.start, names = [...page.images.keys()];
@@ -196,14 +196,11 @@ async function begin() {
   const percent = x => `${(100 * x).toFixed(1)} %`;
   $("about").textContent = `${data.n_points.toLocaleString()} points. Colours are within ${percent(data.error)} of exact ones in the mean` +
     `, ${percent(data.worst)} at worst, under these lights.` + (data.bits ? "" : " Without visibility bits: suns are soft.") +
-    (data.gloss ? " Gloss is shown as an even colour." : "") +
-    " Images offered by Poly Haven (CC0) where they are the page's own.";
+    (data.gloss ? " Gloss is shown as an even colour." : "");
   document.body.classList.remove("loading");
   say("");
 }
 
 PRT.ready = begin().catch(error => {
-  document.body.classList.remove("loading");
-  say(error instanceof PRT.Trouble ? error.message : `The page cannot be shown: ${error.message}`, true);
-  PRT.failed = true;
+  say(error instanceof Trouble ? error.message : `The page cannot be shown: ${error.message}`, true);
 });

@@ -3,7 +3,7 @@
 // looked up in the visibility bits.
 const MOST_TERMS = 512, SPARE = 1e-3, MOST_BRIGHT = 16, BRIGHT_SHARE = 2e-3;
 
-PRT.Evaluator = class {
+class Evaluator {
   constructor(arrays, facts) {
     this.n = facts.resolution;
     this.groups = facts.groups;
@@ -15,7 +15,7 @@ PRT.Evaluator = class {
       weightStep: arrays.weight_step});
     this.steps = [0, 1, 2].map(k => arrays.row_step.filter((_, i) => i % 3 === k));
     this.basisSteps = arrays.basis_step && [1, 0].map(k => arrays.basis_step.filter((_, i) => i % 2 === k));
-    this.solid = PRT.solidAngles(this.n);
+    this.solid = solidAngles(this.n);
     this.importance = this.groups.map((_, g) => this.important(g, arrays.energy));
     this.products = new Float32Array(4 * this.nRows);
     this.sums = [0, 1, 2, 3, 4, 5].map(() => new Float32Array(this.nRows));
@@ -80,7 +80,7 @@ PRT.Evaluator = class {
     for (let c = 0; c < 3; c++) {
       const channel = out.subarray(c * n, (c + 1) * n);
       for (let i = 0; i < n; i++) channel[i] = light[3 * i + c];
-      PRT.haar(channel, this.n);
+      haar(channel, this.n);
       for (let i = 0; i < n; i++) channel[i] /= this.scale[i];
     }
     return out;
@@ -96,7 +96,7 @@ PRT.Evaluator = class {
       total += weight[i] = square * this.importance[g][i];
     }
     const sorted = weight.slice().sort();
-    let least = Math.max(0, n - MOST_TERMS);
+    let least = max(0, n - MOST_TERMS);
     // Errors of different terms are as good as independent: their squares add up.
     for (let left = sorted[least]; least < n - 1 && left < SPARE * SPARE * total;) left += sorted[++least];
     const limit = sorted[least], terms = [];
@@ -149,4 +149,4 @@ PRT.Evaluator = class {
       }
     }
   }
-};
+}

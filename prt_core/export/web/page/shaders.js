@@ -6,6 +6,7 @@ const HEAD = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D; precision highp isampler2D;
 precision highp usampler2D; precision highp sampler2DArray;
 ivec2 at(int i) { return ivec2(i & ${WIDE - 1}, i / ${WIDE}); }
+#define ID gl_VertexID
 #define get(table, i) texelFetch(table, at(i), 0)
 `;
 
@@ -14,11 +15,11 @@ const SLOTS = `uniform isampler2D weights; uniform usampler2D clusters, firsts; 
 uniform int quads; out vec4 value;
 vec3 row(int i) { return get(products, i).rgb; }
 void main() {
-  int cluster = int(get(clusters, gl_VertexID).r);
+  int cluster = int(get(clusters, ID).r);
   int i = int(get(firsts, cluster).r);
   vec3 sum = row(i++);
   for (int k = 0; k < quads; k++, i += 4) {
-    vec4 w = vec4(get(weights, gl_VertexID * quads + k));
+    vec4 w = vec4(get(weights, ID * quads + k));
     sum += w.x * row(i) + w.y * row(i + 1) + w.z * row(i + 2) + w.w * row(i + 3);
   }
   value = vec4(sum, 0);
@@ -36,7 +37,7 @@ vec3 unfolded(vec2 code) {
   return normalize(n);
 }
 void main() {
-  int i = gl_VertexID;
+  int i = ID;
   vec3 sum = get(slots, i).rgb, normal = unfolded(vec2(get(normals, i).rg));
   vec2 second = get(seconds, i).rg;
   if (second.y > 0.) sum = mix(sum, get(slots, int(second.x)).rgb, second.y);
@@ -54,18 +55,18 @@ void main() {
 const SENT = `uniform sampler2D received, emission; uniform usampler2D albedo, through, opposite, emitter;
 uniform float most, mostThrough, strengths[MANY]; uniform int n; out vec4 value;
 vec3 share(usampler2D table, float most) {
-  vec3 root = vec3(texelFetch(table, at(gl_VertexID), 0).rgb) / 4095.;
+  vec3 root = vec3(texelFetch(table, at(ID), 0).rgb) / 4095.;
   return root * root * most;
 }
 void main() {
-  vec3 sum = share(albedo, most) * get(received, gl_VertexID).rgb;
+  vec3 sum = share(albedo, most) * get(received, ID).rgb;
 #ifdef THROUGH
-  int behind = int(get(opposite, gl_VertexID).r);
+  int behind = int(get(opposite, ID).r);
   if (behind < n) sum += share(through, mostThrough) * get(received, behind).rgb;
 #endif
 #ifdef EMISSION
-  int source = int(get(emitter, gl_VertexID).r);
-  if (source < MANY) sum += strengths[source] * get(emission, gl_VertexID).rgb;
+  int source = int(get(emitter, ID).r);
+  if (source < MANY) sum += strengths[source] * get(emission, ID).rgb;
 #endif
   value = vec4(sum, 1);
 }`;
@@ -94,8 +95,8 @@ uniform int n; centroid out vec3 colour; centroid out float opacity;
 void main() {
   gl_Position = view * vec4(position, 1);
   opacity = 1.;
-  if (gl_VertexID < n) { colour = get(radiance, gl_VertexID).rgb; return; }
-  int i = 2 * (gl_VertexID - n);
+  if (ID < n) { colour = get(radiance, ID).rgb; return; }
+  int i = 2 * (ID - n);
   vec4 around = get(between, i), w = get(between, i + 1);
   colour = w.x * get(radiance, int(around.x)).rgb
     + w.y * get(radiance, int(around.y)).rgb
@@ -112,7 +113,7 @@ void main() {
 
 const CORNERS = `uniform mat3 rays; out vec3 way;
 void main() {
-  vec2 p = vec2(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1);
+  vec2 p = vec2(ID == 1 ? 3 : -1, ID == 2 ? 3 : -1);
   way = rays * vec3(p, 1);
   gl_Position = vec4(p, 1, 1);
 }`;

@@ -3,18 +3,18 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const mixed = (a, x, b, y) => a.map((v, i) => x * v + y * b[i]);
 
-PRT.Orbit = class {
+class Orbit {
   constructor(start) { this.start = start; this.reset(); }
 
   reset() {
     const {eye, target, up} = this.start, away = mixed(eye, 1, target, -1);
-    this.distance = Math.hypot(...away);
-    this.azimuth = Math.atan2(away[1], away[0]);
-    this.elevation = Math.asin(Math.min(1, Math.max(-1, away[2] / this.distance)));
+    this.distance = hypot(...away);
+    this.azimuth = atan2(away[1], away[0]);
+    this.elevation = asin(min(1, max(-1, away[2] / this.distance)));
     this.target = target.slice();
     this.roll = 0;
     const {right, upright} = this.axes();
-    this.roll = Math.atan2(-dot(up, right), dot(up, upright));
+    this.roll = atan2(-dot(up, right), dot(up, upright));
   }
 
   axes() {
@@ -26,7 +26,7 @@ PRT.Orbit = class {
 
   turn(x, y) {
     this.azimuth -= x;
-    this.elevation = Math.min(1.56, Math.max(-1.56, this.elevation + y));
+    this.elevation = min(1.56, max(-1.56, this.elevation + y));
   }
 
   // By shares of the picture's height.
@@ -35,13 +35,13 @@ PRT.Orbit = class {
     this.target = mixed(mixed(this.target, 1, right, -x * size), 1, upright, y * size);
   }
 
-  zoom(factor) { this.distance = Math.min(1e3, Math.max(1e-6, this.distance * factor)); }
+  zoom(factor) { this.distance = min(1e3, max(1e-6, this.distance * factor)); }
 
   // Matrices of a picture of this shape, which holds all that the scene's camera shows.
   matrices(aspect) {
     const {back, right, upright} = this.axes(), [tx, ty] = this.start.tangents, [sx, sy] = this.start.shift;
-    const y = Math.max(ty, tx / aspect), x = y * aspect, eye = mixed(this.target, 1, back, this.distance);
-    const reach = Math.hypot(...eye) + 1, near = Math.min(Math.max(this.distance * 0.01, reach * 1e-4), this.distance * 0.3);
+    const y = max(ty, tx / aspect), x = y * aspect, eye = mixed(this.target, 1, back, this.distance);
+    const reach = hypot(...eye) + 1, near = min(max(this.distance * 0.01, reach * 1e-4), this.distance * 0.3);
     const rows = [mixed(right, 1 / x, back, sx / x), mixed(upright, 1 / y, back, sy / y),
       back.map(v => -v * (reach + near) / (reach - near)), back.map(v => -v)];
     const shift = [0, 0, -2 * reach * near / (reach - near), 0];
@@ -57,4 +57,4 @@ PRT.Orbit = class {
     }
     return {matrix, rays};
   }
-};
+}

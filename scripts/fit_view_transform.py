@@ -82,8 +82,8 @@ def main():
     for name, k in (("inset", 0), ("outset", 6)):
         # Column after column, as shaders take matrices.
         values = with_rows_of_one(fit.x[k : k + 6]).T.ravel()
-        print(f"  {name}: [{', '.join(f'{v:.4f}' for v in values)}],")
-    print(f"  curve: [{', '.join(f'{v:.4f}' for v in fit.x[12:])}],")
+        print(f"  {name}: [{', '.join(f'{v:.3f}' for v in values)}],")
+    print(f"  curve: [{', '.join(f'{v:.3f}' for v in fit.x[12:])}],")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Scripts without what only people read: comments, indentation, spaces around operators.
 
-Statements that end with their line go on doing so; strings and patterns stay as they are, but for
+Statements end with a semicolon or a block there; strings and patterns stay as they are, but for
 the shaders among them.
 """
 
@@ -12,6 +12,7 @@ _LITERAL = re.compile(r'"(?:[^"\\\n]|\\.)*"|`[^`]*`|(?<=[(,=])/(?:[^/\\\n\[]|\\.
 _OPERATORS = re.compile(r"( [+-] [+-])| ?([=+*/<>{}(),;:?&|!%^-]+) ?")
 # What begins with a zero, is constant, or goes on in the next line.
 _ZERO, _CONSTANT = re.compile(r"(?<![\w.$])0\.(?=\d)"), re.compile(r"\bconst ")
+_CLOSED = re.compile(r";?\n?}\n?")
 _OPEN, _PLAIN = re.compile(r"([{(\[,;=+?:&|])\n"), re.compile(r"([{};,])\n(?=[^#])")
 
 
@@ -31,16 +32,21 @@ def squeezed(script):
     script = "\n".join(line for line in lines if line and not line.startswith("//")) + "\n"
     parts, end = [], 0
     for literal in _LITERAL.finditer(script):
-        parts.append(_tight(script[end : literal.start()]))
+        parts.append(_statements(script[end : literal.start()]))
         text = literal.group()
         parts.append(_shader(text) if "void main" in text or "vec3 shown" in text else text)
         end = literal.end()
-    return "".join([*parts, _tight(script[end:])])
+    return "".join([*parts, _statements(script[end:])])
+
+
+def _statements(code):
+    """What comes before a brace that closes needs no end of its own; nor does the brace."""
+    return _CLOSED.sub("}", _tight(_CONSTANT.sub("let ", code)))
 
 
 def _tight(code):
     code = _OPERATORS.sub(lambda m: m.group(1) or m.group(2), code)
-    return _OPEN.sub(r"\1", _ZERO.sub(".", _CONSTANT.sub("let ", code)))
+    return _OPEN.sub(r"\1", _ZERO.sub(".", code))
 
 
 def _shader(text):

@@ -33,7 +33,7 @@ from prt_core.version import __version__
 _PAGE = Path(__file__).parent / "page"
 # In the order in which they are run.
 SCRIPTS = (
-    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "filmic.js", "shaders.js",
+    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "piz.js", "filmic.js", "shaders.js",
     "gpu.js", "view.js", "page.js",
 )  # fmt: skip
 # By which a page of this project is known, in its first bytes.

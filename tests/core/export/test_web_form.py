@@ -130,6 +130,9 @@ def test_scripts_are_squeezed_but_strings_are_not():
     script = '// why\nconst a = "b + c", d = 1 - -2;\n  return e\n  `f = ${g}`;\n'
     assert squeezed(script) == 'let a="b + c",d=1 - -2;return e\n`f = ${g}`;'
     assert squeezed("x = y.split(/a +b/);\n") == "x=y.split(/a +b/);"
+    assert squeezed("if (a) {\n  b();\n}\nelse c();\n") == "if(a){b()}else c();"
+    shader = "`void main() {\n  a = 0.5;\n}`;\n"
+    assert squeezed(shader) == "`void main(){a=.5;}`;"
 
 
 def test_what_is_wrong_is_said_before_the_work(bake, tmp_path):

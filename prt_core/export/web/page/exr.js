@@ -1,7 +1,7 @@
 // OpenEXR: scan lines or tiles of half, float or uint channels, of one part, without compression or
-// by RLE, ZIPS or ZIP. Red, green and blue, or luminance alone.
+// by RLE, ZIPS, ZIP or PIZ. Red, green and blue, or luminance alone.
 const EXR_NAMES = ["none", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"];
-const EXR_LINES = [1, 1, 1, 16];
+const EXR_LINES = [1, 1, 1, 16, 32];
 
 async function readExr(name, bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
@@ -27,7 +27,7 @@ async function decodedExr(name, bytes, view) {
     at += size;
   }
   const method = view.getUint8(attributes.compression);
-  if (method > 3) fail(`${name}: is compressed by ${EXR_NAMES[method] || "an unknown method"}, which is not read here; save it with ZIP, or as .hdr`);
+  if (method > 4) fail(`${name}: is compressed by ${EXR_NAMES[method] || "an unknown method"}, which is not read here; save it with ZIP or PIZ, or as .hdr`);
   const box = key => [0, 4, 8, 12].map(k => view.getInt32(attributes[key] + k, true));
   const [x0, y0, x1, y1] = box("dataWindow"), [u0, v0, u1, v1] = box("displayWindow");
   const width = u1 - u0 + 1, height = v1 - v0 + 1, after = at;
@@ -81,6 +81,7 @@ async function exrBlock(method, packed, channels, width, height) {
   const line = width * channels.reduce((sum, c) => sum + (c.kind === 1 ? 2 : 4), 0), size = line * height;
   // What does not become smaller is stored as it is.
   if (!method || packed.length === size) return packed.slice();
+  if (method === 4) return piz(packed, channels, width, height);
   let data;
   if (method === 1) data = exrRuns(packed, size);
   else try { data = await inflate(packed); } catch (error) { throw error instanceof Trouble ? error : new RangeError(); }

@@ -1,5 +1,5 @@
 // Images of light that are dropped on the page: Radiance (.hdr), OpenEXR by `exr.js`.
-const DAMAGED = "it was cut off or is damaged, copy or download it again";
+const DAMAGED = "it was cut off or is damaged";
 
 // {width, height, pixels, notes} of the bytes of a file: linear Rec.709, first row on top.
 async function readImage(name, bytes) {

@@ -27,7 +27,7 @@ _POINTS_A_CLUSTER, _COMPONENTS = 1000, 24
 _COARSE = 2
 _MOST = 127
 # The step of the strongest feature of bounced light over the expected size of a texel in it.
-_BASIS_STEP = 0.0015
+_BASIS_STEP = 0.0002
 
 
 def form_steps(bake):

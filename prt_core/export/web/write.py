@@ -31,14 +31,17 @@ from prt_core.transport.sent import Sent
 from prt_core.version import __version__
 
 _PAGE = Path(__file__).parent / "page"
-# In the order in which they are run.
-SCRIPTS = (
-    "core.js", "cube.js", "relight.js", "images.js", "exr.js", "piz.js", "filmic.js", "shaders.js",
-    "gpu.js", "view.js", "page.js",
-)  # fmt: skip
+# The page's scripts of its own, each of some in the order in which they are run.
+SCRIPTS = {
+    "page.js": (
+        "core.js", "cube.js", "relight.js", "images.js", "filmic.js", "shaders.js", "gpu.js",
+        "view.js", "page.js",
+    ),
+    "exr.js": ("exr.js", "piz.js"),
+}  # fmt: skip
 # By which a page of this project is known, in its first bytes.
 _MARK, _HEAD = b'name="generator" content="prt_core"', 1024
-_INDEX, _SCRIPT, _STYLE, _DATA = "index.html", "page.js", "style.css", "data.js"
+_INDEX, _STYLE, _DATA = "index.html", "style.css", "data.js"
 
 
 @dataclass(frozen=True)
@@ -245,15 +248,17 @@ def _files(data, title, one_file):
     texts = {
         path.name: path.read_text("utf-8") for path in _PAGE.iterdir() if path.suffix != ".npz"
     }
-    script = "".join(squeezed(texts[name]) for name in SCRIPTS)
+    scripts = {
+        name: "".join(squeezed(texts[part]) for part in parts) for name, parts in SCRIPTS.items()
+    }
     page = texts[_INDEX].replace("TITLE", escape(title))
     if one_file:
         page = page.replace(f'<link rel="stylesheet" href="{_STYLE}">',
                             f"<style>\n{texts[_STYLE]}</style>")  # fmt: skip
-        for name, text in ((_DATA, data), (_SCRIPT, script)):
+        for name, text in {_DATA: data, **scripts}.items():
             page = page.replace(f'<script src="{name}"></script>', f"<script>\n{text}</script>")
         return {_INDEX: page}
-    return {_DATA: data, _SCRIPT: script, _STYLE: texts[_STYLE], _INDEX: page}
+    return {_DATA: data, **scripts, _STYLE: texts[_STYLE], _INDEX: page}
 
 
 def _write(output, folder, files):

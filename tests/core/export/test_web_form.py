@@ -157,4 +157,8 @@ def test_the_package_carries_the_page():
     patterns = settings["tool"]["setuptools"]["package-data"]["prt_core.export.web"]
     packed = {path for pattern in patterns for path in folder.glob(pattern)}
     assert packed == set((folder / "page").iterdir())
-    assert {path.name for path in packed if path.suffix == ".js"} == set(write.SCRIPTS)
+    assert {path.name for path in packed if path.suffix == ".js"} == set(
+        sum(write.SCRIPTS.values(), ())
+    )
+    texts = (squeezed((folder / "page" / name).read_text()) for name in write.SCRIPTS["page.js"])
+    assert sum(map(len, texts)) <= 40 << 10

@@ -191,7 +191,7 @@ def test_the_picture_is_what_relight_draws(shown, bake):
 def test_without_webgl_or_data_the_page_says_so(bake, tmp_path):
     prt_core.export_web(bake, tmp_path / "page", bits=False)
     assert {path.name for path in (tmp_path / "page").iterdir()} == {
-        "index.html", "page.js", "style.css", "data.js"
+        "index.html", "page.js", "exr.js", "style.css", "data.js"
     }  # fmt: skip
     with Browser(flags=("--disable-webgl2", "--disable-webgl")) as browser:
         browser.open(tmp_path / "page" / "index.html")

@@ -11,6 +11,7 @@ import pytest
 
 import prt_core
 from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.cli import main
 from prt_core.errors import PRTError
 from prt_core.export.web import write
 from prt_core.export.web.curve import hilbert_index
@@ -162,3 +163,18 @@ def test_the_package_carries_the_page():
     )
     texts = (squeezed((folder / "page" / name).read_text()) for name in write.SCRIPTS["page.js"])
     assert sum(map(len, texts)) <= 40 << 10
+
+
+def test_the_command_is_the_call(bake, tmp_path, capfd):
+    line = ["export", "web", str(bake.path), "-o", str(tmp_path / "page.html"), "--no-bits"]
+    assert main(line) == 0
+    text = capfd.readouterr().out
+    assert "suns are soft" in text and "in the mean" in text and "of 12 turned lights" in text
+    same = prt_core.export_web(bake, tmp_path / "same", bits=False, one_file=True)
+    page = (tmp_path / "page.html").read_bytes()
+    assert page == (tmp_path / "same" / "index.html").read_bytes() and same["bytes"] == len(page)
+    assert main([*line, "--title", "A & B", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["output"] == str(tmp_path / "page.html")
+    assert "<title>A &amp; B</title>" in (tmp_path / "page.html").read_text()
+    assert main(["export", "web", "missing.prt", "-o", str(tmp_path / "no")]) == 2
+    assert not (tmp_path / "no").exists()

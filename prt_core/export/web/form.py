@@ -3,8 +3,8 @@
 Errors of a component matter as much as its weights are large, so all steps are chosen for about
 the same error of the rows: a mean's is `_STEP`, a component's that over the root mean square of
 its weights; weights, of components of unit length, have one step throughout. What is small then
-takes few codes, which deflate well. Coarse wavelets are far larger than fine ones, and have a step
-of their own where eight bits are too few.
+takes few codes, which deflate well. Coarse wavelets are far larger than fine ones, so each level
+has a step of its own where eight bits are too few.
 """
 
 from copy import copy
@@ -24,10 +24,9 @@ from prt_core.runtime.main_thread import in_thread
 _STEP, _WEIGHT_STEP = 0.6, 1 / 16
 # Points a cluster has on average, and components, where there is no form to take.
 _POINTS_A_CLUSTER, _COMPONENTS = 1000, 24
-_COARSE = 2
 _MOST = 127
 # The step of the strongest feature of bounced light over the expected size of a texel in it.
-_BASIS_STEP = 0.0002
+_BASIS_STEP = 0.0015
 
 
 def form_steps(bake):
@@ -71,8 +70,8 @@ class CodedForm:
         With the values that the codes stand for.
     rows : (n_rows, n_features) int8
         Means and components, cluster by cluster.
-    steps : (n_rows, 3) float32
-        Of coarse wavelets, of fine ones, and of all other features.
+    steps : (n_rows, n_levels + 1) float32
+        Of each level's wavelets, the coarsest first, and of all other features.
     weights : (n_slots, most_rank) int8
     weight_steps : (n_rows,) float32
         1 where a row is a mean.
@@ -80,8 +79,7 @@ class CodedForm:
         Sum of the squared weights of each.
     basis : (n_others, n_directions) int8
         What the features of bounced light stand for.
-    basis_steps : (n_others, 2) float32
-        Of coarse wavelets, and of fine ones.
+    basis_steps : (n_others, n_levels) float32
     """
 
     model: object
@@ -98,7 +96,7 @@ def coded_form(model):
     """The `CodedForm` of a fitted `ClusterCompressor`."""
     code = model.code_
     parts = _parts(code)
-    means = np.stack([a.mean[parts[1]] for a in model.affine_])
+    means = np.stack([a.mean[parts[-2]] for a in model.affine_])
     step = _STEP * max(float(np.sqrt((means.astype(np.float64) ** 2).mean())), 1e-30)
     squares = sum(float((a.weights.astype(np.float64) ** 2).sum()) for a in model.affine_)
     count = sum(a.weights.size for a in model.affine_)
@@ -139,7 +137,7 @@ def coded_form(model):
 
 def _feature_sizes(rows, steps, energies, n_directions):
     """(n_others,) root mean squares of the features of bounced light."""
-    values = rows[:, n_directions:] * steps[:, 2:]
+    values = rows[:, n_directions:] * steps[:, -1:]
     return np.sqrt(energies @ values**2 / max(float(energies.sum()), 1e-30))
 
 
@@ -152,39 +150,43 @@ def _coded_basis(code, size):
     size : (n_others,) float
         Of the features.
     """
-    n, parts = code.n_directions, _parts(code)[:2]
+    n, parts = code.n_directions, _parts(code)[:-1]
     bases = [group.basis for group in code.groups[1:] if group.basis is not None]
     if not bases:
-        return np.zeros((0, n), np.int8), np.zeros((0, 2), np.float32), code
+        return np.zeros((0, n), np.int8), np.zeros((0, len(parts)), np.float32), code
     basis = np.concatenate(bases)
     # Errors of all features matter alike; those of many texels add up.
     step = _BASIS_STEP / np.sqrt(n) * max(size.max(initial=0), 1e-30) / np.maximum(size, 1e-30)
     codes, steps = _coded(basis, parts, step)
     values, first, groups = np.empty_like(basis), 0, []
-    for part, column in zip(parts, steps.T, strict=False):
+    for part, column in zip(parts, steps.T, strict=True):
         values[:, part] = codes[:, part] * column[:, None]
     for group in code.groups:
         if group.basis is not None:
             last = first + len(group.basis)
             group, first = replace(group, basis=values[first:last]), last
         groups.append(group)
-    return codes, steps[:, :2], replace(code, groups=tuple(groups))
+    return codes, steps, replace(code, groups=tuple(groups))
+
+
+def _levels(code):
+    """(n_directions,) level of each wavelet, 0 the coarsest."""
+    if not code.resolution:
+        return np.zeros(code.n_directions, int)
+    return haar_areas(code.resolution)[0]
 
 
 def _parts(code):
-    """Features whose codes have steps of their own: coarse and fine wavelets, all others."""
-    direct = np.arange(code.n_directions)
-    if code.resolution:
-        level, _ = haar_areas(code.resolution)
-        coarse = level <= min(_COARSE, level.max() - 1)
-    else:
-        coarse = np.zeros(code.n_directions, bool)
-    return direct[coarse], direct[~coarse], np.arange(code.n_directions, code.n_features)
+    """Features whose codes have a step of their own: wavelets by level, all others."""
+    level = _levels(code)
+    parts = [np.flatnonzero(level == n) for n in range(level.max() + 1)]
+    return [*parts, np.arange(code.n_directions, code.n_features)]
 
 
 def _coded(vectors, parts, step):
-    """int8 codes of rows, and the step of each part (n, 3)."""
-    codes, steps = np.zeros(vectors.shape, np.int8), np.ones((len(vectors), 3), np.float32)
+    """int8 codes of rows (n, n_features), and the step of each part (n, n_parts)."""
+    codes = np.zeros(vectors.shape, np.int8)
+    steps = np.ones((len(vectors), len(parts)), np.float32)
     step = np.maximum(step, 1e-30)
     for index, part in enumerate(parts):
         if len(part):
@@ -224,9 +226,7 @@ def pack_form(pack, coded, points):
     pack.add("energy", coded.energies)
     scale = np.ones(code.n_directions, np.float32) if code.scale is None else code.scale
     pack.add("scale", scale.astype(np.float32))
-    coarse = np.zeros(code.n_directions, np.uint8)
-    coarse[_parts(code)[0]] = 1
-    pack.add("coarse", coarse)
+    pack.add("level", _levels(code).astype(np.uint8))
     if len(coded.basis):
         pack.add("basis", coded.basis.T)
         pack.add("basis_step", coded.basis_steps)

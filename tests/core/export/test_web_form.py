@@ -11,6 +11,7 @@ import pytest
 
 import prt_core
 from prt_core.bake import BakeSettings, bake_steps, load
+from prt_core.basis import haar_areas
 from prt_core.cli import main
 from prt_core.errors import PRTError
 from prt_core.export.web import write
@@ -93,15 +94,10 @@ def test_codes_stand_for_the_form(bake):
 
 
 def _kinds(coded):
-    """Which of a row's steps each feature has."""
+    """Which of a row's steps each feature has: that of its level, or the last."""
     code = coded.model.code_
-    kinds = np.full(code.n_features, 2)
-    n = code.resolution
-    side = np.arange(n)[:, None] + 0 * np.arange(n)
-    # Of eight texels along an edge there are three levels, of which the two coarsest are coarse.
-    coarse = np.tile(((side < n // 2) & (side.T < n // 2)).ravel(), 6)
-    kinds[: code.n_directions] = np.where(coarse, 0, 1)
-    return kinds
+    level, _ = haar_areas(code.resolution)
+    return np.concatenate([level, np.full(code.n_features - len(level), level.max() + 1)])
 
 
 def test_a_bake_lends_its_own_form(bake):

@@ -91,7 +91,7 @@ class Gpu {
     for (let k = 0; k < count; k++) sources.set(a["source" + k], k * n);
     this.nSlots = nSlots;
     this.quads = quads;
-    this.nRows = a.row_step.length / 3;
+    this.nRows = a.row_step.shape[0];
     this.data = {
       weights: this.table("i8x4", weights, quads * nSlots), clusters: this.table("u16", a.cluster, nSlots),
       firsts: this.table("u32", firsts, firsts.length), products: this.table("f32x4", null, this.nRows),

@@ -1,6 +1,7 @@
 // From a light on texels to what the rows of the compressed form give: all that the processor does
 // for a new light. The few brightest texels are taken out of what rows have of direct light, and
 // looked up in the visibility bits.
+const columns = table => [...Array(table.shape[1]).keys()].map(k => table.filter((_, i) => i % table.shape[1] === k));
 const MOST_TERMS = 512, SPARE = 1e-3, MOST_BRIGHT = 16, BRIGHT_SHARE = 2e-3;
 
 class Evaluator {
@@ -8,17 +9,18 @@ class Evaluator {
     this.n = facts.resolution;
     this.groups = facts.groups;
     this.rows = arrays.row;
-    this.nRows = arrays.row_step.length / 3;
+    this.nRows = arrays.row_step.shape[0];
     this.nDirections = 6 * this.n * this.n;
     this.bits = facts.bits;
-    Object.assign(this, {scale: arrays.scale, coarse: arrays.coarse, basis: arrays.basis,
+    Object.assign(this, {scale: arrays.scale, level: arrays.level, basis: arrays.basis,
       weightStep: arrays.weight_step});
-    this.steps = [0, 1, 2].map(k => arrays.row_step.filter((_, i) => i % 3 === k));
-    this.basisSteps = arrays.basis_step && [1, 0].map(k => arrays.basis_step.filter((_, i) => i % 2 === k));
+    // Steps of each level's wavelets, and the last of all other features.
+    this.steps = columns(arrays.row_step);
+    this.basisSteps = arrays.basis_step && columns(arrays.basis_step);
     this.solid = solidAngles(this.n);
     this.importance = this.groups.map((_, g) => this.important(g, arrays.energy));
     this.products = new Float32Array(4 * this.nRows);
-    this.sums = [0, 1, 2, 3, 4, 5].map(() => new Float32Array(this.nRows));
+    this.sums = this.steps.map(() => [0, 1, 2].map(() => new Float32Array(this.nRows)));
   }
 
   // How much each term of a light matters to a group.
@@ -33,14 +35,14 @@ class Evaluator {
       return sum;
     };
     if (!g) {
-      for (let j = 0; j < n; j++) out[j] = squares(j, this.steps[this.coarse[j] ? 0 : 1]);
+      for (let j = 0; j < n; j++) out[j] = squares(j, this.steps[this.level[j]]);
       return out;
     }
     const [first, count] = this.place(g), width = this.basisSteps[0].length;
     for (let k = 0; k < count; k++) {
-      const square = squares(n + first + k, this.steps[2]);
+      const square = squares(n + first + k, this.steps.at(-1));
       for (let j = 0; j < n; j++) {
-        const value = this.basis[j * width + first + k] * this.basisSteps[this.coarse[j]][first + k];
+        const value = this.basis[j * width + first + k] * this.basisSteps[this.level[j]][first + k];
         out[j] += square * value * value;
       }
     }
@@ -117,17 +119,18 @@ class Evaluator {
 
   direct(coded, shares) {
     const {rows, nRows, products, sums, steps} = this, n = this.nDirections;
-    for (const sum of sums) sum.fill(0);
+    for (const sum of sums.flat()) sum.fill(0);
     for (const j of this.chosen(0, coded)) {
-      const s = this.coarse[j] ? 0 : 3, [red, green, blue] = [sums[s], sums[s + 1], sums[s + 2]];
+      const [red, green, blue] = sums[this.level[j]];
       const [x, y, z] = [shares[0] * coded[j], shares[1] * coded[n + j], shares[2] * coded[2 * n + j]];
       for (let r = 0, at = j * nRows; r < nRows; r++, at++) {
         const value = rows[at];
         if (value) { red[r] += value * x; green[r] += value * y; blue[r] += value * z; }
       }
     }
-    for (let r = 0; r < nRows; r++) for (let c = 0; c < 3; c++)
-      products[4 * r + c] += steps[0][r] * sums[c][r] + steps[1][r] * sums[3 + c][r];
+    sums.forEach((sum, k) => {
+      for (let r = 0; r < nRows; r++) for (let c = 0; c < 3; c++) products[4 * r + c] += steps[k][r] * sum[c][r];
+    });
   }
 
   indirect(g, coded) {
@@ -135,14 +138,14 @@ class Evaluator {
     const [first, count] = this.place(g), width = basisSteps[0].length, shares = this.groups[g].shares;
     const inner = new Float32Array(3 * count);
     for (const j of this.chosen(g, coded)) for (let c = 0; c < 3; c++) {
-      const value = shares[c] * coded[c * n + j], steps = basisSteps[this.coarse[j]];
+      const value = shares[c] * coded[c * n + j], steps = basisSteps[this.level[j]];
       if (value) for (let k = 0, at = j * width + first; k < count; k++, at++)
         inner[c * count + k] += basis[at] * steps[first + k] * value;
     }
     for (let k = 0; k < count; k++) {
       const x = inner[k], y = inner[count + k], z = inner[2 * count + k];
       for (let r = 0, at = (n + first + k) * nRows; r < nRows; r++, at++) if (rows[at]) {
-        const value = rows[at] * this.steps[2][r];
+        const value = rows[at] * this.steps.at(-1)[r];
         products[4 * r] += value * x;
         products[4 * r + 1] += value * y;
         products[4 * r + 2] += value * z;

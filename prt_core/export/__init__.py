@@ -1,1 +1,1 @@
-"""Ways out of a bake, into what others open: a web page that relights it."""
+"""Bakes for other programs: what leaves Blender."""

@@ -228,6 +228,7 @@ class PRT_PT_preview(Panel, bpy.types.Panel):
         column.operator("prt.turntable", icon="KEY_HLT")
         column.operator("prt.export", icon="EXPORT")
         column.operator("prt.export_glb", icon="EXPORT")
+        column.operator("prt.web_page_dialog", icon="URL")
         column.operator("prt.lightmap", icon="UV")
         column.operator("prt.occlusion", icon="SHADING_RENDERED")
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from prt_core.api.export import export_glb as export_glb
 from prt_core.api.export import export_glb_steps as export_glb_steps
+from prt_core.api.export_web import export_web as export_web
+from prt_core.api.export_web import export_web_steps as export_web_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
 from prt_core.api.occlusion import occlusion as occlusion

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import prt_core
-from prt_core import api, evaluate, light, scene
+from prt_core import api, evaluate, export_web, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
@@ -79,6 +79,28 @@ CALLS = {
     "colour_error": plain(
         evaluate.colour_error, colours=np.ones((3, 3)), truth=np.ones((3, 3)), weights=np.ones(3)
     ),
+    "export_web": lambda t: Call(
+        export_web,
+        {
+            "bake": t.bake,
+            "output": t.folder / "page.html",
+            "bits": True,
+            "lights": None,
+            "title": "a",
+            "lamp_samples": 1,
+        },
+        (
+            "bits None",
+            "output folder",
+            "title text",
+            "title None",
+            "lights None",
+            "output text",
+            "title long name",
+            "title empty text",
+            "title other text",
+        ),
+    ),  # fmt: skip
     "contact_sheet": plain(
         evaluate.contact_sheet,
         ("labels one more",),

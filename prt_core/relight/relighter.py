@@ -64,6 +64,9 @@ class Relighter:
         Why `auto` did not use a compressed form; empty where it did.
     notes : tuple of str
         What is to be said of the image last read (see `read_picture`).
+    received : (n_points, 3) float32
+        Irradiance / pi, exposed, of the last light that points were shown under: the colours
+        without what surfaces make of it. None before there was any.
     """
 
     @renamed_keyword(transport="form")
@@ -73,7 +76,7 @@ class Relighter:
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.form = bake, expect_one_of("form", form, FORMS)
         expect_kind("caster", caster, str, "the name of one")
-        self.used, self.gloss_used, self.notes = "exact", "", ()
+        self.used, self.gloss_used, self.notes, self.received = "exact", "", (), None
         self._compressed = FormInUse(bake, expect_flag("progressive", progressive))
         self._gloss_form = GlossFormInUse(bake)
         self._environments = Environments(bake)
@@ -197,14 +200,14 @@ class Relighter:
             shining = subject.radiance_of_points(*emitted)
             radiance = shining if radiance is None else shining + radiance
             received_in_all.append(emitted[0])
+        if of == "points":
+            self.received = _exposed(sum(received_in_all), lighting)
         if pixels is not None and radiance is None:
             return pixels
         gloss_form = None
         if isinstance(view, View) and self.form != "exact" and not (lamps or emitted):
-            applies = light is not None and lighting.bounces in (
-                "baked",
-                self.bake.transport.bounces,
-            )
+            as_baked = "baked", self.bake.transport.bounces
+            applies = light is not None and lighting.bounces in as_baked
             gloss_form = self._gloss_form.read() if applies else None
         self.gloss_used = "" if gloss_form is None else gloss_form.model.name
         if view is not None or baked_view:

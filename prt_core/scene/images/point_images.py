@@ -32,6 +32,8 @@ class PointImage:
         A bake point that `pixel` shows.
     camera : Camera, optional
         That sees it; None: an image of a surface, which nobody looks at.
+    atlas : Atlas, optional
+        By which UV maps it shows objects, where it is for them to wear.
     """
 
     height: int
@@ -40,6 +42,7 @@ class PointImage:
     pixel: np.ndarray
     point: np.ndarray
     camera: Camera | None = None
+    atlas: object = None
 
     def digest(self):
         """Of what it shows: the same for the same image only."""
@@ -56,6 +59,15 @@ class PointImage:
             sums = np.bincount(self.pixel, values[self.point], len(result))
             result[:, channel] = sums / self.samples
         return result.reshape(self.height, self.width, -1)
+
+    def finished(self, pixels):
+        """Pixels as they are handed out: where it is an atlas, with both sides of seams alike.
+
+        Parameters
+        ----------
+        pixels : (height, width, n_channels) float32
+        """
+        return pixels if self.atlas is None else self.atlas.seams.mended(pixels, self.point)
 
 
 def with_camera_image(scene, caster, camera, width, height, samples=2):

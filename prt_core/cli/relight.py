@@ -141,7 +141,7 @@ def _relight_one(options):
         if radiance is None:
             spent = time.perf_counter() - start
         if options.image:
-            pixels = _pixels(baked, relighter, lighting, radiance, options)
+            pixels = image_of(baked, relighter, lighting, radiance, of, options.light_only)
         how, notes = how_relit(relighter), notes_of(relighter)
     finally:
         relighter.close()
@@ -268,7 +268,7 @@ def _relight_turn(baked, lighting, options, camera, view):
             radiance = relighter.received if options.light_only else radiance
             spent.append(time.perf_counter() - begun)
         if options.image:
-            shown = _pixels(baked, relighter, lighting, radiance, options)
+            shown = image_of(baked, relighter, lighting, radiance, of, options.light_only)
             write_pixels(frame_path(options.image, frame + 1), shown, options.bits or 8)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
@@ -312,13 +312,6 @@ def _of(options):
     """
     alone = options.image and not (options.output or options.png or options.blend)
     return "image" if alone and not options.light_only else "points"
-
-
-def _pixels(baked, relighter, lighting, radiance, options):
-    """The image that was baked; light alone has no gloss."""
-    if options.light_only:
-        return baked.image(radiance)
-    return image_of(baked, relighter, lighting, radiance, _of(options))
 
 
 def _shown(baked, of):

@@ -21,7 +21,7 @@ def wants_points(options, view):
     return view is None or bool(options.output or options.blend or options.image)
 
 
-def image_of(baked, relighter, lighting, radiance, of):
+def image_of(baked, relighter, lighting, radiance, of, light_only=False):
     """The image that was baked, (height, width, 3): with its camera's gloss, where it has some.
 
     Parameters
@@ -33,6 +33,8 @@ def image_of(baked, relighter, lighting, radiance, of):
         Of the image, or of points.
     of : {"points", "image"}
         Which.
+    light_only : bool
+        Whether it is light that points receive, not what they send.
 
     Returns
     -------
@@ -40,7 +42,7 @@ def image_of(baked, relighter, lighting, radiance, of):
     """
     if of == "image":
         return radiance
-    if Subject.of_bake(baked, "image").shows_gloss:
+    if not light_only and Subject.of_bake(baked, "image").shows_gloss:
         return relighter.radiance(lighting, of="image")
     return baked.image(radiance)
 

@@ -206,10 +206,8 @@ class Relighter:
             return pixels
         gloss_form = None
         if isinstance(view, View) and self.form != "exact" and not (lamps or emitted):
-            applies = light is not None and lighting.bounces in (
-                "baked",
-                self.bake.transport.bounces,
-            )
+            as_baked = "baked", self.bake.transport.bounces
+            applies = light is not None and lighting.bounces in as_baked
             gloss_form = self._gloss_form.read() if applies else None
         self.gloss_used = "" if gloss_form is None else gloss_form.model.name
         if view is not None or baked_view:

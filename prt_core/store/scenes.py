@@ -106,9 +106,9 @@ def write_scene(store, scene):
     seen_by = getattr(scene.image, "camera", None)
     return {
         **emitters,
+        **({"image_camera": seen_by.to_dict()} if seen_by else {}),
         **write_mesh_parts(store, scene),
         **write_atlas(store, scene.image),
-        **({"image_camera": seen_by.to_dict()} if seen_by else {}),
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         **_more_of(opacities),
@@ -346,7 +346,7 @@ def _read_image(store, sizes, camera):
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
+    camera = None if camera is None else Camera(**camera)
     height, width, samples = (int(size) for size in sizes)
     atlas = read_atlas(store, height * width)
-    camera = None if camera is None else Camera(**camera)
-    return PointImage(height, width, samples, pixel, point, atlas=atlas, camera=camera)
+    return PointImage(height, width, samples, pixel, point, camera, atlas)

@@ -30,10 +30,10 @@ class PointImage:
         In reading order, sorted.
     point : (m,) int32
         A bake point that `pixel` shows.
-    atlas : Atlas, optional
-        By which UV maps it shows objects, where it is for them to wear.
     camera : Camera, optional
         That sees it; None: an image of a surface, which nobody looks at.
+    atlas : Atlas, optional
+        By which UV maps it shows objects, where it is for them to wear.
     """
 
     height: int
@@ -41,8 +41,8 @@ class PointImage:
     samples: int
     pixel: np.ndarray
     point: np.ndarray
-    atlas: object = None
     camera: Camera | None = None
+    atlas: object = None
 
     def digest(self):
         """Of what it shows: the same for the same image only."""

@@ -30,13 +30,13 @@ def of(mesh, **gloss):
 
 
 def scene_of(roughness):
-    floor = of(plane(12, name="floor"), dielectric=1.0, roughness=roughness)
-    ball = of(sphere(14, 0.4, (0, 0, 0.5)), metal=GOLD, stand_in=0.5 * GOLD, roughness=roughness)
+    floor = of(plane(9, name="floor"), dielectric=1.0, roughness=roughness)
+    ball = of(sphere(10, 0.4, (0, 0, 0.5)), metal=GOLD, stand_in=0.5 * GOLD, roughness=roughness)
     return Scene.from_meshes([floor, ball], max_hidden=0)
 
 
 def baked(path, roughness=0.6, **settings):
-    settings = {"resolution": 16, "caster": CASTER, "gloss": True, "bounces": 1, **settings}
+    settings = {"resolution": 8, "caster": CASTER, "gloss": True, "bounces": 1, **settings}
     return run(bake_steps(scene_of(roughness), path, BakeSettings(**settings)))
 
 
@@ -55,7 +55,7 @@ def test_the_certificate_tells_what_is_wrong_with_reflections(path, tmp_path, mo
     report = load(path).report
     found = report["gloss_error"]
     assert set(found["errors"]) == {"even sky", "low sun", "high sun"} and found["views"] == 4
-    assert found["points"] == 48 and found["rays"] == report["rays_gloss_certificate"] > 3e4
+    assert found["points"] == 48 and found["rays"] == report["rays_gloss_certificate"] > 5e3
     assert 0.001 < max(found["errors"].values()) < 0.03
     lines = [line for line in report_lines(path, report) if "glossy points" in line]
     assert len(lines) == 1 and "of what 4 views show of 48 glossy points" in lines[0]
@@ -70,7 +70,7 @@ def test_the_certificate_tells_what_is_wrong_with_reflections(path, tmp_path, mo
 def test_mirrors_are_not_certified(tmp_path, monkeypatch):
     assert "gloss_error" not in baked(tmp_path / "a.prt", roughness=0.05, bounces=0)
     monkeypatch.setattr(gloss_certificate, "_POINTS", 7)
-    report = baked(tmp_path / "b.prt", roughness=0.3, bounces=0)
+    report = baked(tmp_path / "b.prt", roughness=0.4, bounces=0)
     assert report["gloss_error"]["points"] <= 7
 
 

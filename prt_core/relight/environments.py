@@ -31,6 +31,13 @@ class Environments:
         """Let go of everything."""
         self._images, self._turning, self._last = {}, {}, (None, None)
 
+    def replace(self, bake):
+        """See `Relighter.replace`."""
+        # What points receive of a light is made of their rows alone.
+        if bake.transport.bits is not self._bake.transport.bits:
+            self._last = None, None
+        self._bake = bake
+
     def read(self, lighting):
         """What a `Lighting` has of light from far away, as something that can be put on texels.
 
@@ -104,6 +111,9 @@ class Environments:
             if evaluator is not None:
                 radiance, sun = self._turned(light, matrix, sharp)
                 kept = evaluator.product(radiance * np.float32(lighting.strength)), sun
+            elif self._bake.transport.is_coarse:
+                radiance, sun = self._turned(light, matrix, sharp)
+                kept = self._bake.transport.received(radiance), sun
             else:
                 rest, sun = split_sun(light, matrix) if sharp else (light, None)
                 kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun

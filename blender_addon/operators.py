@@ -17,7 +17,7 @@ from prt_core.errors import expect
 from prt_core.runtime.progress import run
 from prt_core.store import remove_bake
 
-from . import bakes, field_list, freshness, live, plan, preview, saving, views, work
+from . import bakes, field_list, freshness, live, plan, preview, saving, showing, views, work
 from .buttons import BakeButton, Button
 from .request import request
 from .work import LongWork, status
@@ -29,6 +29,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
     bl_idname = "prt.bake"
     bl_label = "Bake"
     title = "Bake"
+    when_stopped = "colours are as before, and the same button goes on where it was"
 
     restart: BoolProperty(
         name="Restart", description="Begin anew even where the bake is there already",
@@ -42,6 +43,18 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
+        pictures = None if pace is None else showing.begin(scene)
+        finished = False
+        try:
+            result = yield from self._bake_steps(scene, path, caster, pace, pictures)
+            finished = True
+            return result
+        finally:
+            showing.end(finished)
+            if pictures is not None and not finished:
+                live.touch(context.scene, show=True)
+
+    def _bake_steps(self, scene, path, caster, pace, pictures):
         self.report_line = yield from bake_blend_steps(
             None,
             path,
@@ -52,6 +65,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             pace,
             scene,
             strict=False,
+            pictures=pictures,
         )
         preview.forget()
         path = saving.settle(self.scene, path)

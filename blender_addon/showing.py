@@ -16,10 +16,10 @@ from . import preview, views, work
 from .own_changes import own_changes
 from .request import request
 
-# Of the time of a bake, what pictures after the first may take; seconds: of work in one call of
-# the timer, of quiet after which a light that was turned gets all that is known; shadow rays a
-# lamp.
-_SHARE, _BUDGET, _QUIET, _RAYS = 0.1, 0.03, 0.3, 4
+# Of the time of a bake, what pictures after the first may take before another waits, and how much
+# of showing them is time of the bake, which goes on beside; seconds: of work in one call of the
+# timer, of quiet after which a light that was turned gets all that is known; shadow rays a lamp.
+_SHARE, _BESIDE, _BUDGET, _QUIET, _RAYS = 0.08, 0.5, 0.03, 0.3, 4
 _NOW = []
 # Seconds from a picture's arrival, or a change of the light, to its colours; and what it was of:
 # (seconds, known percent, error, whether the light was turned), of the last bake.
@@ -87,7 +87,7 @@ class _Showing:
             self.written = True
             views.show()
         now = time.perf_counter()
-        self.pictures.spent(0 if turned else now - start)
+        self.pictures.spent(0 if turned else _BESIDE * (now - start))
         work.note(
             f"Shown from {bake.known_percent:.3g} % of the points: within about {bake.error:.1%}"
         )

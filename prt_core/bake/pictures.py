@@ -58,8 +58,8 @@ class Pictures:
     Parameters
     ----------
     share : float, optional
-        Most of the time of the bake that goes into pictures after the first, with what `spent` is
-        told of; default: every picture is made.
+        Of the time of the bake so far: where pictures after the first, with what `spent` is told
+        of, took more of it, another waits. Default: every picture is made.
     to_the_end : bool
         Whether the last picture is that of the finished bake, bit for bit.
     """
@@ -67,9 +67,9 @@ class Pictures:
     def __init__(self, share=None, to_the_end=True):
         self._share = None if share is None else expect_number("share", share, above=0, below=1)
         self.to_the_end = expect_flag("to_the_end", to_the_end)
-        self._began, self._spent, self._cost = time.perf_counter(), 0.0, 0.0
+        self._began, self._spent = time.perf_counter(), 0.0
         self._latest = self._coarse = self._bits = self._emission = self._blocks = None
-        self._n_shown = 0
+        self._n_shown = self._count = 0
 
     def take(self):
         """The newest `PartialBake` that was not taken yet, or None."""
@@ -77,9 +77,9 @@ class Pictures:
         return latest
 
     def spent(self, seconds):
-        """Somebody worked so long on showing the last picture."""
-        self._spent += seconds
-        self._cost += seconds
+        """Showing a picture took so many seconds of the bake's time."""
+        # There is always a first one, whatever it takes.
+        self._spent += seconds if self._count > 1 else 0
 
     def begin(self, scene, cube_map, settings, caster, parts, joined=False):
         """The scene is known, and looked at for the first time.
@@ -159,11 +159,11 @@ class Pictures:
 
     @property
     def is_due(self):
-        """Whether there is time for another picture (see `share`), as dear as the last one."""
+        """Whether there is time for another picture (see `share`)."""
         if self._share is None:
             return True
         most = self._share * (time.perf_counter() - self._began)
-        return self._latest is None and self._spent + self._cost <= most
+        return self._latest is None and self._spent <= most
 
     def _show_few(self, points, bits, start, row_map=None):
         """Rows of few points: a picture, and all that serves while the light moves."""
@@ -203,9 +203,8 @@ class Pictures:
             dict(source or {}), None, dict(origin or {}), None, emission,
             known_percent=100 * share, error=error, coarse=few.bake,
         )  # fmt: skip
-        self._latest, self._n_shown = bake, n_known
-        self._cost = time.perf_counter() - start
-        self._spent += self._cost
+        self._latest, self._n_shown, self._count = bake, n_known, self._count + 1
+        self.spent(time.perf_counter() - start)
         return bake
 
 

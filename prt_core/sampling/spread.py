@@ -4,13 +4,15 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from prt_core.sampling.groups import alike
+from prt_core.errors import expect, expect_array, expect_kind
 from prt_core.sampling.neighbours import Neighbours
+from prt_core.scene import Scene
 
 # Known points around another that it takes from, of so many near ones.
 _AROUND, _CANDIDATES = 3, 4
-# How far apart two points of different groups count whose normals differ by 1.
-_NORMAL = 0.05
+# How far apart two points of different objects count whose normals differ by 1; and the cosine
+# between normals above which a point tells another something.
+_NORMAL, _FACES = 0.05, 0.3
 
 
 class Spread:
@@ -22,27 +24,29 @@ class Spread:
 
     Attributes
     ----------
-    groups : (n_points,) int
-        Of points that take from each other.
+    groups : (n_points,) int64
+        The objects of the points, of which each takes from itself first.
     """
 
     def __init__(self, scene):
-        points, self.groups = scene.points, alike(scene)
-        self._n_points = len(points)
+        points = expect_kind("scene", scene, Scene).points
+        self._n_points, self._normals = len(points), points.normals
+        self.groups = points.object_index.astype(np.int64)
         self._neighbours = Neighbours(points, self.groups)
         self._places = np.hstack([points.positions, _NORMAL * points.normals])
 
     def shares(self, known):
         """(n_points, n_known) CSR float32: rows sum to 1; a known point has all from itself.
 
-        Of three known points around in its group, the nearer the more; where its group has none,
-        from the nearest that faces the same way.
+        Of three known points around on its object, the nearer the more; where none of them faces
+        as it does, from the nearest one anywhere that does.
 
         Parameters
         ----------
         known : (n_known,) int
             At least one.
         """
+        known = self._checked("known", known)
         other = np.ones(self._n_points, bool)
         other[known] = False
         rows, columns, weights = self._taken(known, np.flatnonzero(other), False)
@@ -61,10 +65,18 @@ class Spread:
         known, wanted : (n_known,), (n_wanted,) int
             `wanted` are among the known.
         """
+        known, wanted = self._checked("known", known), self._checked("wanted", wanted)
+        expect(np.isin(wanted, known).all(), "wanted: expected some of the known points")
         rows, columns, weights = self._taken(known, wanted, True)
         shape = len(wanted), len(known)
         rows, columns = self._place_of(wanted)[rows], self._place_of(known)[columns]
         return sp.csr_matrix((weights, (rows, columns)), shape=shape)
+
+    def _checked(self, name, points):
+        points = expect_array(name, points, (None,), np.int64, 0, self._n_points - 1)
+        good = len(points) and len(np.unique(points)) == len(points)
+        expect(good, f"{name}: expected at least one point, and each of them once")
+        return points
 
     def _place_of(self, known):
         """(n_points,) int: where each point is among the known ones, where it is one."""
@@ -75,8 +87,10 @@ class Spread:
     def _taken(self, known, wanted, itself):
         """Who takes (m,), from whom (m,), which share (m,)."""
         around = self._neighbours.around(known, wanted, _AROUND, _CANDIDATES, itself)
-        alone = np.flatnonzero(around[:, 0] < 0)
+        facing = np.einsum("nkx,nx->nk", self._normals[around], self._normals[wanted])
+        alone = np.flatnonzero(((around < 0) | (facing < _FACES)).all(axis=1))
         if len(alone):
+            around[alone] = -1
             around[alone, 0] = self._nearest(known, wanted[alone], itself)
         taker, slot = np.nonzero(around >= 0)
         giver = around[taker, slot]
@@ -86,7 +100,7 @@ class Spread:
         return wanted[taker], giver, weight.astype(np.float32)
 
     def _nearest(self, known, wanted, itself):
-        """The nearest known point of any group, other than the point itself; -1: there is none."""
+        """The nearest known point of any object, other than the point itself; -1: there is none."""
         count = min(1 + itself, len(known))
         _, index = cKDTree(self._places[known]).query(self._places[wanted], k=count)
         near = known[index.reshape(len(wanted), count)]

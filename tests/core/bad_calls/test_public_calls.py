@@ -10,6 +10,7 @@ import prt_core
 from prt_core import api, evaluate, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.load import load
+from prt_core.bake.pictures import Pictures
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -51,9 +52,10 @@ def bake_call(there):
             "camera": camera(),
             "source": {"plane": "digest"},
             "pace": 0.5,
+            "pictures": Pictures(),
             "lights": {"sky": there.light},
         },
-        ("lamps no elements",),
+        ("lamps no elements", "pictures None"),
     )
 
 
@@ -187,6 +189,8 @@ CALLS = {
         {"bake": t.bake, "caster": "brute", "form": "exact"},
         ("caster other text", "caster empty text"),
     ),
+    "Relighter.replace": method(lambda t: Relighter(t.bake), "replace", bake=lambda t: t.bake),
+    "Pictures": plain(Pictures, ("share None",), share=0.5, to_the_end=True),
     "environment_light": lambda t: Call(
         prt_core.environment_light,
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},

@@ -4,7 +4,7 @@ import time
 
 import bpy
 import numpy as np
-from hand import FOLDER, Until
+from hand import Until
 from relight_story import install, on_meshes, open_scene, part, settled, status
 
 TURNS = 6

@@ -100,6 +100,7 @@ def note_preview():
 
 def another_file():
     """Nothing that is to be done outlives the file."""
+    showing.forget()
     _NOW.__init__()
 
 

@@ -12,6 +12,7 @@ from prt_core import PRTError
 from prt_core.api import bake_blend_steps, compress_bake_steps
 from prt_core.bake.report_lines import missed
 from prt_core.blender.compat import PATH_OPTIONS
+from prt_core.blender.identity import by_uid
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.runtime.progress import run
@@ -51,8 +52,9 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             return result
         finally:
             showing.end(finished)
-            if pictures is not None and not finished:
-                live.touch(context.scene, show=True)
+            scene = by_uid(bpy.data.scenes, self._uid)
+            if pictures is not None and not finished and scene is not None:
+                live.touch(scene, show=True)
 
     def _bake_steps(self, scene, path, caster, pace, pictures):
         self.report_line = yield from bake_blend_steps(

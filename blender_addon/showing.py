@@ -51,7 +51,7 @@ class _Showing:
         self.seen = touched if self.seen is None else self.seen
         if self.job is None:
             quiet = time.perf_counter() - touched > _QUIET
-            if touched != self.seen:
+            if touched != self.seen and self.scene.prt.live:
                 self.job, self.is_draft = self._steps(self.newest.coarse or self.newest, True), True
                 self.seen = touched
             elif self.is_new or (self.is_draft and quiet):
@@ -75,9 +75,10 @@ class _Showing:
             self.shown = preview.Preview("", bake, self.caster)
         self.shown.bake = bake
         self.shown.relighter.replace(bake)
-        # As exact as the picture: a compressed form there is none of.
         asked = request(self.scene, _RAYS, shown=self.shown)
-        radiance = yield from asked.steps(self.shown, work.PACE)
+        # What takes a moment only is not worth the way into a thread and back.
+        quick = turned and self.shown.relighter.has_lamps(asked.lighting)
+        radiance = yield from asked.steps(self.shown, None if quick else work.PACE)
         scene = self.scene
         if scene is None or self not in _NOW:
             return
@@ -128,6 +129,11 @@ def end(finished):
             showing.close(finished)
         except work.FAILURES as error:
             work.say(str(error), True)
+
+
+def forget():
+    """Another file: what was shown went with its own."""
+    _NOW.clear()
 
 
 def tick(touched):

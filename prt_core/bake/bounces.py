@@ -140,9 +140,9 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
             error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
-        if pictures is not None and pictures.is_due and rounds < most:
-            if error > settings.tolerance:
-                pictures.bounced(read_gather(hits, range(rounds), blocked), float(error))
+        goes_on = rounds < most and error > settings.tolerance
+        if pictures is not None and goes_on and pictures.is_due:
+            pictures.bounced(read_gather(hits, range(rounds), blocked), float(error))
     # What is left of rounds that were not needed goes, so that both arrays are whole.
     store.create("gather", (n_points, rounds * ROUND), "int32", chunks)
     store.create("gather_rays", (rounds, *table[1:]), "int64", (1, 1, table[2]))

@@ -26,6 +26,8 @@ from prt_core.transport import SpreadGather, visibility_bits
 # Points of the first look; of those that gather light and serve while the light moves, at most;
 # and of a picture before all are known, at most.
 _FIRST, _COARSE, _MOST = 1000, 4096, 16384
+# Bytes of all rows beyond which they are not held for pictures before the last.
+_MOST_BYTES = 1 << 29
 # A picture of a level has so many times the points of the one before.
 _MORE = 2.5
 
@@ -118,8 +120,7 @@ class Pictures:
         """The rows of some points are known (see `LevelDone`)."""
         count = min(len(points), _MOST)
         if len(points) == len(self._coarse.scene.points):
-            if self.is_due:
-                self.visible(bits.copy())
+            self.visible(bits.nbytes, bits.copy)
         elif count >= _MORE * max(self._n_shown, _FIRST) and self.is_due:
             start, few = time.perf_counter(), points[:_COARSE]
             if self._few is None or len(few) > self._few.count:
@@ -137,13 +138,13 @@ class Pictures:
         if len(known) >= _MORE * self._n_shown and self.is_due:
             self._show_few(known, rows[first], time.perf_counter())
 
-    def visible(self, bits):
-        """The rows (n_points, n_bytes) of all points are known; they are not changed any more."""
-        if self._bits is None or not np.array_equal(self._bits, bits):
-            self._bits = bits
-            if self.is_due:
-                start, few = time.perf_counter(), self._few_of_all()
-                transport = self._coarse.transport(bits, None, few.gather)
+    def visible(self, nbytes, read):
+        """All rows are known, of so many bytes: `read()` gives (n_points, n_bytes) uint8."""
+        if self.is_due and nbytes <= _MOST_BYTES:
+            start, bits = time.perf_counter(), read()
+            if self._bits is None or not np.array_equal(self._bits, bits):
+                self._bits = bits
+                transport = self._coarse.transport(bits, None, self._few_of_all().gather)
                 self._publish(transport, len(bits), 0, start)
 
     def emitted(self, direct):
@@ -151,11 +152,18 @@ class Pictures:
         self._emission = direct
 
     def bounced(self, gather, error):
-        """K of all points, (n_points, n_points) CSR or None, by the rays so far is known."""
-        start = time.perf_counter()
+        """K of all points, (n_points, n_points) CSR, by the rays so far is known."""
+        if self._bits is not None:
+            transport = self._coarse.transport(self._bits, None, gather)
+            self._publish(transport, len(self._bits), 0, time.perf_counter(), error)
+
+    def finished(self, read, gather, error):
+        """All is known: rows as `visible` reads them, K or None, and the error of the bounces."""
+        bits = read()
+        if self._bits is None or not np.array_equal(self._bits, bits):
+            self._bits = bits
         self._few_of_all()
-        transport = self._coarse.transport(self._bits, None, gather)
-        self._publish(transport, len(self._bits), 0, start, error)
+        self.bounced(gather, error)
 
     @property
     def is_due(self):

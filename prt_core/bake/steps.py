@@ -172,7 +172,8 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
         bounced = yield from bounce_steps(*work)
     if pictures is not None and pictures.to_the_end:
         with damage_as_error(path):
-            pictures.bounced(gather_so_far(store, bounced.rounds), bounced.error or 0.0)
+            gather = gather_so_far(store, bounced.rounds)
+            pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
         report = bake_report(

@@ -121,7 +121,8 @@ def visibility_steps(
 
 def _show_all(store, pictures):
     if pictures is not None:
-        pictures.visible(store.array("visibility")[...])
+        bits = store.array("visibility")
+        pictures.visible(bits.shape[0] * bits.shape[1], lambda: bits[...])
 
 
 def _sample_arrays(store, shape):

@@ -30,6 +30,7 @@ class Environments:
     def close(self):
         """Let go of everything."""
         self._images, self._turning, self._last = {}, {}, (None, None)
+        self._texels = (None,), False, None
 
     def replace(self, bake):
         """See `Relighter.replace`."""
@@ -111,13 +112,30 @@ class Environments:
             if evaluator is not None:
                 radiance, sun = self._turned(light, matrix, sharp)
                 kept = evaluator.product(radiance * np.float32(lighting.strength)), sun
-            elif self._bake.transport.is_coarse:
-                radiance, sun = self._turned(light, matrix, sharp)
-                kept = self._bake.transport.received(radiance), sun
             else:
-                rest, sun = split_sun(light, matrix) if sharp else (light, None)
-                kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun
+                radiance, sun = self._placed(light, matrix, sharp)
+                kept = self._bake.transport.received(radiance), sun
             self._last = (light, *made_from), kept
+        return kept
+
+    def _placed(self, light, matrix, sharp_sun):
+        """Light on texels, and its sun; kept, for the bake may come nearer under the same light.
+
+        Where the bake itself is coarse an image that was there before is turned quickly.
+        """
+        if not isinstance(light, EnvironmentMap):
+            return light, None
+        coarse = self._bake.transport.is_coarse
+        (before, *how), exact, kept = self._texels
+        if before is light and how == [matrix.tobytes(), sharp_sun] and (exact or coarse):
+            return kept
+        exact = not (coarse and before is light)
+        if exact:
+            rest, sun = split_sun(light, matrix) if sharp_sun else (light, None)
+            kept = self._on_texels(rest, matrix), sun
+        else:
+            kept = self._turned(light, matrix, sharp_sun)
+        self._texels = (light, matrix.tobytes(), sharp_sun), exact, kept
         return kept
 
     def _turned(self, light, matrix, sharp_sun):

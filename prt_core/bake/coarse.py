@@ -109,11 +109,8 @@ class Coarse:
         bounced = (one + two) / 2
         size = _squares(received[points] + bounced)
         error = _squares(one - two) / 4 / np.maximum(size, 1e-300)
-        sample = slice(0, _SAMPLE)
-        told = self._spread.left_out(points, points[sample]) @ bounced
-        size = _squares(received[points][sample] + bounced[sample])
-        spread_error = _squares(told - bounced[sample]) / np.maximum(size, 1e-300)
-        return SpreadGather(spread, whole), error + (1 - len(points) / n_points) * spread_error
+        more = received[points[:_SAMPLE]]
+        return SpreadGather(spread, whole), error + self._spread_error(points, bounced, more)
 
     def probed(self, transport):
         """(n_points, 3) float32: direct light of all points under the probe skies."""
@@ -142,22 +139,46 @@ class Coarse:
         return _squares(told - known) / np.maximum(_squares(known), 1e-300)
 
     def emitted(self, points, spread):
-        """(n_emitters, n_points, 4) float32 of what is received of each emitter, or None."""
+        """What is received of each emitter, by rays of the known points.
+
+        Returns
+        -------
+        received : (n_emitters, n_points, 4) float32, or None
+            None where nothing emits light.
+        error : float
+            Squared and relative, of what all of them together bring to points that take it.
+        """
         scene = self.scene
         if not scene.emitters:
-            return None
+            return None, 0.0
         if self._lights is None:
             self._lights = surface_lights(scene)
             for light in self._lights:
                 light.look_around(self._caster, self._seed)
         parts = [
             emitted_light(
-                scene, self._caster, self._lights, points[first : first + _BLOCK], self._seed,
-                _EMISSION_ERROR, _EMISSION_TURNS,
+                scene,
+                self._caster,
+                self._lights,
+                points[first : first + _BLOCK],
+                self._seed,
+                _EMISSION_ERROR,
+                _EMISSION_TURNS,
             ).received
             for first in range(0, len(points), _BLOCK)
-        ]  # fmt: skip
-        return np.stack([spread @ light for light in np.concatenate(parts, axis=1)])
+        ]
+        received = np.concatenate(parts, axis=1)
+        error = self._spread_error(points, received.sum(axis=0)[:, 3:], 0)[0]
+        return np.stack([spread @ light for light in received]), float(error)
+
+    def _spread_error(self, points, values, more):
+        """(k,) float64: squared error of `values` (n_known, k) where they are taken by others,
+        relative to these and `more` besides."""
+        sample = slice(0, _SAMPLE)
+        told = self._spread.left_out(points, points[sample]) @ values
+        size = _squares(values[sample] + more)
+        unknown = 1 - len(points) / len(self.scene.points)
+        return unknown * _squares(told - values[sample]) / np.maximum(size, 1e-300)
 
 
 def _squares(values):

@@ -150,6 +150,10 @@ class Pictures:
     def emitted(self, direct):
         """What all points receive of each emitter, (n_emitters, n_points, 4) float32, is known."""
         self._emission = direct
+        if self._bits is not None and self.is_due:
+            start = time.perf_counter()
+            transport = self._coarse.transport(self._bits, None, self._few_of_all().gather)
+            self._publish(transport, len(self._bits), 0, start)
 
     def bounced(self, gather, error):
         """K of all points, (n_points, n_points) CSR, by the rays so far is known."""
@@ -179,8 +183,8 @@ class Pictures:
         transport = coarse.transport(bits, spread, None, row_map)
         transport.gather, noise = coarse.gathered(points, spread, coarse.probed(transport))
         direct = coarse.left_out_error(points, transport)
-        emission = coarse.emitted(points, spread)
-        self._few = _Few(len(points), transport.gather, noise, emission)
+        emission, dim = coarse.emitted(points, spread)
+        self._few = _Few(len(points), transport.gather, noise, emission, dim)
         self._few.bake = self._publish(transport, len(points), direct, start)
 
     def _few_of_all(self):
@@ -203,9 +207,10 @@ class Pictures:
         lamps, world, camera, source, origin = self._parts
         share = n_known / len(scene.points)
         if error is None:
-            error = float(np.sqrt(((1 - share) * direct + few.noise).max()))
-        direct = few.emission if self._emission is None else self._emission
-        emission = None if direct is None else Emission(scene.emitters, direct)
+            error = ((1 - share) * direct + few.noise).max()
+            error = float(np.sqrt(max(error, few.dim if self._emission is None else 0)))
+        received = few.emission if self._emission is None else self._emission
+        emission = None if received is None else Emission(scene.emitters, received)
         bake = PartialBake(
             scene, transport, list(lamps), world, camera, self._given[1].stored(), {},
             dict(source or {}), None, dict(origin or {}), None, emission,
@@ -250,4 +255,5 @@ class _Few:
     gather: SpreadGather | None
     noise: np.ndarray  # (3,) squared relative error of their bounces
     emission: np.ndarray | None  # (n_emitters, n_points, 4) float32
+    dim: float  # squared relative error of that
     bake: PartialBake | None = None

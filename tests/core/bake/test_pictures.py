@@ -26,7 +26,7 @@ def fewer_points():
 
 @pytest.fixture(scope="module")
 def scene():
-    return ball_on_paint(more=[leaf(), sphere(9, 0.3, (0.6, 0.6, 0.4), name="bead")])
+    return ball_on_paint(more=[leaf(), sphere(6, 0.3, (0.6, 0.6, 0.4), name="bead")])
 
 
 def light(bake):
@@ -50,29 +50,42 @@ def shown(scene, tmp_path_factory):
     return path, baked(scene, path)
 
 
-def radiance(bake):
+def radiance(bake, emission="all"):
     """As anybody would relight it, with what shines in the scene."""
-    return Relighter(bake, form="exact").radiance(Lighting(light(bake), emission="all"))
+    return Relighter(bake, form="exact").radiance(Lighting(light(bake), emission=emission))
 
 
-def test_pictures_come_nearer_and_say_so(shown):
-    path, pictures = shown
-    truth = load(path)
-    wanted = truth.colours(radiance(truth))
+def errors_of(pictures, truth, emission):
+    """Relative L2 of the colours of all objects."""
+    wanted = truth.colours(radiance(truth, emission))
+    names = sorted(wanted)
+    return [
+        colour_error(*(np.concatenate([c[n] for n in names]) for c in (colours, wanted)))["l2"]
+        for colours in (picture.colours(radiance(picture, emission)) for picture in pictures)
+    ]
+
+
+def test_pictures_come_nearer_and_say_so(tmp_path):
+    ball = sphere(16, 0.4, (0, 0, 0.45), name="ball", albedo=(0.9, 0.3, 0.1))
+    scene = Scene.from_meshes([ball, plane(33, -1.2, 1.2, name="floor", albedo=0.7)])
+    pictures = baked(scene, tmp_path / "a.prt", replace(SETTINGS, tolerance=0.03))
+    errors = errors_of(pictures, load(tmp_path / "a.prt"), "none")
     known = [picture.known_percent for picture in pictures]
-    print(known, [p.error for p in pictures])
-    assert len(pictures) >= 4 and known == sorted(known) and known[0] < 15 and known[-1] == 100
-    errors = []
-    for picture in pictures:
-        colours = picture.colours(radiance(picture))
-        errors.append(max(colour_error(colours[n], wanted[n])["l2"] for n in ("plane", "bead")))
     said = [picture.error for picture in pictures]
-    print(errors)
-    assert all(b <= 1.05 * a for a, b in zip(errors, errors[1:], strict=False)), errors
-    assert all(b <= 1.05 * a for a, b in zip(said, said[1:], strict=False)), said
-    assert errors[0] < 0.35 and errors[2] < 0.6 * errors[0] and said[2] < 0.7 * said[0]
-    # An estimate, under other skies: neither a tenth of it nor ten times as much.
-    assert all(0.25 < a / b < 4 for a, b in zip(said[:3], errors[:3], strict=True)), (said, errors)
+    assert len(pictures) >= 5 and known == sorted(known) and known[0] < 10 and known[-1] == 100
+    assert all(b <= 1.15 * a for a, b in zip(errors, errors[1:], strict=False)), errors
+    assert all(b <= 1.02 * a for a, b in zip(said, said[1:], strict=False)), said
+    assert errors[0] < 0.25 and errors[2] < 0.6 * errors[0] and said[2] < 0.7 * said[0]
+    # An estimate, under other skies: neither a third of it nor three times as much.
+    assert all(1 / 3 < a / b < 3 for a, b in zip(said[:3], errors[:3], strict=True)), (said, errors)
+
+
+def test_what_glows_counts_in_what_is_said(shown):
+    path, pictures = shown
+    errors, said = errors_of(pictures, load(path), "all"), [p.error for p in pictures]
+    # Of a bake each emitter's bounces are kept, here they are made anew.
+    assert errors[-1] < 1e-3 and errors[-2] < 0.7 * errors[0]
+    assert said[-2] < 0.7 * said[0] and said[0] > errors[0] / 3
 
 
 def test_the_last_picture_is_the_finished_bake(shown):
@@ -92,7 +105,7 @@ def test_while_light_moves_few_points_stand_for_all(shown):
     assert few.shape == all_of.shape and colour_error(few, all_of)["l2"] < 0.3
 
 
-@pytest.mark.parametrize("method", ["agreement", "exhaustive", "huang"])
+@pytest.mark.parametrize("method", ["agreement", "exhaustive"])
 def test_a_bake_with_pictures_is_the_same(scene, tmp_path, method):
     settings = replace(SETTINGS, method=method)
     run(bake_steps(scene, tmp_path / "a.prt", settings))
@@ -101,14 +114,13 @@ def test_a_bake_with_pictures_is_the_same(scene, tmp_path, method):
     reports = [load(tmp_path / name).report for name in ("a.prt", "b.prt")]
     assert reports[0]["rays"] == reports[1]["rays"]
     assert taken[0].known_percent < 15 and taken[-1].known_percent == 100
-    # Of every entry traced blocks are shown as well; a sampler without levels shows its end.
-    assert len(taken) >= (3 if method == "huang" else 4)
+    # Where every entry is traced blocks are shown.
+    assert len(taken) >= 4
 
 
-@pytest.mark.parametrize("stop", [4, 12])
-def test_a_bake_that_shows_itself_can_be_stopped(shown, scene, tmp_path, stop):
+def test_a_bake_that_shows_itself_can_be_stopped(shown, scene, tmp_path):
     steps = bake_steps(scene, tmp_path / "b.prt", SETTINGS, pictures=Pictures())
-    for _ in range(stop):
+    for _ in range(12):
         next(steps)
     steps.close()
     taken = baked(scene, tmp_path / "b.prt")
@@ -125,8 +137,8 @@ def test_beside_the_caller_as_in_front_of_him(shown, scene, tmp_path):
 def test_pictures_take_no_more_than_their_share(scene, tmp_path):
     pictures = Pictures(share=1e-6, to_the_end=False)
     taken = baked(scene, tmp_path / "b.prt", pictures=pictures)
-    # The first is always there.
-    assert len(taken) == 1 and taken[0].known_percent < 15
+    # The first costs nothing; the next takes more than there is, and none comes after it.
+    assert len(taken) == 2 and taken[0].known_percent < taken[1].known_percent < 100
 
 
 def test_a_room_lit_by_a_glowing_wall_is_not_black_at_first(tmp_path):
@@ -166,4 +178,3 @@ def test_what_is_wrong_is_said(scene, tmp_path):
     for share in (0, 1, -1, "much", float("nan")):
         with pytest.raises(PRTError, match="share"):
             Pictures(share)
-    assert plane is not None

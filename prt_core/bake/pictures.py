@@ -38,6 +38,11 @@ class PartialBake(Bake):
 
     Attributes
     ----------
+    scene, transport, lamps, world, camera, settings, report, source, path, origin
+        As those of a `Bake`; the transport is a `PartialTransport`, the report is empty, and it
+        has no path.
+    dense, emission, reflections
+        As those of a `Bake`: no dense points, and no gloss.
     known_percent : float
         Of the points: those whose rows are known.
     error : float

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from prt_core.errors import expect, expect_array, expect_kind
 from prt_core.sphere import CubeMap
 from prt_core.transport.transport import Transport, is_grey
-from prt_core.transport.visibility import vector_light
+from prt_core.transport.visibility import expect_bits, vector_light
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,14 @@ class PartialTransport(Transport):
 
     Attributes
     ----------
+    cube_map : CubeMap
+        On which light is given.
     bits : (n_known, n_bytes) uint8
         Visibility of the known points.
-    gather : SpreadGather, CSR or None
+    gather : SpreadGather, (n_points, n_points) CSR float32, or None
+    normals : (n_points, 3) float32
+    materials, tolerance, bounces, mean_materials, opposite
+        As those of a `Transport`, of all points.
     spread : (n_points, n_known) CSR float32, or None
         S; None: all rows are known, in the order of the points.
     row_map : CubeMap, or None
@@ -66,13 +71,14 @@ class PartialTransport(Transport):
     row_map: CubeMap | None = None
 
     def __post_init__(self):
+        expect_kind("cube_map", self.cube_map, CubeMap)
         if self.row_map is not None:
             expect_kind("row_map", self.row_map, CubeMap)
-        super().__post_init__()
+        expect_bits("bits", self.bits, self.directions_of_rows.n_directions)
         if self.spread is not None:
-            wanted = self.n_points, len(self.bits)
-            good = sp.issparse(self.spread) and self.spread.shape == wanted
-            expect(good, f"spread: expected a sparse matrix of shape {wanted}")
+            good = sp.issparse(self.spread) and self.spread.shape[1] == len(self.bits)
+            expect(good, "spread: expected a sparse matrix with a column for each known point")
+        super().__post_init__()
 
     @property
     def directions_of_rows(self):
@@ -87,7 +93,7 @@ class PartialTransport(Transport):
     @property
     def n_points(self):
         """All points, known or not."""
-        return len(self.normals)
+        return len(self.bits) if self.spread is None else self.spread.shape[0]
 
     def received(self, light):
         """Direct irradiance / pi of all points, (n_points, 3) float32, under `light`."""
@@ -103,7 +109,13 @@ class PartialTransport(Transport):
         return np.broadcast_to(received, (self.n_points, light.shape[1])).copy()
 
     def on_rows(self, light):
-        """Light (n_directions, k) on the directions of the rows: means of the texels in each."""
+        """Light on the directions of the rows, (n_row_directions, k).
+
+        Parameters
+        ----------
+        light : (n_directions, k) float
+            Radiance; each row's direction has the mean of the texels within it.
+        """
         if self.row_map is None:
             return light
         texel = self.row_map.texel_of(self.cube_map.directions)

@@ -16,7 +16,8 @@ def whole():
     scene = Scene.from_meshes([sphere(5, 0.4, (0, 0, 0.5), name="ball"), plane(7, albedo=0.7)])
     caster, n = caster_of(scene), len(scene.points)
     bits = visibility_bits(scene, MAP, caster, slice(None))
-    gather = sp.random(n, n, 0.02, "csr", np.float32, np.random.default_rng(2)) * np.float32(0.2)
+    gather = sp.random(n, n, 0.02, "csr", np.float32, np.random.default_rng(2))
+    gather = (gather / gather.sum(axis=1).max()).astype(np.float32)
     points = scene.points
     return Transport(MAP, bits, gather, points.normals, points.materials)
 

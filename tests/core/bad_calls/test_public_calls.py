@@ -205,6 +205,7 @@ CALLS = {
             "objects": ["a"],
             "two_sided": ["a"],
             "restart": False,
+            "on_picture": print,
             "camera_pixels": (3, 2),
             "pixel_samples": 1,
             "parametrisation": "auto",

@@ -10,6 +10,7 @@ from bpy.props import (
 
 from prt_core import PRTError
 from prt_core.api import bake_blend_steps, compress_bake_steps
+from prt_core.bake.first_look import first_look_steps
 from prt_core.bake.report_lines import missed
 from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.blender.identity import by_uid
@@ -47,7 +48,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         pictures = None if pace is None else showing.begin(scene)
         finished = False
         try:
-            result = yield from self._bake_steps(scene, path, caster, pace, pictures)
+            result = yield from self._bake_steps(path, caster, pace, pictures)
             finished = True
             return result
         finally:
@@ -56,11 +57,17 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             if pictures is not None and not finished and scene is not None:
                 live.touch(scene, show=True)
 
-    def _bake_steps(self, scene, path, caster, pace, pictures):
+    def _bake_steps(self, path, caster, pace, pictures):
+        settings = plan.bake_settings(self.scene)
+        built, digests = plan.built(self.scene)
+        if pictures is not None and built is not None:
+            # The panel knows the scene, which is read once more after this.
+            yield from first_look_steps(built, settings, pictures, pace, digests)
+        scene = self.scene
         self.report_line = yield from bake_blend_steps(
             None,
             path,
-            plan.bake_settings(scene),
+            settings,
             plan.receivers(scene),
             plan.two_sided(scene),
             self.restart or "changed",

@@ -89,7 +89,7 @@ class Pictures:
         self._spent += seconds if self._count > 1 else 0
 
     def begin(self, scene, cube_map, settings, caster, parts, joined=False):
-        """The scene is known, and looked at for the first time.
+        """The scene is known, and looked at for the first time, unless it has been.
 
         Parameters
         ----------
@@ -103,7 +103,10 @@ class Pictures:
             Whether the bake's own rows are to join those of the first look (see `block`).
         """
         self._given, self._parts = (cube_map, settings, caster), parts
+        if self._coarse is not None and self._digest == scene.fingerprint():
+            return
         self.detailed(scene)
+        self._digest = scene.fingerprint()
         start = time.perf_counter()
         rng = generator(settings.seed, Stage.PICTURES, 0)
         count = min(_FIRST, len(scene.points))

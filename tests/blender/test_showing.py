@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import preview, showing, views, work
+from blender_addon import plan, preview, showing, views, work
 from prt_core.api import bake_blend_steps
 from prt_core.bake import BakeSettings
+from prt_core.runtime.progress import run
 from tests.blender.conftest import colours_on
 
 SETTINGS = BakeSettings(resolution=8, tolerance=0.05, caster="blender", method="agreement")
@@ -111,3 +112,18 @@ def test_emitters_of_another_bake_are_not_asked_for(baking, floor_scene):
     item = floor_scene.prt.emitters.add()
     item.name, item.strength = "Lamp of another file", 3.0
     assert baking.until(lambda: showing.delays)
+
+
+def test_a_scene_that_the_panel_has_read_is_known(floor_scene):
+    assert plan.built(floor_scene) == (None, None)
+    run(plan.steps(floor_scene))
+    built, digests = plan.built(floor_scene)
+    assert len(built.points) > 100 and set(digests) == {"ball", "floor"}
+    plan.outdate(floor_scene, geometry=False)
+    assert plan.built(floor_scene) == (None, None)
+    run(plan.steps(floor_scene))
+    assert plan.built(floor_scene)[0] is not None
+    # Read anew by something else, with a change that the plan has not seen.
+    bpy.data.objects["ball"].location.x += 0.1
+    run(plan.read_steps(floor_scene))
+    assert plan.built(floor_scene) == (None, None)

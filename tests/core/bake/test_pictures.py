@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from prt_core import BakeSettings, Lighting, PRTError, Relighter, Scene, bake_steps, load, run
+from prt_core.bake.first_look import first_look_steps
 from prt_core.bake.pictures import Pictures, handed_out
 from prt_core.evaluate.metrics import colour_error
 from tests.core.store.conftest import expect_same
@@ -139,6 +140,21 @@ def test_pictures_take_no_more_than_their_share(scene, tmp_path):
     taken = baked(scene, tmp_path / "b.prt", pictures=pictures)
     # The first costs nothing; the next takes more than there is, and none comes after it.
     assert len(taken) == 2 and taken[0].known_percent < taken[1].known_percent < 100
+
+
+def test_a_scene_that_is_known_is_looked_at_before_it_is_read_again(shown, scene, tmp_path):
+    pictures = Pictures()
+    run(first_look_steps(scene, SETTINGS, pictures, 0.01))
+    first = pictures.take()
+    np.testing.assert_array_equal(radiance(first), radiance(shown[1][0]))
+    taken = baked(scene, tmp_path / "b.prt", pictures=pictures)
+    expect_same(tmp_path / "b.prt", shown[0])
+    assert taken[0].known_percent > 1.5 * first.known_percent
+    # Of another scene there is another first look.
+    pictures, other = Pictures(), Scene.from_meshes([plane(9), sphere(6, 0.3, (0, 0, 0.4))])
+    run(first_look_steps(other, SETTINGS, pictures, 0.01))
+    pictures.take()
+    assert baked(scene, tmp_path / "c.prt", pictures=pictures)[0].known_percent < 15
 
 
 def test_a_room_lit_by_a_glowing_wall_is_not_black_at_first(tmp_path):

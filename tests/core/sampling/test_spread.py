@@ -47,6 +47,22 @@ def test_where_none_of_an_object_is_known_the_nearest_that_faces_alike_is_taken(
     np.testing.assert_allclose(shares.sum(axis=1), 1, rtol=1e-6)
 
 
+def test_of_a_small_object_other_sides_take_from_what_faces_as_they_do():
+    beads = [sphere(4, 0.1, (x, 0, 0), name=f"bead {x}") for x in (0, 0.3)]
+    scene = Scene.from_meshes([*beads, plane(3, name="floor", z=-3)])
+    index, normals = scene.points.object_index, scene.points.normals
+    one, other = (np.flatnonzero(index == number) for number in (0, 1))
+    top = one[[np.argmax(normals[one, 2])]]
+    points = np.concatenate([top, other])
+    shares = Spread(scene).shares(points).tocoo()
+    takers = np.isin(shares.row, one)
+    row, column = shares.row[takers], points[shares.col[takers]]
+    facing = np.einsum("mx,mx->m", normals[row], normals[column])
+    # Only one point of its own is known, which says nothing of the underside.
+    assert facing.min() > -0.1 and (column[normals[row, 2] < -0.5] != top).all()
+    assert (column[normals[row, 2] > 0.5] == top).all()
+
+
 def test_left_out_points_take_nothing_from_themselves(scene):
     points = known(scene, 0, 1)
     some = points[::3]

@@ -38,12 +38,13 @@ class Coarse:
         On which light is given.
     settings : BakeSettings
     caster : RayCaster
+        May be replaced.
     spread : Spread
     """
 
     def __init__(self, scene, cube_map, settings, caster, spread):
         self.scene, self._cube_map, self._settings = scene, cube_map, settings
-        self._caster, self._spread = caster, spread
+        self.caster, self._spread = caster, spread
         # Of their own, whatever else is drawn from the seed of the bake.
         self._seed = int(generator(settings.seed, Stage.PICTURES, 1).integers(1 << 31))
         self._lights = self._sharing = None
@@ -89,7 +90,7 @@ class Coarse:
         parts = [points[first : first + _BLOCK] for first in range(0, len(points), _BLOCK)]
         jobs = [(part, turn) for part in parts for turn in range(_ROUNDS)]
         hits = gather_parts(
-            scene, self._caster, jobs, self._seed, scene.open_points, None, self._sharing
+            scene, self.caster, jobs, self._seed, scene.open_points, None, self._sharing
         )
         hits = np.concatenate(
             [
@@ -154,11 +155,11 @@ class Coarse:
         if self._lights is None:
             self._lights = surface_lights(scene)
             for light in self._lights:
-                light.look_around(self._caster, self._seed)
+                light.look_around(self.caster, self._seed)
         parts = [
             emitted_light(
                 scene,
-                self._caster,
+                self.caster,
                 self._lights,
                 points[first : first + _BLOCK],
                 self._seed,

@@ -104,6 +104,7 @@ class Pictures:
         """
         self._given, self._parts = (cube_map, settings, caster), parts
         if self._coarse is not None and self._digest == scene.fingerprint():
+            self._coarse.caster = caster
             return
         self.detailed(scene)
         self._digest = scene.fingerprint()

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
-from prt_core.blender import colours
+from prt_core.blender import colours, exporters
 from prt_core.blender.camera import read_camera
 from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
 from prt_core.blender.realised import KEPT_COLLECTION
@@ -75,6 +75,7 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
                 "stand in for the originals when the preview is taken off"
             )
         notes = [f"{name}: was kept with another shape before, and is hidden now" for name in left]
+        notes += exporters.offer(scene, self.attribute)
         for note in notes:
             self.report({"WARNING"}, note)
         self.report({"INFO"}, text)

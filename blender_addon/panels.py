@@ -225,6 +225,9 @@ class PRT_PT_preview(Panel, bpy.types.Panel):
         keep.domain = settings.domain
         column.operator("prt.turntable", icon="KEY_HLT")
         column.operator("prt.export", icon="EXPORT")
+        column.operator("prt.export_glb", icon="EXPORT")
+        column.operator("prt.lightmap", icon="UV")
+        column.operator("prt.occlusion", icon="SHADING_RENDERED")
 
 
 class PRT_PT_bakes(Panel, bpy.types.Panel):

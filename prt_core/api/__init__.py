@@ -4,8 +4,11 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
+from prt_core.api.export import export_glb as export_glb
+from prt_core.api.export import export_glb_steps as export_glb_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
+from prt_core.api.occlusion import occlusion as occlusion
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
@@ -48,6 +51,10 @@ def bake(
     pixel_samples=2,
     geometry_image=None,
     parametrisation="auto",
+    atlas=None,
+    atlas_objects=None,
+    atlas_uv="new",
+    atlas_margin=4,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -78,6 +85,15 @@ def bake(
     parametrisation : {"auto", "uv", "sphere"}
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
+    atlas : (int, int), optional
+        Bake one image of the surfaces of several objects as well, a lightmap: width x height.
+    atlas_objects : sequence of str, optional
+        Which; default: all that receive.
+    atlas_uv : {"new", "packed", "own"}
+        Unwrap them anew; or take their own charts, scaled by area and packed apart; or their UV
+        maps as they are.
+    atlas_margin : int
+        Texels between packed charts.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -96,7 +112,10 @@ def bake(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, create=True)
-    image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
+    image = ImageSettings(
+        camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
+        atlas_uv, atlas_margin,
+    )  # fmt: skip
     pictures = None
     if on_picture is not None:
         expect(callable(on_picture), f"on_picture: expected a function, got {shown(on_picture)}")
@@ -151,6 +170,7 @@ def bake_blend_steps(
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
+    from prt_core.blender.unwrap import lightmap_uvs
     from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
@@ -180,7 +200,7 @@ def bake_blend_steps(
     work = (Scene.from_meshes, meshes), (mesh_digests, meshes)
     built, source = yield from each_in_thread("scene", *work)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
-    built = yield from image_steps(built, meshes, camera, settings.caster, image)
+    built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
     lights = None
     if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
         # Where they are Blender tells here; they are read when the certificate asks for them.

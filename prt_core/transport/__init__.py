@@ -6,6 +6,7 @@ from prt_core.transport.emission import emitted_light, surface_lights
 from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.gather import gather_directions, gather_hits, gather_parts
 from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
+from prt_core.transport.occlusion import Occlusion, occlusion_steps
 from prt_core.transport.operator import gather_operator, ray_ends
 from prt_core.transport.partial import PartialTransport, SpreadGather
 from prt_core.transport.reference import reference_rows
@@ -18,6 +19,7 @@ from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
     "ExitRadiance",
+    "Occlusion",
     "PartialTransport",
     "Reflections",
     "Sharing",
@@ -34,6 +36,7 @@ __all__ = [
     "blocking_caster",
     "lamp_light",
     "lamp_steps",
+    "occlusion_steps",
     "ray_ends",
     "received_light",
     "received_with_bounces",

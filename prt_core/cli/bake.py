@@ -78,6 +78,7 @@ def add_bake(commands, in_blender):
         "apart; own: their UV maps as they are",
     )  # fmt: skip
     bake.add_argument("--atlas-margin", type=int, help="texels between packed charts (4)")
+    bake.add_argument(
         "--show-png", metavar="PNG",
         help="a picture from the scene's camera, written anew as the bake comes nearer",
     )  # fmt: skip

@@ -1,14 +1,14 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look: properties (what is set),
-operators, keeping, exporting, lightmaps, occlusion and remedies (what is done), panels (what is
-drawn), plan (what a bake would be), bakes (those on disk), naming and saving (what they are called,
-and how they go with their file), preview (the one in memory and its colours), freshness (whether it
-is of the scene), live (when all this is done again), gloss (when the view moves), rendering
-(whether something renders), history (files and undo steps), work (long work without a stuck
-window), own_changes (whose change it is), views and studio (Blender's shading and lights). Light
-fields likewise: field_operators, field_panel, field_list (those on disk), light_fields (the one in
-memory), following (when it is shown again), viewport (from where).
+operators, keeping, exporting, web_page, lightmaps, occlusion and remedies (what is done), panels
+(what is drawn), plan (what a bake would be), bakes (those on disk), naming and saving (what they
+are called, and how they go with their file), preview (the one in memory and its colours),
+freshness (whether it is of the scene), live (when all this is done again), gloss (when the view
+moves), rendering (whether something renders), history (files and undo steps), work (long work
+without a stuck window), own_changes (whose change it is), views and studio (Blender's shading and
+lights). Light fields likewise: field_operators, field_panel, field_list (those on disk),
+light_fields (the one in memory), following (when it is shown again), viewport (from where).
 """
 
 import bpy
@@ -32,6 +32,7 @@ from . import (
     properties,
     remedies,
     rendering,
+    web_page,
     work,
 )
 
@@ -41,6 +42,7 @@ _PARTS = (
     field_operators,
     keeping,
     exporting,
+    web_page,
     lightmaps,
     occlusion,
     remedies,

@@ -185,6 +185,8 @@ def draw_gloss(layout, context):
         lines(layout, missing, "INFO", context)
     elif settings.show_gloss:
         column.row().prop(settings, "seen_from", expand=True)
+        if settings.seen_from == "CAMERA":
+            column.prop(settings, "seen_by")
 
 
 class PRT_PT_emission(Panel, bpy.types.Panel):
@@ -232,6 +234,7 @@ class PRT_PT_preview(Panel, bpy.types.Panel):
         column.operator("prt.turntable", icon="KEY_HLT")
         column.operator("prt.export", icon="EXPORT")
         column.operator("prt.export_glb", icon="EXPORT")
+        column.operator("prt.web_page_dialog", icon="URL")
         column.operator("prt.lightmap", icon="UV")
         column.operator("prt.occlusion", icon="SHADING_RENDERED")
 

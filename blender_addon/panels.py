@@ -179,6 +179,8 @@ def draw_gloss(layout, context):
         lines(layout, missing, "INFO", context)
     elif settings.show_gloss:
         column.row().prop(settings, "seen_from", expand=True)
+        if settings.seen_from == "CAMERA":
+            column.prop(settings, "seen_by")
 
 
 class PRT_PT_emission(Panel, bpy.types.Panel):

@@ -232,6 +232,13 @@ class PRTScene(bpy.types.PropertyGroup):
         default="VIEW",
         update=_changed,
     )
+    seen_by: PointerProperty(
+        name="Camera",
+        description="Which camera of the scene; without one its own. Renders look through that",
+        type=bpy.types.Object,
+        poll=lambda _, item: item.type == "CAMERA",
+        update=_changed,
+    )
 
     emitters: CollectionProperty(type=PRTEmitter)
     field: PointerProperty(type=PRTLightField)

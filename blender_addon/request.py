@@ -66,7 +66,7 @@ class Request:
         return one == two
 
 
-def request(scene, samples=None, depsgraph=None, rendered=False):
+def request(scene, samples=None, depsgraph=None, rendered=False, shown=None):
     """The `Request` of a scene's light as it is now.
 
     Parameters
@@ -78,6 +78,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         Where a frame that renders is evaluated: what is animated is only there.
     rendered : bool
         Whether gloss is seen through the camera, whatever the panel says.
+    shown : preview.Preview, optional
+        What is asked; default: the bake in memory.
 
     Raises
     ------
@@ -85,7 +87,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         The world has a node that is not understood, a file is missing, or gloss is seen from a
         camera that is not there.
     """
-    view = view_of(scene, rendered, depsgraph if rendered else None)
+    shown = shown or preview.held()
+    view = view_of(scene, rendered, depsgraph if rendered else None, shown)
     scene = scene if depsgraph is None else scene.evaluated_get(depsgraph)
     settings = scene.prt
     light, rotation, strength, suns = _environment(scene)
@@ -98,13 +101,13 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         lamp_strength=1.0,
         lamp_samples=samples or settings.lamp_samples,
         exposure=settings.exposure,
-        emission=_emission(settings),
+        emission=_emission(settings, shown),
     )
     form = "auto" if settings.use_compressed else "exact"
     return Request(lighting, form, (form, view is not None, *lighting.key), view)
 
 
-def view_of(scene, rendered=False, depsgraph=None):
+def view_of(scene, rendered=False, depsgraph=None, shown=None):
     """The `View` from where the gloss of the bake in memory is seen; None where it is not shown.
 
     Parameters
@@ -114,16 +117,18 @@ def view_of(scene, rendered=False, depsgraph=None):
         Whether it is seen through the camera, whatever the panel says.
     depsgraph : bpy.types.Depsgraph, optional
         Where a frame that renders is evaluated.
+    shown : preview.Preview, optional
+        What is seen; default: the bake in memory.
     """
-    held = preview.held()
-    if held is None or not scene.prt.show_gloss or preview.no_gloss(held):
+    shown = shown or preview.held()
+    if shown is None or not scene.prt.show_gloss or preview.no_gloss(shown):
         return None
     return viewport.view_of(scene, scene.prt.seen_from, rendered, depsgraph)
 
 
-def _emission(settings):
-    """How the emitters of the bake in memory shine that the panel has changed."""
-    names = preview.emitters(preview.held())
+def _emission(settings, shown):
+    """How the emitters of a `preview.Preview`, or None, shine that the panel has changed."""
+    names = preview.emitters(shown)
     return {
         item.name: (tuple(item.colour) if item.recolour else None, item.strength)
         for item in settings.emitters

@@ -1,6 +1,7 @@
 """The calls most people need: bake a .blend, relight a bake, capture a light field."""
 
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from prt_core.api.export import export_glb as export_glb
@@ -14,6 +15,7 @@ from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
+from prt_core.bake.pictures import Pictures, handed_out
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
@@ -23,6 +25,7 @@ from prt_core.errors import (
     expect_flag,
     expect_kind,
     expect_path,
+    shown,
 )
 from prt_core.light.environment import named_images
 from prt_core.relight.environments import Environments
@@ -35,6 +38,7 @@ from prt_core.runtime.renamed import renamed_keyword, warn_renamed
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
+from prt_core.transport import View
 
 
 def bake(
@@ -45,6 +49,7 @@ def bake(
     two_sided=(),
     restart=False,
     report=None,
+    on_picture=None,
     camera_pixels=None,
     pixel_samples=2,
     geometry_image=None,
@@ -70,6 +75,10 @@ def bake(
     restart : bool or "changed"
         Begin anew whatever `output` holds; or only where that is of another scene or settings.
     report : callable(Progress), optional
+    on_picture : callable(PartialBake), optional
+        Called whenever the bake under way knows enough more to be shown: with a `Bake` that
+        relights as any does, its `known_percent` and `error`; the last one is the finished bake.
+        The bake waits for it; what it raises ends the bake, which goes on when called again.
     camera_pixels : (int, int), optional
         Bake what the scene's camera sees as well, width x height pixels.
     pixel_samples : int
@@ -110,8 +119,14 @@ def bake(
         camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
         atlas_uv, atlas_margin,
     )  # fmt: skip
-    steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
-    return run(steps, report)
+    pictures = None
+    if on_picture is not None:
+        expect(callable(on_picture), f"on_picture: expected a function, got {shown(on_picture)}")
+        pictures = Pictures()
+    steps = bake_blend_steps(
+        blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures
+    )
+    return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 
 
 def bake_blend_steps(
@@ -125,6 +140,7 @@ def bake_blend_steps(
     scene=None,
     strict=True,
     image=None,
+    pictures=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -137,6 +153,8 @@ def bake_blend_steps(
     strict : bool
         Whether a name that renders nothing is an error.
     image : ImageSettings, optional
+    pictures : Pictures, optional
+        See `bake_steps`.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
@@ -149,7 +167,7 @@ def bake_blend_steps(
         import_bpy()
     else:
         messages += open_blend(blend)
-    from prt_core.blender.camera import read_camera
+    from prt_core.blender.camera import read_camera, read_cameras
     from prt_core.blender.depsgraph import read_meshes_steps
     from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
@@ -162,6 +180,7 @@ def bake_blend_steps(
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     camera, seen = read_camera(scene, messages), []
+    cameras = read_cameras(scene)
 
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
@@ -182,22 +201,18 @@ def bake_blend_steps(
         world = None
     say_copies(meshes, messages)
     cube_map = CubeMap(settings.resolution)
-
-    def certified(n_points):
-        # Small scenes, of which every entry is traced, need no lights to be certified under.
-        return chosen_method(settings.method, n_points, cube_map.n_directions) != "exhaustive"
-
-    calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
-    if certified(sum(len(mesh.vertices) for mesh in meshes)):
-        calls.append((studio_lights, studio_images(), cube_map))
-    built, source, *probes = yield from each_in_thread("scene", *calls)
+    work = (Scene.from_meshes, meshes), (mesh_digests, meshes)
+    built, source = yield from each_in_thread("scene", *work)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
-    if not probes and certified(len(built.points)):
-        probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
+    lights = None
+    method = chosen_method(settings.method, len(built.points), cube_map.n_directions)
+    if settings.gloss or method != "exhaustive":
+        # Where they are Blender tells here; they are read when the certificate asks for them.
+        lights = partial(studio_lights, studio_images(), cube_map)
     result = yield from bake_steps(
-        built, output, settings, lamps, world, camera, source, restart, pace,
-        probes[0] if probes else None, origin,
+        built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
+        cameras, pictures,
     )  # fmt: skip
     return result
 
@@ -310,8 +325,9 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
     form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
-    view : View, optional
-        From where a bake with gloss is looked at; default: only what leaves evenly to all sides.
+    view : View or str, optional
+        From where a bake with gloss is looked at, or the name of a camera of its scene ("camera":
+        its own); default: only what leaves evenly to all sides.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
         lamp_samples, bounces, exposure, emission.
@@ -329,12 +345,22 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
 @renamed_keyword(transport="form")
 def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, form)
+    lighting, bake = lighting_of(light, **keywords), _loaded(bake)
+    relighter = Relighter(bake, caster, form)
     try:
-        return run(relighter.steps(lighting, view=view))
+        return run(relighter.steps(lighting, view=_view_of(bake, view)))
     finally:
         relighter.close()
+
+
+def _view_of(bake, view):
+    """A `View` as it is; that of a camera of the baked scene by its name."""
+    if not isinstance(view, str):
+        return view
+    try:
+        return View.of_camera(bake.camera_named(view))
+    except PRTError as error:
+        raise PRTError(f"view: {str(error).partition(': ')[2]}") from error
 
 
 def _loaded(bake):

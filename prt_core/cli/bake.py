@@ -1,6 +1,7 @@
 """`prt bake`: a .blend file into NAME.prt."""
 
 import json
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import prt_core
@@ -15,8 +16,10 @@ from prt_core.cli.arguments import (
     scene_argument,
     size,
 )
+from prt_core.cli.bake_pictures import BakePictures
 from prt_core.cli.show import working
 from prt_core.errors import expect
+from prt_core.light import EnvironmentMap
 from prt_core.runtime.files import expect_output
 from prt_core.scene import PARAMETRISATIONS
 
@@ -75,6 +78,14 @@ def add_bake(commands, in_blender):
         "apart; own: their UV maps as they are",
     )  # fmt: skip
     bake.add_argument("--atlas-margin", type=int, help="texels between packed charts (4)")
+    bake.add_argument(
+        "--show-png", metavar="PNG",
+        help="a picture from the scene's camera, written anew as the bake comes nearer",
+    )  # fmt: skip
+    bake.add_argument(
+        "--show-light", metavar="IMAGE",
+        help="of that picture: .exr or .hdr, or 'world' (all that shines in the scene)",
+    )  # fmt: skip
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -100,6 +111,7 @@ _NEEDED = {
     **{f"atlas_{name}": (("atlas",), "--atlas") for name in ("objects", "uv", "margin")},
     "pixel_samples": (("camera_pixels",), "--camera-pixels"),
     "parametrisation": (("geometry_image",), "--geometry-image"),
+    "show_light": (("show_png",), "--show-png"),
 }
 
 
@@ -114,7 +126,14 @@ def _bake(options):
         name = blend
     output = options.output if options.output is not None else Path(name).with_suffix(".prt")
     output = expect_output("--output", output, ".prt", folder=True)
-    with working(options.quiet or options.json) as bar:
+    silent, pictures = options.quiet or options.json, None
+    if options.show_png is not None:
+        path = expect_output("--show-png", options.show_png, ".png")
+        if options.show_light not in (None, "world"):
+            # What is wrong with it is said before the bake.
+            EnvironmentMap.read(options.show_light)
+        pictures = BakePictures(path, options.show_light, options.caster, silent)
+    with closing(pictures or ExitStack()), working(silent) as bar:
         report = prt_core.bake(
             blend,
             output,
@@ -122,6 +141,7 @@ def _bake(options):
             two_sided=options.two_sided,
             restart=options.restart,
             report=bar,
+            on_picture=pictures,
             resolution=options.resolution,
             bounces=options.bounces,
             tolerance=options.tolerance,

@@ -65,7 +65,8 @@ LINES = {
 GLOSS_LINES = {
     "metal": "metal; its reflections are seen in views, on the mesh they count as diffuse",
     "specular": None,
-    "rough": "its diffuse roughness is seen in views, on the mesh light leaves evenly to all sides",
+    "rough": "its diffuse roughness is that of light of lamps, as seen from straight above; light "
+    "of the sky leaves evenly to all sides",
 }
 
 

@@ -1,6 +1,7 @@
 """Wrong public calls: bakes, stores, relighting, pictures."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from prt_core import api, evaluate, export_web, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
+from prt_core.bake.pictures import Pictures
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -53,11 +55,13 @@ def bake_call(there):
             "lamps": lamps,
             "world": there.light,
             "camera": camera(),
+            "cameras": {"Top": camera()},
             "source": {"plane": "digest"},
             "pace": 0.5,
+            "pictures": Pictures(),
             "lights": {"sky": there.light},
         },
-        ("lamps no elements",),
+        ("lamps no elements", "pictures None"),
     )
 
 
@@ -139,6 +143,9 @@ CALLS = {
         },
         ("camera None",),
     ),  # fmt: skip
+    "Bake.camera_named": lambda t: Call(
+        replace(t.bake, cameras={"Top": camera()}).camera_named, {"name": "Top"}
+    ),
     "BakeSettings": plain(
         BakeSettings,
         ("caster other text", "caster empty text", "bounces None"),
@@ -238,6 +245,8 @@ CALLS = {
         {"bake": t.bake, "caster": "brute", "form": "exact"},
         ("caster other text", "caster empty text"),
     ),
+    "Relighter.replace": method(lambda t: Relighter(t.bake), "replace", bake=lambda t: t.bake),
+    "Pictures": plain(Pictures, ("share None",), share=0.5, to_the_end=True),
     "environment_light": lambda t: Call(
         prt_core.environment_light,
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
@@ -290,6 +299,7 @@ CALLS = {
             "objects": ["a"],
             "two_sided": ["a"],
             "restart": False,
+            "on_picture": print,
             "camera_pixels": (3, 2),
             "pixel_samples": 1,
             "parametrisation": "auto",

@@ -4,6 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from prt_core import light, sampling, sphere, transport
 from prt_core.bake import gather_terms
@@ -33,8 +34,26 @@ def of_transport(there):
     return Call(call, {**good, "bounces": 2}, may)
 
 
+def of_partial(there):
+    baked = there.bake.transport
+    names = "cube_map", "bits", "gather", "normals", "materials"
+    good = {name: getattr(baked, name) for name in names}
+    good |= {"spread": sp.identity(baked.n_points, np.float32, "csr"), "row_map": baked.cube_map}
+
+    def call(**arguments):
+        return transport.PartialTransport(**arguments).radiance(there.light)
+
+    return Call(call, good, ("gather None", "normals", "spread None", "row_map None"))
+
+
 CALLS = {
     "Transport": lambda t: of_transport(t),
+    "PartialTransport": of_partial,
+    "Spread": lambda t: Call(sampling.Spread, {"scene": t.scene}),
+    "Spread.shares": method(lambda t: sampling.Spread(t.scene), "shares", known=np.arange(4)),
+    "Spread.left_out": method(
+        lambda t: sampling.Spread(t.scene), "left_out", known=np.arange(4), wanted=np.arange(2)
+    ),
     "Transport.relight": method(
         lambda t: t.bake.transport,
         "relight",

@@ -18,7 +18,7 @@ from prt_core.runtime.main_thread import maybe_in_thread
 # Sweeps over what reflects what reflects, at most.
 _SWEEPS = 3
 # Points whose lobes are evaluated in one step: then a view that is not wanted any more can end.
-_AT_ONCE = 1 << 14
+_AT_ONCE = 1 << 16
 
 
 class Gloss:

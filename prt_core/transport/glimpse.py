@@ -42,7 +42,7 @@ def glimpse(field, normals, rows, outgoing, alpha, powers):
     """
     result = np.zeros((len(rows), 3), np.float32)
     blocks = field.reflections.blocks
-    bright = np.ascontiguousarray(field.bright_directions.T, np.float32)
+    bright = np.ascontiguousarray(field.bright_directions.T)
     n_powers = powers_used(powers)
     places = sobol_points(int(np.log2(_FACETS))).astype(np.float32)
 
@@ -73,10 +73,10 @@ def glimpse(field, normals, rows, outgoing, alpha, powers):
         factor = np.matmul(each, powers[part, :n_powers])
         result[part] = (light * np.maximum(factor, 0)).sum(axis=1)
         if bright.size:
-            seen = field.bright_seen(some)
             lobes = lobe_values(bright, normals[some], ways, width, None, n_powers)
-            terms = np.stack([(lobe * seen) @ field.bright_light for lobe in lobes], axis=1)
-            result[part] += np.einsum("kpc,kpc->kc", terms, powers[part, :n_powers])
+            light = wholes(field.bright_values[some])
+            terms = np.matmul(light, np.stack(lobes, axis=2))
+            result[part] += np.einsum("kcp,kpc->kc", terms, powers[part, :n_powers])
 
     on_all_cores(one, range(0, len(rows), _MANY))
     return result

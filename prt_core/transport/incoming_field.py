@@ -15,7 +15,9 @@ from prt_core.runtime.halves import halves
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport.bright_texels import bits_of
-from prt_core.transport.lobe_cuts import COARSER, detail_of
+from prt_core.transport.field_nodes import field_nodes
+from prt_core.transport.lobe_cuts import detail_of, pieces
+from prt_core.transport.places import Places
 from prt_core.transport.reflections import Reflections
 from prt_core.transport.visibility import expect_bits
 
@@ -23,6 +25,8 @@ from prt_core.transport.visibility import expect_bits
 MOST_BRIGHT, _BRIGHTER = 48, 8.0
 # Blocks along the edge of a face for wide lobes and for narrow ones, which begin below a roughness.
 _WIDE, _NARROW, _NARROW_BELOW = 8, 16, 0.4
+# Bright texels that lie within one of so many parts of a block, for wide lobes, are one.
+_APART = 2
 # Texels of light in detail, along the edge of one of the bake's.
 FINER = 4
 # Points worked on at once.
@@ -40,16 +44,24 @@ class IncomingField:
 
     Attributes
     ----------
-    values : (n, 3, n_blocks) uint16
-        Mean radiance of each block without the bright texels (see `runtime.halves`).
-    coarse : (n, 3, n_coarse) uint16
-        Of blocks `COARSER` times as wide.
+    nodes : FieldNodes
+        The blocks, and larger ones.
+    values : (n, 3, n_nodes) uint16
+        Mean radiance of each of them without the bright texels (see `runtime.halves`).
+    directions : (n_nodes, 3) float32
+        Where that comes from in the mean of all points.
+    spread : (n_nodes,) float32
+        How far from there it comes: variance along an axis.
     light_map : CubeMap
         Of the light in detail, as fine as the bake's or finer.
     bright : (n_bright,) int32
         Its texels that are apart.
-    bright_light : (n_bright, 3) float32
-        What each of them has more than the rest of its block: radiance times solid angle.
+    bright_values : (n, 3, n_apart) uint16
+        What points see of these beyond the rest of their blocks, radiance times solid angle; for
+        wide lobes those that lie close together are one.
+    bright_directions : (n_apart, 3) float32
+        Where that comes from.
+    bright_spread : (n_apart,) float32
     rest : (n_texels, 3) float32
         The light in detail without that.
     """
@@ -69,9 +81,8 @@ class IncomingField:
         n_bytes = -(-blocks.n_texels // 8)
         empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
         self._patterns = np.concatenate([empty, *patterns])
-        coarse = 6 * max(blocks.side // COARSER, 1) ** 2
-        self.values = np.zeros((len(reflections), 3, len(blocks)), np.uint16)
-        self.coarse = np.zeros((len(reflections), 3, coarse), np.uint16)
+        self.nodes = field_nodes(blocks.side)
+        self.values = np.zeros((len(reflections), 3, len(self.nodes)), np.uint16)
 
     @cached_property
     def open(self):
@@ -118,12 +129,10 @@ class IncomingField:
             light = expect_array("detailed", detailed, shape, np.float32)
         fine = Blocks(self.light_map, blocks.side)
         self.bright, more = bright_texels(light, fine)
-        self.bright_light = (more * self.light_map.solid_angles[self.bright, None]).astype(
-            np.float32
-        )
         self.rest = light.copy()
         self.rest[self.bright] -= more
-        self._details, self._bright_bits = {}, None
+        self._details, self._known = {}, {}
+        apart = self._apart(more)
         # Of the bake's own texels what all their parts have.
         texels = Blocks(self.light_map, cube_map.resolution)
         angles = self.light_map.solid_angles[:, None]
@@ -149,48 +158,80 @@ class IncomingField:
             else:
                 total[places] += by_entry[entries] * (share * np.float32(1 / 255))
             total = np.ascontiguousarray(total.reshape(-1, len(blocks), 3).swapaxes(1, 2))
-            self.values[part] = halves(total)
-            self.coarse[part] = halves(self._coarser(total))
+            self.values[part] = halves(self.nodes.means(total))
+            seen = bits_of(self._bits[reflections.points[part]], bright_texel)
+            self.bright_values[part] = halves(seen.astype(np.float32) @ apart).reshape(
+                len(seen), 3, -1
+            )
+            return total.sum(axis=(0, 1), dtype=np.float64)
 
-        on_all_cores(one, self._parts)
+        shape = len(reflections), 3, len(self.bright_directions)
+        self.bright_values = np.zeros(shape, np.uint16)
+        bright_texel = cube_map.texel_along(*self.light_map.directions[self.bright].T)
+        self._place(sum(on_all_cores(one, self._parts)) / max(3 * len(reflections), 1))
 
-    def _coarser(self, values):
-        """(n, 3, n_coarse) means of (n, 3, n_blocks)."""
-        blocks = self.reflections.blocks
-        side = max(blocks.side // COARSER, 1)
-        step = blocks.side // side
+    def _apart(self, more):
+        """(n_bright, 3 n_apart) float32: what each bright texel brings to those that are apart."""
+        side, texels = self.reflections.blocks.side, self.light_map.directions[self.bright]
+        light = more * self.light_map.solid_angles[self.bright, None]
+        near = np.arange(len(texels))
+        if side <= _WIDE:
+            _, near = np.unique(CubeMap(_APART * side).texel_along(*texels.T), return_inverse=True)
+        n = int(near.max(initial=-1)) + 1
+        power = light.sum(axis=1)
+        sums = np.zeros((n, 3))
+        np.add.at(sums, near, power[:, None] * texels)
+        lengths = np.linalg.norm(sums, axis=1)
+        self.bright_directions = (sums / lengths[:, None]).astype(np.float32)
+        mean = lengths / np.bincount(near, power, n)
+        self.bright_spread = np.maximum(1 - mean, 0).astype(np.float32)
+        apart = np.zeros((len(texels), 3, n), np.float32)
+        apart[np.arange(len(texels)), :, near] = light
+        return apart.reshape(len(texels), 3 * n)
 
-        def sums(array):
-            parts = array.reshape(-1, 6, side, step, side, step)
-            return parts.sum(axis=(3, 5)).reshape(*array.shape[:-1], 6 * side * side)
+    def _place(self, mean):
+        """Put nodes where their light is, of what all points see of blocks in the mean."""
+        blocks, fine = self.reflections.blocks, Blocks(self.light_map, self.reflections.blocks.side)
+        # In double precision over all points, so that their number does not matter.
+        open_ = self.open.mean(axis=0, dtype=np.float64) / 255
+        sky = self.rest.mean(axis=1, dtype=np.float64) * open_[fine.of_texel]
+        of_sky = fine.sums(sky * self.light_map.solid_angles) / blocks.solid_angles
+        met = np.maximum(mean - of_sky, 0)
+        self.directions, self.spread = self.nodes.placed(self.light_map, sky + met[fine.of_texel])
 
-        angles = blocks.solid_angles.astype(np.float32)
-        return sums(values * angles) / sums(angles)
+    def places(self, cut):
+        """The `Places` of a `LobeCut` under the light."""
+        key = id(cut)
+        if key not in self._known:
+            self._known[key] = cut, self._places_of(cut)
+        return self._known[key][1]
 
-    def detail(self, parts):
-        """What parts of blocks have more of the light than the blocks (see `detail_of`)."""
+    def _places_of(self, cut):
+        parts, core, nodes = cut.parts, cut.core, cut.nodes
         if parts not in self._details:
             side = self.reflections.blocks.side
-            self._details[parts] = detail_of(self.rest, self.light_map, side, parts)
-        return self._details[parts]
-
-    @property
-    def bright_directions(self):
-        """(n_bright, 3) float64 unit vectors."""
-        return self.light_map.directions[self.bright]
-
-    def bright_seen(self, rows):
-        """(n, n_bright) bool: which bright texels are seen from points by `rows` (n,)."""
-        if self._bright_bits is None:
-            cube_map, points = self.reflections.blocks.cube_map, self.reflections.points
-            texels = cube_map.texel_along(*self.bright_directions.T)
-            self._bright_bits = bits_of(self._bits, texels)[points]
-        return self._bright_bits[rows]
+            fine, order = CubeMap(side * parts), pieces(side, parts)
+            self._details[parts] = (
+                fine.directions.astype(np.float32)[order],
+                fine.solid_angles.astype(np.float32)[order],
+                detail_of(self.rest, self.light_map, side, parts),
+            )
+        ways, angles, detail = (
+            array[:, core].reshape(-1, *array.shape[2:]) for array in self._details[parts]
+        )
+        ways = [ways, self.directions[nodes], self.bright_directions]
+        ones = np.ones(len(self.bright_spread), np.float32)
+        spread = [angles / np.float32(12), self.spread[nodes], self.bright_spread]
+        angles = [angles, self.nodes.solid_angles[nodes], ones]
+        return Places(
+            np.ascontiguousarray(np.concatenate(ways).T), np.concatenate(angles),
+            np.concatenate(spread), core, parts * parts, nodes, detail,
+        )  # fmt: skip
 
     @property
     def nbytes(self):
         """Of the arrays."""
-        own = self.values.nbytes + self.coarse.nbytes + self._patterns.nbytes
+        own = self.values.nbytes + self._patterns.nbytes + self.open.nbytes
         return own + self.reflections.nbytes
 
 

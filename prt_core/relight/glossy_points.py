@@ -51,10 +51,15 @@ class GlossyPoints:
         # Wide lobes need no detail of the light.
         self._is_wide = reflections.blocks.side <= _WIDE
 
-    def light(self, texels, sent, sky=None, by_entry=None, detailed=None):
+    def light(self, texels, sent, sky=None, detailed=None):
         """Take in a light, as `IncomingField.update` and `Mirror.update` do."""
-        self.field.update(texels, sent, by_entry, None if self._is_wide else detailed)
-        self._mirror.update(texels, sent, sky, by_entry)
+        self.field.update(texels, sent, None if self._is_wide else detailed)
+        self._mirror.update(texels, sent, sky)
+
+    def resend(self, entries, which, change):
+        """Take in what entries of the reflections send, as `IncomingField.resend` does."""
+        self.field.resend(entries, which, change)
+        self._mirror.resend(entries, which, change)
 
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
@@ -198,6 +203,8 @@ def highlights(materials, frames, lamp, received, world, outgoing):
 class SeenMetal:
     """Where reflections see points that reflect as much as metals do, and from where.
 
+    What several points see along one direction is there once, in the order of what is seen.
+
     Parameters
     ----------
     parts : list of GlossyPoints
@@ -209,7 +216,7 @@ class SeenMetal:
         Whose points they are, and which.
     outgoing : (k, 3) float32
         From there to who sees it.
-    entries : list of (int array, slice)
+    entries : list of (int array, int array)
         Of each part the entries of its reflections that see one, and which these are.
     """
 
@@ -219,18 +226,24 @@ class SeenMetal:
         for index, part in enumerate(parts):
             strong = np.flatnonzero(part.strength() > _METAL)
             owner[part.points[strong]], row[part.points[strong]] = index, strong
-        met, ways, self.entries, first = [], [], [], 0
-        for part in parts:
+        directions = [part.field.reflections.blocks.directions for part in parts]
+        first = np.cumsum([0, *map(len, directions)])
+        keys, chosen = [], []
+        for index, part in enumerate(parts):
             reflections = part.field.reflections
             # Negative numbers, of what returns no light, count from the end: of no part.
             entries = np.flatnonzero(owner[reflections.met] >= 0)
-            met.append(reflections.met[entries])
-            directions = reflections.blocks.directions[reflections.block[entries]]
-            ways.append(-directions.astype(np.float32))
-            self.entries.append((entries, slice(first, first + len(entries))))
-            first += len(entries)
-        met = np.concatenate(met)
-        self.part, self.row, self.outgoing = owner[met], row[met], np.concatenate(ways)
+            met = reflections.met[entries]
+            seen = owner[met] * np.int64(n_points) + row[met]
+            keys.append(seen * first[-1] + first[index] + reflections.block[entries])
+            chosen.append(entries)
+        keys, which = np.unique(np.concatenate(keys), return_inverse=True)
+        which = which.astype(np.int32)
+        ends = np.cumsum([len(entries) for entries in chosen])[:-1]
+        self.entries = list(zip(chosen, np.split(which, ends), strict=True))
+        seen, direction = np.divmod(keys, first[-1])
+        self.part, self.row = np.divmod(seen, n_points)
+        self.outgoing = -np.concatenate(directions).astype(np.float32)[direction]
 
     def __len__(self):
         return len(self.row)

@@ -130,7 +130,7 @@ class GlossyView:
         """(p, n_powers, 3): what each power of the Fresnel term brings."""
         field, n_blocks = self.field, len(places.core)
         n_core, n_nodes = n_blocks * places.n_parts, len(places.nodes)
-        n_bright = len(field.bright_spread)
+        n_bright = len(field.apart.spread)
         weights = np.empty((len(rows), n_blocks + n_nodes + n_bright, len(lobe)), np.float32)
         if n_core:
             shared = field.open[rows[:, None], places.core] * np.float32(1 / 255)
@@ -148,7 +148,7 @@ class GlossyView:
         near = field.values.reshape(len(field.values), -1).take(rows, axis=0).take(columns, axis=1)
         light = np.empty((len(rows), 3, weights.shape[1]), np.float32)
         light[..., : n_blocks + n_nodes] = wholes(near).reshape(len(rows), 3, -1)
-        light[..., n_blocks + n_nodes :] = wholes(field.bright_values.take(rows, axis=0))
+        light[..., n_blocks + n_nodes :] = wholes(field.apart.values.take(rows, axis=0))
         brought = np.matmul(light, weights).swapaxes(1, 2)
         if n_core:
             brought += detail.swapaxes(0, 1)

@@ -6,12 +6,13 @@ where a sun stands within a block matters, so each of them is asked for by its o
 A view is then a few look-ups for each point (see `transport.glossy_view`).
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
-from prt_core.runtime.halves import halves
+from prt_core.runtime.halves import halves, wholes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport.bright_texels import bits_of
@@ -25,8 +26,8 @@ from prt_core.transport.visibility import expect_bits
 MOST_BRIGHT, _BRIGHTER = 48, 8.0
 # Blocks along the edge of a face for wide lobes and for narrow ones, which begin below a roughness.
 _WIDE, _NARROW, _NARROW_BELOW = 8, 16, 0.4
-# Bright texels that lie within one of so many parts of a block, for wide lobes, are one.
-_APART = 2
+# Bright texels in one cell of a cube map of this are one for wide lobes.
+_MERGED = 16
 # Texels of light in detail, along the edge of one of the bake's.
 FINER = 4
 # Points worked on at once.
@@ -56,12 +57,9 @@ class IncomingField:
         Of the light in detail, as fine as the bake's or finer.
     bright : (n_bright,) int32
         Its texels that are apart.
-    bright_values : (n, 3, n_apart) uint16
-        What points see of these beyond the rest of their blocks, radiance times solid angle; for
-        wide lobes those that lie close together are one.
-    bright_directions : (n_apart, 3) float32
-        Where that comes from.
-    bright_spread : (n_apart,) float32
+    apart, merged : BrightLight
+        What points see of these beyond the rest of their blocks: for views, and with those that lie
+        close together as one. In fields of wide blocks both are the same.
     rest : (n_texels, 3) float32
         The light in detail without that.
     """
@@ -98,7 +96,7 @@ class IncomingField:
         parts = on_all_cores(one, self._parts)
         return np.concatenate([np.zeros((0, len(blocks)), np.uint8), *parts])
 
-    def update(self, light, sent, by_entry=None, detailed=None):
+    def update(self, light, sent, detailed=None):
         """Fill the field in for a light.
 
         Parameters
@@ -107,9 +105,6 @@ class IncomingField:
             Radiance of the sky; None: black.
         sent : (n_points, 3) float32
             What bake points send out to all sides.
-        by_entry : (m, 3) float32, optional
-            What is sent towards the points that see it, of every entry of the reflections, where
-            that depends on the side from which it is seen.
         detailed : (n_texels, 3) float32, optional
             The sky on a cube map `FINER` times as fine as the bake's, for narrow lobes.
         """
@@ -119,9 +114,6 @@ class IncomingField:
             light = np.zeros((cube_map.n_directions, 3), np.float32)
         light = expect_array("light", light, (cube_map.n_directions, 3), np.float32)
         sent = expect_array("sent", sent, (len(self._bits), 3), np.float32)
-        if by_entry is not None:
-            shape = len(reflections.met), 3
-            by_entry = expect_array("by_entry", by_entry, shape, np.float32)
         self.light_map = cube_map
         if detailed is not None:
             self.light_map = CubeMap(FINER * cube_map.resolution)
@@ -132,7 +124,9 @@ class IncomingField:
         self.rest = light.copy()
         self.rest[self.bright] -= more
         self._details, self._known = {}, {}
-        apart = self._apart(more)
+        apart = [self._apart(more, self.reflections.blocks.side <= _WIDE)]
+        if self.reflections.blocks.side > _WIDE:
+            apart.append(self._apart(more, True))
         # Of the bake's own texels what all their parts have.
         texels = Blocks(self.light_map, cube_map.resolution)
         angles = self.light_map.solid_angles[:, None]
@@ -153,41 +147,69 @@ class IncomingField:
                 total[some] += table.take(index[some], axis=0)
             places, entries = reflections.places(part)
             share = reflections.share[entries, None]
-            if by_entry is None:
-                total[places] += shining[reflections.met[entries]] * share
-            else:
-                total[places] += by_entry[entries] * (share * np.float32(1 / 255))
+            total[places] += shining[reflections.met[entries]] * share
             total = np.ascontiguousarray(total.reshape(-1, len(blocks), 3).swapaxes(1, 2))
             self.values[part] = halves(self.nodes.means(total))
             seen = bits_of(self._bits[reflections.points[part]], bright_texel)
-            self.bright_values[part] = halves(seen.astype(np.float32) @ apart).reshape(
-                len(seen), 3, -1
-            )
+            seen = seen.astype(np.float32)
+            for light, brought in apart:
+                light.values[part] = halves(seen @ brought).reshape(len(seen), 3, -1)
             return total.sum(axis=(0, 1), dtype=np.float64)
 
-        shape = len(reflections), 3, len(self.bright_directions)
-        self.bright_values = np.zeros(shape, np.uint16)
+        self.apart, self.merged = apart[0][0], apart[-1][0]
         bright_texel = cube_map.texel_along(*self.light_map.directions[self.bright].T)
         self._place(sum(on_all_cores(one, self._parts)) / max(3 * len(reflections), 1))
 
-    def _apart(self, more):
-        """(n_bright, 3 n_apart) float32: what each bright texel brings to those that are apart."""
-        side, texels = self.reflections.blocks.side, self.light_map.directions[self.bright]
+    def resend(self, entries, which, change):
+        """Take in what some entries of the reflections send beyond what they did.
+
+        Parameters
+        ----------
+        entries : (m,) int
+            Ascending.
+        which : (m,) int
+            Rows of `change`.
+        change : (k, 3) float32
+            Of radiance towards the points that see it.
+        """
+        reflections, blocks = self.reflections, self.reflections.blocks
+
+        def one(part):
+            first, last = np.searchsorted(entries, reflections.start[[part.start, part.stop]])
+            if first == last:
+                return
+            places, all_entries = reflections.places(part)
+            some = entries[first:last]
+            share = reflections.share[some, None] * np.float32(1 / 255)
+            n = part.stop - part.start
+            more = np.zeros((n * len(blocks), 3), np.float32)
+            more[places[some - all_entries.start]] = change[which[first:last]] * share
+            total = wholes(self.values[part, :, : len(blocks)])
+            total += more.reshape(n, len(blocks), 3).swapaxes(1, 2)
+            # What rounding leaves of light that has gone.
+            np.maximum(total, 0, out=total)
+            self.values[part] = halves(self.nodes.means(total))
+
+        on_all_cores(one, self._parts)
+
+    def _apart(self, more, merged):
+        """A `BrightLight`, yet dark, and (n_bright, 3 n_apart) what each texel brings to it."""
+        texels = self.light_map.directions[self.bright]
         light = more * self.light_map.solid_angles[self.bright, None]
         near = np.arange(len(texels))
-        if side <= _WIDE:
-            _, near = np.unique(CubeMap(_APART * side).texel_along(*texels.T), return_inverse=True)
+        if merged:
+            _, near = np.unique(CubeMap(_MERGED).texel_along(*texels.T), return_inverse=True)
         n = int(near.max(initial=-1)) + 1
         power = light.sum(axis=1)
         sums = np.zeros((n, 3))
         np.add.at(sums, near, power[:, None] * texels)
         lengths = np.linalg.norm(sums, axis=1)
-        self.bright_directions = (sums / lengths[:, None]).astype(np.float32)
-        mean = lengths / np.bincount(near, power, n)
-        self.bright_spread = np.maximum(1 - mean, 0).astype(np.float32)
-        apart = np.zeros((len(texels), 3, n), np.float32)
-        apart[np.arange(len(texels)), :, near] = light
-        return apart.reshape(len(texels), 3 * n)
+        spread = np.maximum(1 - lengths / np.bincount(near, power, n), 0).astype(np.float32)
+        brought = np.zeros((len(texels), 3, n), np.float32)
+        brought[np.arange(len(texels)), :, near] = light
+        values = np.zeros((len(self.reflections), 3, n), np.uint16)
+        directions = (sums / lengths[:, None]).astype(np.float32)
+        return BrightLight(directions, spread, values), brought.reshape(len(texels), 3 * n)
 
     def _place(self, mean):
         """Put nodes where their light is, of what all points see of blocks in the mean."""
@@ -219,9 +241,9 @@ class IncomingField:
         ways, angles, detail = (
             array[:, core].reshape(-1, *array.shape[2:]) for array in self._details[parts]
         )
-        ways = [ways, self.directions[nodes], self.bright_directions]
-        ones = np.ones(len(self.bright_spread), np.float32)
-        spread = [angles / np.float32(12), self.spread[nodes], self.bright_spread]
+        ways = [ways, self.directions[nodes], self.apart.directions]
+        ones = np.ones(len(self.apart.spread), np.float32)
+        spread = [angles / np.float32(12), self.spread[nodes], self.apart.spread]
         angles = [angles, self.nodes.solid_angles[nodes], ones]
         return Places(
             np.ascontiguousarray(np.concatenate(ways).T), np.concatenate(angles),
@@ -233,6 +255,25 @@ class IncomingField:
         """Of the arrays."""
         own = self.values.nbytes + self._patterns.nbytes + self.open.nbytes
         return own + self.reflections.nbytes
+
+
+@dataclass(frozen=True)
+class BrightLight:
+    """Bright texels, or groups of them.
+
+    Attributes
+    ----------
+    directions : (m, 3) float32
+        Where their light comes from.
+    spread : (m,) float32
+        How far from there: variance along an axis.
+    values : (n, 3, m) uint16
+        What points see of it: radiance times solid angle (see `runtime.halves`).
+    """
+
+    directions: np.ndarray
+    spread: np.ndarray
+    values: np.ndarray
 
 
 def sides_of(roughness, resolution):

@@ -95,4 +95,9 @@ def field_nodes(side):
 def _fours(values, side):
     """Sums over each 2 x 2 of blocks (..., 6 (2 side)^2): (..., 6 side^2)."""
     lead = values.shape[:-1]
-    return values.reshape(*lead, 6, side, 2, side, 2).sum(axis=(-3, -1)).reshape(*lead, -1)
+    parts = values.reshape(*lead, 6, side, 2, side, 2)
+    # Much quicker than a sum over two short axes.
+    total = parts[..., 0, :, 0] + parts[..., 0, :, 1]
+    total += parts[..., 1, :, 0]
+    total += parts[..., 1, :, 1]
+    return total.reshape(*lead, -1)

@@ -21,7 +21,7 @@ _PART = 512
 _CLASS = 1.6
 _STEP = 0.1
 # Lobes are as wide as twice their alpha, in radians, and not wider than this.
-_WIDEST = 0.45
+_WIDEST = 0.5
 # Cosines between view and normal below which lobes count as narrower, and by how much.
 _GRAZING, _NARROWER = (0.2, 0.45), (0.35, 0.7, 1.0)
 
@@ -79,7 +79,11 @@ class GlossyView:
             return result
         mirror = 2 * facing[seen, None] * normals[seen] - outgoing[seen]
         cell = self._cells.texel_along(*mirror.T)
-        least = alpha[seen] if alpha.ndim == 1 else alpha[seen].min(axis=1)
+        least = alpha[seen]
+        if alpha.ndim == 2:
+            # Stretched lobes turn, and so need more.
+            least, most = least.min(axis=1), least.max(axis=1)
+            least = least * (least / most) ** np.float32(0.25)
         slant = np.digitize(facing[seen], _GRAZING)
         width = np.minimum(2 * least, _WIDEST) * np.float32(_NARROWER)[slant]
         width = np.log(width)

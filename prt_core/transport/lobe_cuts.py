@@ -14,11 +14,10 @@ import numpy as np
 from prt_core.sphere import CubeMap
 from prt_core.transport.field_nodes import field_nodes
 
-# Width of a block in parts of the distance from the mirror direction, or of the lobe's own width.
-_WIDTH = 0.4
+# Width of a block in parts of the distance from the mirror direction, or of the lobe's own width;
+# and that beyond which the smallest blocks are cut into parts.
+_WIDTH, _OF_SMALLEST = 0.4, 0.5
 _MOST_PARTS = 4
-# Cells of mirror directions along an edge, at most.
-_CELLS = 6
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class LobeCut:
 def parts_along(side, width, resolution):
     """Parts along the edge of a block, for lobes of a width: a power of two, 1 to 4."""
     size, parts = np.pi / 2 / side, 1
-    while size / parts > _WIDTH * width and parts < _MOST_PARTS:
+    while size / parts > _OF_SMALLEST * width and parts < _MOST_PARTS:
         if resolution % (2 * side * parts):
             break
         parts *= 2
@@ -52,7 +51,7 @@ def parts_along(side, width, resolution):
 
 def cells(side):
     """`CubeMap` whose texels are the cells of mirror directions that share a cut."""
-    return CubeMap(max(min(side, _CELLS), 1))
+    return CubeMap(max(min(side, 4 + side // 4), 1))
 
 
 @lru_cache(maxsize=8192)
@@ -79,9 +78,9 @@ def lobe_cut(side, cell, width, parts):
         blocks = _cube_map(n)
         away = np.arccos(np.clip(blocks.directions[here] @ centre, -1, 1))
         away = np.maximum(away - radius, 0)
-        large = np.sqrt(blocks.solid_angles[here]) > _WIDTH * np.hypot(width, away)
-        if level == 0 and parts == 1:
-            large[:] = False
+        most = (_WIDTH if level else _OF_SMALLEST) * np.hypot(width, away)
+        large = np.sqrt(blocks.solid_angles[here]) > most
+        large &= level > 0 or parts > 1
         nodes.append(tree.first[level] + here[~large])
         here = here[large]
         if level:

@@ -157,4 +157,3 @@ class GlossyView:
         if n_core:
             brought += detail.swapaxes(0, 1)
         return np.maximum(brought, 0, out=brought)
-

@@ -6,7 +6,6 @@ time here. Without the factor for further bounces, which depends on the view alo
 
 import numpy as np
 
-
 # Most that light of a spread takes off a lobe, in parts of its squared alpha.
 _MOST_SPREAD = 1.0
 

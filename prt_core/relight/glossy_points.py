@@ -7,6 +7,7 @@ from prt_core.transport.glimpse import glimpse
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
+from prt_core.transport.rough_diffuse import rough_share
 
 # Lobes of a smaller alpha are mirrors: in parts of half the width of a texel.
 _TEXELS = 0.6
@@ -91,7 +92,24 @@ class GlossyPoints:
         result = np.zeros((len(rows), 3), np.float32)
         for alpha, powers in groups:
             result += self.reflected(rows, normals, outgoing, alpha, powers, self._frames[rows])
-        return result, diffuse
+        return result, diffuse * self.rough_share(rows, normals, outgoing)
+
+    def rough_share(self, rows, normals, outgoing):
+        """What rough diffuse lobes send towards a view, in parts of what leaves evenly.
+
+        Of the points by `rows` (k,), or places beside them of other normals: (k, 3) float32, or 1
+        where no lobe is rough.
+        """
+        rough = self._lobes.rough[self._first + rows]
+        some = np.flatnonzero(rough)
+        if not len(some):
+            return np.float32(1)
+        result = np.ones((len(rows), 3), np.float32)
+        result[some] = rough_share(
+            self.field, rows[some], normals[some], outgoing[some], rough[some],
+            self._lobes.facets[self._first + rows[some]],
+        )  # fmt: skip
+        return result
 
     def glimpse(self, rows, outgoing):
         """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""

@@ -12,6 +12,7 @@ import numpy as np
 from prt_core.reflectance.fresnel_powers import powers_used
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
+from prt_core.sphere import CubeMap
 from prt_core.transport.lobe_cuts import cells, lobe_cut, parts_along
 from prt_core.transport.lobe_values import lobe_values
 
@@ -40,7 +41,6 @@ class GlossyView:
         self.field = field
         self.normals = np.ascontiguousarray(normals, np.float32)
         self._side = field.reflections.blocks.side
-        self._cells = cells(self._side)
 
     def reflected(self, rows, outgoing, alpha, powers, axes=None, normals=None, lobe=None):
         """Radiance that lobes send towards a viewer.
@@ -78,7 +78,8 @@ class GlossyView:
         if not len(seen):
             return result
         mirror = 2 * facing[seen, None] * normals[seen] - outgoing[seen]
-        cell = self._cells.texel_along(*mirror.T)
+        around = CubeMap(cells(self._side, len(seen)))
+        cell = around.texel_along(*mirror.T)
         least = alpha[seen]
         if alpha.ndim == 2:
             # Stretched lobes turn, and so need more.
@@ -88,7 +89,7 @@ class GlossyView:
         width = np.minimum(2 * least, _WIDEST) * np.float32(_NARROWER)[slant]
         width = np.log(width)
         kind = np.floor(width / np.log(_CLASS)).astype(np.int64)
-        key = (kind - kind.min()) * self._cells.n_directions + cell
+        key = (kind - kind.min()) * around.n_directions + cell
         order = np.argsort(key, kind="stable")
         bounds = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
         n_powers = powers_used(powers) if lobe is None else 1
@@ -103,7 +104,8 @@ class GlossyView:
         for first, last in zip(bounds[:-1], bounds[1:], strict=True):
             # In steps, so that cuts are found again.
             least = float(np.exp(_STEP * np.floor(width[first:last].min() / _STEP)))
-            places = self._places(int(cell[first]), least, normals[first:last])
+            which = around.resolution, int(cell[first])
+            places = self._places(which, least, normals[first:last])
             jobs += [(places, slice(f, min(f + _PART, last))) for f in range(first, last, _PART)]
 
         def one(job):
@@ -122,13 +124,16 @@ class GlossyView:
         return result
 
     def _places(self, cell, width, normals):
-        """The `Places` of lobes about mirror directions in a cell, above any of the horizons."""
+        """The `Places` of lobes about mirror directions in a cell, above any of the horizons.
+
+        `cell` is how many there are along an edge, and which of them.
+        """
         parts = parts_along(self._side, width, self.field.light_map.resolution)
         mean = normals.mean(axis=0)
         mean /= max(float(np.sqrt(mean @ mean)), 1e-6)
         # As far below the horizon of the mean normal others may still be above theirs.
         lowest = -np.sqrt(max(1 - float((normals @ mean).min()) ** 2, 0)) - 1e-6
-        return self.field.places(lobe_cut(self._side, cell, width, parts)).above(mean, lowest)
+        return self.field.places(lobe_cut(self._side, *cell, width, parts)).above(mean, lowest)
 
     def _terms(self, places, rows, lobe):
         """(p, n_powers, 3): what each power of the Fresnel term brings."""

@@ -96,6 +96,10 @@ class IncomingField:
         parts = on_all_cores(one, self._parts)
         return np.concatenate([np.zeros((0, len(blocks)), np.uint8), *parts])
 
+    @cached_property
+    def _mean_open(self):
+        return self.open.mean(axis=0, dtype=np.float64) / 255
+
     def update(self, light, sent, detailed=None):
         """Fill the field in for a light.
 
@@ -154,7 +158,7 @@ class IncomingField:
             seen = seen.astype(np.float32)
             for light, brought in apart:
                 light.values[part] = halves(seen @ brought).reshape(len(seen), 3, -1)
-            return total.sum(axis=(0, 1), dtype=np.float64)
+            return total.reshape(-1, len(blocks)).sum(axis=0).astype(np.float64)
 
         self.apart, self.merged = apart[0][0], apart[-1][0]
         bright_texel = cube_map.texel_along(*self.light_map.directions[self.bright].T)
@@ -200,7 +204,8 @@ class IncomingField:
         if merged:
             _, near = np.unique(CubeMap(_MERGED).texel_along(*texels.T), return_inverse=True)
         n = int(near.max(initial=-1)) + 1
-        power = light.sum(axis=1)
+        # What is no brighter than the rest of its block has its direction all the same.
+        power = np.maximum(light.sum(axis=1, dtype=np.float64), 1e-30)
         sums = np.zeros((n, 3))
         np.add.at(sums, near, power[:, None] * texels)
         lengths = np.linalg.norm(sums, axis=1)
@@ -214,9 +219,7 @@ class IncomingField:
     def _place(self, mean):
         """Put nodes where their light is, of what all points see of blocks in the mean."""
         blocks, fine = self.reflections.blocks, Blocks(self.light_map, self.reflections.blocks.side)
-        # In double precision over all points, so that their number does not matter.
-        open_ = self.open.mean(axis=0, dtype=np.float64) / 255
-        sky = self.rest.mean(axis=1, dtype=np.float64) * open_[fine.of_texel]
+        sky = self.rest.mean(axis=1, dtype=np.float64) * self._mean_open[fine.of_texel]
         of_sky = fine.sums(sky * self.light_map.solid_angles) / blocks.solid_angles
         met = np.maximum(mean - of_sky, 0)
         self.directions, self.spread = self.nodes.placed(self.light_map, sky + met[fine.of_texel])

@@ -18,6 +18,8 @@ from prt_core.transport.field_nodes import field_nodes
 # and that beyond which the smallest blocks are cut into parts.
 _WIDTH, _OF_SMALLEST = 0.4, 0.5
 _MOST_PARTS = 4
+# Points for each cell of a face, about.
+_SHARING = 250
 
 
 @dataclass(frozen=True)
@@ -49,28 +51,32 @@ def parts_along(side, width, resolution):
     return parts
 
 
-def cells(side):
-    """`CubeMap` whose texels are the cells of mirror directions that share a cut."""
-    return CubeMap(max(min(side, 4 + side // 4), 1))
+def cells(side, n_points):
+    """Along an edge of a cube map, the cells of mirror directions that share a cut.
+
+    Larger ones for few points, as each takes time of its own; their cuts have more blocks.
+    """
+    most = max(min(side, 4 + side // 4), 1)
+    return int(np.clip(np.sqrt(n_points / _SHARING), min(3, most), most))
 
 
 @lru_cache(maxsize=8192)
-def lobe_cut(side, cell, width, parts):
+def lobe_cut(side, around, cell, width, parts):
     """The `LobeCut` of mirror directions within a cell.
 
     Parameters
     ----------
     side : int
         Of the smallest blocks, along an edge of a face.
-    cell : int
-        Of `cells(side)`.
+    around, cell : int
+        Of so many cells along an edge (see `cells`).
     width : float
         Of the narrowest lobe, in radians.
     parts : int
         See `parts_along`.
     """
-    tree, around = field_nodes(side), cells(side)
-    centre, radius = around.directions[cell], np.pi / 4 / around.resolution * 1.2
+    tree = field_nodes(side)
+    centre, radius = _cube_map(around).directions[cell], np.pi / 4 / around * 1.35
     nodes, last = [], len(tree.sides) - 1
     here = np.arange(6 * tree.sides[last] ** 2)
     for level in range(last, -1, -1):

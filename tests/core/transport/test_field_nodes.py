@@ -45,7 +45,7 @@ def test_nodes_are_where_their_light_is():
 @pytest.mark.parametrize("width", [0.1, 0.5])
 def test_a_cut_has_every_direction_once_and_small_blocks_near_its_middle(width, parts):
     tree = FieldNodes(16)
-    cut = lobe_cut(16, 77, width, parts)
+    cut = lobe_cut(16, 8, 77, width, parts)
     counts = np.zeros(CubeMap(16).n_directions)
     counts[cut.core] += 1
     for index, side in enumerate(tree.sides):
@@ -54,10 +54,15 @@ def test_a_cut_has_every_direction_once_and_small_blocks_near_its_middle(width, 
         counts += np.isin(Blocks(CubeMap(16), side).of_texel, mine)
     np.testing.assert_array_equal(counts, 1)
     assert len(cut.core) == 0 if parts == 1 or width > 0.3 else len(cut.core) > 0
-    centre = cells(16).directions[77]
+    centre = CubeMap(8).directions[77]
     away = np.arccos(np.clip(CubeMap(2).directions @ centre, -1, 1))
     large = np.isin(tree.first[3] + np.arange(24), cut.nodes)
     assert large.any() and away[large].min() > 0.9
+
+
+def test_few_points_share_larger_cells():
+    assert [cells(8, n) for n in (1, 5000, 60000)] == [3, 4, 6]
+    assert cells(16, 60000) == 8 and cells(1, 60000) == 1
 
 
 @pytest.mark.parametrize("alpha", [(0.25, 0.25), (0.3, 0.2)])
@@ -133,3 +138,15 @@ def test_bright_texels_that_lie_together_are_one_for_wide_lobes():
     share = (1e4 - 0.1) * case.cube_map.solid_angles[[sun, sun + 1]]
     bits = np.unpackbits(case.bits, axis=1, bitorder="little")[:, [sun, sun + 1]]
     np.testing.assert_allclose(sums, bits @ share, rtol=0.01, atol=1e-3)
+
+
+def test_texels_as_bright_as_the_rest_of_their_block_bring_nothing():
+    case = Case()
+    light = np.full_like(case.light, 0.1)
+    light[case.blocks.texels[200:220].ravel()] = 50
+    case.field.update(light, 0 * case.sent)
+    field = case.field
+    assert len(field.bright) == 48
+    np.testing.assert_allclose(np.linalg.norm(field.apart.directions, axis=1), 1, rtol=1e-5)
+    assert not field.apart.values[:, :, field.apart.spread > 0.1].any()
+    assert np.isfinite(field.directions).all() and np.isfinite(field.apart.spread).all()

@@ -48,14 +48,32 @@ class FieldNodes:
         angles = [CubeMap(side).solid_angles for side in self.sides]
         return np.concatenate(angles).astype(np.float32)
 
+    @cached_property
+    def _shares(self):
+        """(n_blocks / 6, n_larger / 6) float32: of each block in larger ones, on any face."""
+        n = self.sides[0] ** 2
+        angles = self.solid_angles[:n]
+        sums, every = np.diag(angles)[:, None].repeat(6, axis=1).reshape(n, 6 * n), []
+        for side in self.sides[1:]:
+            sums = _fours(sums, side)
+            every.append(sums[:, : side * side])
+        shares = np.concatenate(every, axis=1) if every else np.zeros((n, 0), np.float32)
+        return shares / np.maximum(shares.sum(axis=0), 1e-30)
+
     def means(self, values):
         """Of values of the smallest blocks (..., n_blocks): of all (..., n_nodes), float32."""
-        every = [np.asarray(values, np.float32)]
-        for index, side in enumerate(self.sides[1:], 1):
-            begin, end = self.first[index - 1 : index + 1]
-            angles = self.solid_angles[begin:end]
-            every.append(_fours(every[-1] * angles, side) / _fours(angles, side))
-        return np.concatenate(every, axis=-1)
+        values = np.ascontiguousarray(values, np.float32)
+        result = np.empty((*values.shape[:-1], len(self)), np.float32)
+        result[..., : self.first[1]] = values
+        # All faces are alike, so one product serves them.
+        larger = values.reshape(-1, self.sides[0] ** 2) @ self._shares
+        start = 0
+        for side, begin in zip(self.sides[1:], self.first[1:], strict=False):
+            part = larger[:, start : start + side * side]
+            shape = *values.shape[:-1], 6 * side * side
+            result[..., begin : begin + 6 * side * side] = part.reshape(shape)
+            start += side * side
+        return result
 
     def placed(self, cube_map, weights):
         """Where light comes from.

@@ -79,7 +79,7 @@ class IncomingField:
         n_bytes = -(-blocks.n_texels // 8)
         empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
         self._patterns = np.concatenate([empty, *patterns])
-        self.nodes = field_nodes(blocks.side)
+        self.nodes, self._lights = field_nodes(blocks.side), []
         self.values = np.zeros((len(reflections), 3, len(self.nodes)), np.uint16)
 
     @cached_property
@@ -160,7 +160,8 @@ class IncomingField:
                 light.values[part] = halves(seen @ brought).reshape(len(seen), 3, -1)
             return total.reshape(-1, len(blocks)).sum(axis=0).astype(np.float64)
 
-        self.apart, self.merged = apart[0][0], apart[-1][0]
+        self._lights = [light for light, _ in apart]
+        self.apart, self.merged = self._lights[0], self._lights[-1]
         bright_texel = cube_map.texel_along(*self.light_map.directions[self.bright].T)
         self._place(sum(on_all_cores(one, self._parts)) / max(3 * len(reflections), 1))
 
@@ -257,6 +258,7 @@ class IncomingField:
     def nbytes(self):
         """Of the arrays."""
         own = self.values.nbytes + self._patterns.nbytes + self.open.nbytes
+        own += sum(light.values.nbytes for light in self._lights)
         return own + self.reflections.nbytes
 
 

@@ -12,18 +12,19 @@ from prt_core.errors import expect
 from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
-from .buttons import BakeButton, Button
+from .buttons import Asks, BakeButton, Button
 from .request import request
 from .work import LongWork
 
 
-class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
+class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
     """Keep the colours as an attribute of the meshes that stays when the preview goes; gloss stays
     as it is seen at that moment"""
 
     bl_idname = "prt.keep"
     bl_label = "Keep Colours"
     title = "Keep Colours"
+    call, asked = "keep", ("attribute", "domain", "kind", "channels")
 
     attribute: StringProperty(name="Attribute", default="Relit")
     domain: EnumProperty(

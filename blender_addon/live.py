@@ -136,6 +136,8 @@ def _tick():
                 looks.append(gloss.tick())
         if idle() and gloss.is_stale(bpy.context.scene):
             touch(bpy.context.scene, show=True)
+        if _NOW.job is None and bpy.context.mode == "OBJECT":
+            preview.see_again(bpy.context.scene)
         return min([_work(), _IDLE, *(look for look in looks if look is not None)])
     except Exception:
         stop()
@@ -300,6 +302,8 @@ def _updated(scene, depsgraph):
     if are_own() or bpy.app.background or is_own(scene):
         return
     light, geometry = _what_changed(depsgraph)
+    if any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
+        _NOW.show |= preview.outdate_materials(scene)
     if not geometry and any(isinstance(u.id, bpy.types.Collection) for u in depsgraph.updates):
         geometry = plan.regrouped(scene)
     _NOW.rearrange |= any(isinstance(u.id, bpy.types.Collection | bpy.types.Scene)

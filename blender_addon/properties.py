@@ -114,12 +114,51 @@ class PRTLightField(bpy.types.PropertyGroup):
     lamps: CollectionProperty(type=PRTLamp)
 
 
+# What the presets of quality set.
+_QUALITIES = (
+    {"resolution": "16", "tolerance": 0.05, "all_bounces": False, "bounces": 2},
+    {"resolution": "32", "tolerance": 0.01, "all_bounces": True},
+)
+_CUSTOM = len(_QUALITIES)
+
+
+def _get_quality(settings):
+    """The preset that the settings are those of, unless a person asked for their own."""
+    if settings.custom:
+        return _CUSTOM
+    for index, preset in enumerate(_QUALITIES):
+        values = {name: getattr(settings, name) for name in preset}
+        if all(round(v, 6) == preset[n] if n == "tolerance" else v == preset[n]
+               for n, v in values.items()):  # fmt: skip
+            return index
+    return _CUSTOM
+
+
+def _set_quality(settings, index):
+    settings.custom = index == _CUSTOM
+    if index != _CUSTOM:
+        for name, value in _QUALITIES[index].items():
+            setattr(settings, name, value)
+
+
 class PRTScene(bpy.types.PropertyGroup):
     """Bake, light and preview settings of a scene."""
 
+    custom: BoolProperty(options={"HIDDEN"})
+    quality: EnumProperty(
+        name="Quality",
+        items=[
+            ("DRAFT", "Draft", "Soft shadows of the sky, two bounces, 5 % error: to look at soon"),
+            ("FINAL", "Final", "Shadows of the sky as sharp as most need, all bounces, 1 % error"),
+            ("CUSTOM", "Custom", "Settings of your own"),
+        ],
+        get=_get_quality,
+        set=_set_quality,
+        options=set(),
+    )
     resolution: EnumProperty(
-        name="Resolution",
-        description="Texels along an edge of the cube map: how sharp shadows of the sky can be",
+        name="Shadow Detail",
+        description="How sharp shadows of the sky can be: texels along an edge of the cube map",
         items=[(str(n), str(n), f"{6 * n * n:,} directions") for n in (8, 16, 32, 64)],
         default="32",
         update=_plan_changed,
@@ -135,8 +174,8 @@ class PRTScene(bpy.types.PropertyGroup):
         update=_plan_changed,
     )  # fmt: skip
     tolerance: FloatProperty(
-        name="Tolerance",
-        description="Relative error of the relit colours that the bounces may have",
+        name="Bounce Error",
+        description="How far bounced light may be off, as a share of the colours",
         default=0.01, min=0.001, max=0.5, precision=3, update=_plan_changed,
     )  # fmt: skip
     caster: EnumProperty(
@@ -153,17 +192,18 @@ class PRTScene(bpy.types.PropertyGroup):
     method: EnumProperty(
         name="Rays",
         items=[
-            ("auto", "Automatic", "The cheapest that keeps the tolerance"),
-            ("agreement", "By Agreement", "Where neighbours disagree about what they see"),
+            ("auto", "Automatic", "The cheapest that keeps the error"),
+            ("agreement", "Where It Varies", "Where neighbours see different things; the rest is "
+             "filled in and checked"),
             ("huang", "Sparse", "After Huang and Ramamoorthi; to compare with"),
             ("exhaustive", "All", "Every direction of every point"),
         ],
         default="auto",
         update=_plan_changed,
-    )
+    )  # fmt: skip
     gloss: BoolProperty(
         name="Gloss",
-        description="Read materials with their gloss, which views show",
+        description="Bake what metal and glossy surfaces reflect as well; it is shown to the view",
         default=False,
         update=_plan_changed,
     )
@@ -237,8 +277,8 @@ class PRTScene(bpy.types.PropertyGroup):
     field: PointerProperty(type=PRTLightField)
 
     compress_tolerance: FloatProperty(
-        name="Tolerance",
-        description="Relative error of the relit colours that compression may add",
+        name="Added Error",
+        description="How far the compressed form may be off, as a share of the colours",
         default=0.01, min=0.001, max=0.5, precision=3,
     )  # fmt: skip
     use_compressed: BoolProperty(
@@ -264,12 +304,18 @@ class PRTScene(bpy.types.PropertyGroup):
         default="CORNER",
         update=_shown_changed,
     )
-    material: BoolProperty(
-        name="Show as Emission",
-        description="Cover materials in Material Preview and renders; Restore brings them back",
-        default=True,
+    look: EnumProperty(
+        name="Look",
+        description="What Material Preview and renders show",
+        items=[
+            ("COLOURS", "Baked Colours", "The colours, without reflections of Blender's own"),
+            ("MATERIALS", "Own Materials", "The baked light on the objects' own materials: "
+             "textures stay, and EEVEE adds its reflections of gloss, metal and glass"),
+            ("SOLID", "Solid Only", "The scene as it is; only Solid mode shows the colours"),
+        ],
+        default="COLOURS",
         update=_shown_changed,
-    )
+    )  # fmt: skip
     shown: StringProperty(
         name="Shown", description="The attribute that holds the preview now", options={"HIDDEN"}
     )

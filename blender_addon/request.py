@@ -47,6 +47,7 @@ class Request:
         if view is not None and shown.has_light(self.key):
             return (yield from relighter.view_steps(view, pace, self.every))
         radiance = yield from relighter.steps(self.lighting, pace, view=view)
+        shown.received = relighter.received
         if view is not None:
             shown.note_light(self.key)
         return radiance

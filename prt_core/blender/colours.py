@@ -122,6 +122,8 @@ def write_all(
     places=None,
     target=None,
     others=(),
+    layers=None,
+    solid=None,
     **options,
 ):
     """Colours of a bake onto the open Blender scene.
@@ -144,6 +146,10 @@ def write_all(
         Where copies go; default: the current one.
     others : sequence of str
         Colour attributes of other previews of the scene, whose copies stay.
+    layers : dict of str -> dict, optional
+        More attributes by their names, each of colours of the same objects.
+    solid : str, optional
+        Which of them 3D views show in Solid mode; default: the attribute itself. Renders use that.
     **options
         Of `write_colours`: byte, channels, active.
 
@@ -160,10 +166,14 @@ def write_all(
     built = copies_there(scene, copies, target, others)
     if copies and built is None:
         built = build_objects(scene, copies, attribute=attribute, target=target, others=others)
-    for name, present in own.items():
+    for name, present in (own | {name: built[name] for name in copies}).items():
         write_colours(present, colours[name], attribute, domain, **options)
+        for layer, values in (layers or {}).items():
+            write_colours(present, values[name], layer, domain, active=False)
+        if solid is not None:
+            attributes = present.data.color_attributes
+            attributes.active_color_index = attributes.find(solid)
     for name in copies:
-        write_colours(built[name], colours[name], attribute, domain, **options)
         stand_in_for(built[name], objects.get(places[name]))
     if copies:
         arrange(target)

@@ -60,6 +60,9 @@ class Relighter:
         Why `auto` did not use a compressed form; empty where it did.
     notes : tuple of str
         What is to be said of the image last read (see `read_picture`).
+    received : (n_points, 3) float32
+        Irradiance / pi, exposed, of the last light that points were shown under: the colours
+        without what surfaces make of it. None before there was any.
     """
 
     @renamed_keyword(transport="form")
@@ -69,7 +72,7 @@ class Relighter:
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.form = bake, expect_one_of("form", form, FORMS)
         expect_kind("caster", caster, str, "the name of one")
-        self.used, self.notes = "exact", ()
+        self.used, self.notes, self.received = "exact", (), None
         self._compressed = FormInUse(bake, expect_flag("progressive", progressive))
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
@@ -189,6 +192,8 @@ class Relighter:
             shining = subject.radiance_of_points(*emitted)
             radiance = shining if radiance is None else shining + radiance
             received_in_all.append(emitted[0])
+        if of == "points":
+            self.received = _exposed(sum(received_in_all), lighting)
         if view is not None:
             first = len(parts) - len(lamps)
             lit = [

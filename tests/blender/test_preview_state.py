@@ -147,7 +147,7 @@ def test_nothing_that_was_said_survives_into_the_next_file(baked_floor, tmp_path
         bpy.ops.wm.revert_mainfile()
     assert (work.status().message, work.status().notes) == ("", "")
     assert not views_show() and not bakes.listed(bpy.context.scene)
-    assert "Not looked at yet" in drawn(panels.PRT_PT_bakes)
+    assert "Not looked at yet" in drawn(panel_bakes.PRT_PT_bakes)
 
 
 def test_another_file_ends_a_bake_that_is_under_way(floor_scene, monkeypatch, tmp_path):
@@ -185,9 +185,9 @@ def test_what_a_bake_has_to_say_reaches_the_panel(floor_scene, capfd):
     printed = capfd.readouterr().out
     assert all(f"Warning: {text}" in printed for text in messages)
     assert set(messages) <= set(main()) and work.status().message.startswith("Baked")
-    assert set(messages) <= set(drawn(panels.PRT_PT_bakes))
+    assert set(messages) <= set(drawn(panel_bakes.PRT_PT_bakes))
     bpy.ops.prt.relight()
-    assert not set(messages) & set(main()) and set(messages) <= set(drawn(panels.PRT_PT_bakes))
+    assert not set(messages) & set(main()) and set(messages) <= set(drawn(panel_bakes.PRT_PT_bakes))
 
 
 def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, monkeypatch, capfd):
@@ -203,11 +203,11 @@ def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, 
     missed = report["messages"][0]
     assert f"the bounces may be {report['error']:.2%} off" in missed and "of 0.10%" in missed
     assert len(report["messages"]) > 1
-    assert missed in main() and missed in drawn(panels.PRT_PT_bakes)
+    assert missed in main() and missed in drawn(panel_bakes.PRT_PT_bakes)
     assert f"Warning: {missed}" in capfd.readouterr().out
     path = preview.path_of(floor_scene)
     bpy.ops.prt.clear()
-    assert missed not in main() and missed in drawn(panels.PRT_PT_bakes)
+    assert missed not in main() and missed in drawn(panel_bakes.PRT_PT_bakes)
     bpy.ops.prt.load(filepath=path)
     assert missed in main()
 
@@ -218,7 +218,7 @@ def test_a_compressed_form_that_misses_its_tolerance_says_so(baked_floor, monkey
     assert bpy.ops.prt.compress(method="harmonics") == {"FINISHED"}
     (missed,) = [text for text in main() if text.startswith("NOT within the tolerance of 50.00%")]
     assert f"Warning: {missed}" in capfd.readouterr().out
-    assert any("(NOT as asked)" in text for text in drawn(panels.PRT_PT_bakes))
+    assert any("(NOT as asked)" in text for text in drawn(panel_bakes.PRT_PT_bakes))
 
 
 def test_what_the_preview_hides_is_not_said_to_be_hidden(floor_scene):
@@ -228,7 +228,7 @@ def test_what_the_preview_hides_is_not_said_to_be_hidden(floor_scene):
     bpy.ops.prt.bake()
     bpy.ops.prt.refresh()
     cube("gone", scene.collection).hide_render = True
-    texts = [text for text, *_ in plan.warnings(scene)]
+    texts = [text for text, *_ in advice.warnings(scene)]
     assert [text for text in texts if "hidden" in text] == ["gone: hidden in renders, not baked"]
     assert colours_on("away").any()
 
@@ -280,10 +280,10 @@ def test_another_scene_is_looked_at_anew(baked_floor):
     live._look_around()
     assert bakes.listed(baked_floor) and work.status().message.startswith("Baked")
     bpy.context.window.scene = other
-    assert "Not looked at yet" in drawn(panels.PRT_PT_bakes)
+    assert "Not looked at yet" in drawn(panel_bakes.PRT_PT_bakes)
     live._look_around()
     assert work.status().message == "" and bakes.listed(other)
-    assert "No bakes in the folder" in drawn(panels.PRT_PT_bakes)
+    assert "No bakes in the folder" in drawn(panel_bakes.PRT_PT_bakes)
     bpy.context.window.scene = baked_floor
     bpy.data.scenes.remove(other)
     live._look_around()

@@ -63,9 +63,9 @@ LINES = {
 }
 # What is said otherwise where gloss is baked.
 GLOSS_LINES = {
-    "metal": "metal; its reflections are seen in views, on the mesh they count as diffuse",
+    "metal": "metal; its reflections are shown to the view, in bounces they count as diffuse",
     "specular": None,
-    "rough": "its diffuse roughness is seen in views, on the mesh light leaves evenly to all sides",
+    "rough": "its diffuse roughness is shown to the view, in bounces light leaves evenly",
 }
 
 

@@ -1,0 +1,29 @@
+"""The panel's section Keep & Export: what is done with the colours next."""
+
+import bpy
+
+from .panel_parts import Panel
+
+
+class PRT_PT_output(Panel, bpy.types.Panel):
+    bl_label = "Keep & Export"
+    bl_parent_id = "PRT_PT_main"
+
+    def draw(self, context):
+        draw_keep(self.layout, context)
+        draw_files(self.layout, context)
+
+
+def draw_keep(layout, context):
+    """What stays in the .blend."""
+    keep = layout.operator("prt.keep", text="Keep Colours…", icon="COLOR")
+    keep.domain = context.scene.prt.domain
+
+
+def draw_files(layout, _context):
+    """What goes to files of its own."""
+    column = layout.column(align=True)
+    column.operator("prt.export", text="Export Sequence…", icon="EXPORT")
+
+
+register, unregister = bpy.utils.register_classes_factory((PRT_PT_output,))

@@ -106,7 +106,7 @@ def _shows(scene):
 def _follows(scene):
     """Whether a scene shows gloss, under a light that is known for any view."""
     held = preview.held(scene)
-    return _shows(scene) and held.has_light(held.shown.key)
+    return _shows(scene) and held.blend.has_light(held.shown.lights)
 
 
 def _place(scene):

@@ -1,5 +1,7 @@
 """What is done with the colours next: kept attributes, sequences on disk, a turn of the light."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
@@ -13,8 +15,25 @@ from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
 from .buttons import Asks, BakeButton, Button
+from .naming import file_name
 from .request import request
 from .work import LongWork
+
+EACH_LIGHT = BoolProperty(
+    name="Each Light Set",
+    description="One for each light that is kept by name, at its full weight; otherwise their "
+    "blend",
+)
+
+
+def _by_light(pattern, name):
+    """The path of the files of one light set: its name comes before the number of the frame."""
+    if not name:
+        return pattern
+    path = Path(pattern)
+    stem, number = path.stem.rstrip("#"), path.stem[len(path.stem.rstrip("#")) :]
+    stem = f"{stem.rstrip('_')}_{file_name(name)}" + (f"_{number}" if number else "")
+    return str(path.with_name(stem + path.suffix))
 
 
 class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
@@ -24,7 +43,7 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
     bl_idname = "prt.keep"
     bl_label = "Keep Colours"
     title = "Keep Colours"
-    call, asked = "keep", ("attribute", "domain", "kind", "channels")
+    call, asked = "keep", ("attribute", "domain", "kind", "channels", "each_light")
 
     attribute: StringProperty(name="Attribute", default="Relit")
     domain: EnumProperty(
@@ -43,33 +62,43 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
         options={"ENUM_FLAG"},
         default={"R", "G", "B"},
     )
+    each_light: EACH_LIGHT
 
     def steps(self, context, pace):
         scene = self.begin(context)
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
-        radiance = yield from request(self.scene).steps(held, pace)
-        return held, radiance
+        asked = request(self.scene)
+        lights = asked.each() if self.each_light else [("", asked)]
+        radiances = {}
+        for name, light in lights:
+            attribute = f"{self.attribute} {name}".strip()
+            radiances[attribute] = yield from light.steps(held, pace)
+        return held, radiances
 
     def finish(self, context, result):
-        held, radiance = result
+        held, radiances = result
+        for attribute, radiance in radiances.items():
+            self._keep(held, attribute, radiance)
+
+    def _keep(self, held, attribute, radiance):
         scene = self.scene
         expect(
-            self.attribute != scene.prt.attribute,
-            f"attribute: '{self.attribute}' is the preview's and goes with it; use another name",
+            attribute != scene.prt.attribute,
+            f"attribute: '{attribute}' is the preview's and goes with it; use another name",
         )
         by_object = held.bake.colours(radiance)
         realised, left = colours.keep_all(
             held.bake.scene,
             by_object,
-            self.attribute,
+            attribute,
             self.domain,
             places=preview.places_now(scene, held),
             target=scene,
             byte=self.kind == "BYTE_COLOR",
             channels="".join(sorted(self.channels, key="RGB".index)),
         )
-        text = f"'{self.attribute}' kept on {len(by_object)} objects"
+        text = f"'{attribute}' kept on {len(by_object)} objects"
         if realised:
             text += (
                 f", {len(realised)} of them realised in the collection '{KEPT_COLLECTION}': they "
@@ -103,6 +132,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         name="Pictures", description="A .png from the scene's camera beside each file"
     )
     size: IntVectorProperty(name="Size", size=2, default=(960, 540), min=16, max=8192)
+    each_light: EACH_LIGHT
 
     def invoke(self, context, event):
         if bpy.app.background:
@@ -134,12 +164,13 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 if not moved:
                     moved = self._say_moved(scene)
                 asked = request(scene, rendered=self.pictures)
-                radiance = yield from asked.steps(held, pace)
-                path = frame_path(pattern, frame)
-                write_npz(path, held.bake.colours(radiance))
-                if self.pictures:
-                    camera = read_camera(self.scene)
-                    pictures.write(path.with_suffix(".png"), radiance, camera)
+                for name, light in asked.each() if self.each_light else [("", asked)]:
+                    radiance = yield from light.steps(held, pace)
+                    path = frame_path(_by_light(pattern, name), frame)
+                    write_npz(path, held.bake.colours(radiance))
+                    if self.pictures:
+                        camera, sky = read_camera(self.scene), light.sky(held)
+                        pictures.write(path.with_suffix(".png"), radiance, camera, sky)
                 yield Progress("frames", count + 1, len(frames))
         finally:
             self.scene.frame_set(before)

@@ -180,7 +180,7 @@ def _soon():
     """Whether colours take a moment only: waited for, they are drawn with what changed."""
     held = preview.held()
     return held is not None and (
-        held.relighter.used == "compressed" or held.bake.transport.n_points <= _FEW
+        held.blend.used == "compressed" or held.bake.transport.n_points <= _FEW
     )
 
 
@@ -263,7 +263,7 @@ def _relight_steps(scene, draft):
             return
     full = request(scene)
     # Where the lamps stay as they are, the first colours are the last.
-    draft = draft and not held.relighter.has_lamps(full.lighting)
+    draft = draft and not held.blend.has_lamps(full.lights)
     asked = request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
     shown = held.shown

@@ -163,7 +163,7 @@ class PRT_OT_compress(Asks, LongWork, BakeButton, bpy.types.Operator):
         self.form_report = yield from compress_bake_steps(
             subject, self.method, tolerance, of="points"
         )
-        held.relighter.close()
+        held.blend.close()
         asked = request(self.scene)
         radiance = yield from asked.steps(held, pace)
         return held, asked, radiance

@@ -14,12 +14,28 @@ class PRT_PT_light(Panel, bpy.types.Panel):
 
     def draw(self, context):
         layout, settings = self.split(), context.scene.prt
-        draw_environment(layout, settings)
-        draw_lamps(layout, settings)
-        draw_emitters(layout, context)
+        light = draw_sets(layout, settings)
+        draw_environment(layout, light, settings)
+        draw_lamps(layout, light)
+        draw_rows(layout, context, light)
 
 
-def draw_environment(layout, light):
+def draw_sets(layout, settings):
+    """The lights that are kept by name; returns the one whose rows follow."""
+    if not settings.sets:
+        layout.operator("prt.light_set_add", icon="ADD")
+        return settings
+    row = layout.row()
+    row.use_property_split = False
+    row.template_list("PRT_UL_light_sets", "", settings, "sets", settings, "active_set", rows=3)
+    side = row.column(align=True)
+    side.operator("prt.light_set_add", text="", icon="ADD")
+    side.operator("prt.light_set_remove", text="", icon="REMOVE")
+    side.operator("prt.light_set_key", text="", icon="KEY_HLT")
+    return settings.sets[min(settings.active_set, len(settings.sets) - 1)]
+
+
+def draw_environment(layout, light, settings):
     """The world, an image or a studio light, how it is turned and how strong."""
     layout.row().prop(light, "light", expand=True)
     if light.light == "FILE":
@@ -33,7 +49,8 @@ def draw_environment(layout, light):
     column.use_property_decorate = True
     row = column.row(align=True)
     row.prop(light, "rotation")
-    row.operator("prt.turntable", text="", icon="KEY_HLT")
+    if light == settings:
+        row.operator("prt.turntable", text="", icon="KEY_HLT")
     column.prop(light, "strength")
 
 
@@ -47,15 +64,19 @@ def draw_lamps(layout, light):
         row.prop(light, "lamp_samples")
 
 
-def draw_emitters(layout, context):
-    """A row for each material that emits light."""
-    settings = context.scene.prt
+def draw_rows(layout, context, light):
+    """A row for each material that emits light, and in a set for each lamp."""
     column = layout.column(align=True)
     column.use_property_split = False
     for name in preview.emitters(preview.held(context.scene)):
-        item = settings.emitters.get(name)
+        item = light.emitters.get(name)
         if item is not None:
             draw_emitter(column, item, name)
+    if light.use_lamps:
+        objects = context.scene.objects
+        for item in getattr(light, "lamps", ()):
+            if item.name in objects:
+                draw_emitter(column, item, item.name)
 
 
 def draw_emitter(column, item, name):

@@ -13,7 +13,7 @@ from prt_core.blender.realised import PREVIEW, holds
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
 from prt_core.blender.view_transform import ViewTransform, transform_key
 from prt_core.errors import expect
-from prt_core.relight.relighter import Relighter
+from prt_core.relight.blend import LightBlend
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
@@ -39,7 +39,7 @@ class Preview:
     ----------
     path : str
     bake : prt_core.Bake
-    relighter : prt_core.relight.relighter.Relighter
+    blend : prt_core.relight.blend.LightBlend
     shown : Request
         What the colours on the meshes were made from, None where unknown.
     radiance : (n_points, 3) float32
@@ -58,10 +58,9 @@ class Preview:
 
     def __init__(self, path, bake, caster):
         self.path, self.bake = path, bake
-        self.relighter = Relighter(bake, caster)
+        self.blend = LightBlend(bake, caster)
         self.shown, self.radiance, self.received, self.warned = None, None, None, ""
         self.solid, self.burnt, self.has_old_materials = None, 0.0, False
-        self._lit = None, None
         self._compared = None, None
 
     def compare(self, read):
@@ -84,14 +83,10 @@ class Preview:
             self._compared = read, (differences, places, uids)
         return self._compared[1]
 
-    def note_light(self, key):
-        """Its relighter has worked out the light of a `Request.key`, for any view."""
-        self._lit = key, self.relighter.lit
-
-    def has_light(self, key):
-        """Whether another view under the light of a `Request.key` is only a matter of lobes."""
-        lit = self.relighter.lit
-        return lit is not None and self._lit[1] is lit and self._lit[0] == key
+    @property
+    def relighter(self):
+        """The `Relighter` of the panel's own light."""
+        return self.blend.relighter("")
 
     @property
     def gloss(self):
@@ -149,7 +144,7 @@ def load_steps(path, caster="auto"):
 def forget():
     """Let go of the bake in memory."""
     while _HELD:
-        _HELD.pop().relighter.close()
+        _HELD.pop().blend.close()
 
 
 def relocated(old, new):
@@ -196,9 +191,10 @@ def write(scene, preview, radiance, asked):
     preview.shown, preview.radiance = asked, radiance
     shown = transform_of(scene).display(_sample(radiance))
     preview.burnt = float((shown.min(axis=1) > _BURNT).mean())
-    for name in emitters(preview):
-        if name not in settings.emitters:
-            settings.emitters.add().name = name
+    for light in (settings, *settings.sets):
+        for name in emitters(preview):
+            if name not in light.emitters:
+                light.emitters.add().name = name
 
 
 def layers_of(scene, attribute, source, radiance):

@@ -16,11 +16,7 @@ from bpy.props import (
 from prt_core.blender.compat import PATH_OPTIONS
 
 from . import following, live, studio
-
-
-def _changed(settings, _context):
-    live.touch(settings.id_data)
-    live.start()
+from .light_properties import Light, PRTEmitter, PRTLightSet, changed
 
 
 def _plan_changed(settings, _context):
@@ -37,25 +33,6 @@ def _field_changed(_settings, _context):
 
 def _shown_changed(settings, _context):
     live.touch(settings.id_data, show=True)
-
-
-class PRTEmitter(bpy.types.PropertyGroup):
-    """How a material that emits light shines."""
-
-    name: StringProperty(name="Emitter", description="A material that emits light")
-    strength: FloatProperty(
-        name="Strength", description="Factor on the light of this material; 0 is off",
-        default=1.0, min=0.0, soft_max=10.0, update=_changed,
-    )  # fmt: skip
-    recolour: BoolProperty(
-        name="Colour", description="Shine in another colour than the material's own",
-        update=_changed,
-    )  # fmt: skip
-    colour: FloatVectorProperty(
-        name="Colour", description="In place of the material's own, as bright as its largest "
-        "channel", subtype="COLOR", size=3, default=(1.0, 1.0, 1.0), min=0.0, soft_max=1.0,
-        update=_changed,
-    )  # fmt: skip
 
 
 class PRTLamp(bpy.types.PropertyGroup):
@@ -141,7 +118,7 @@ def _set_quality(settings, index):
             setattr(settings, name, value)
 
 
-class PRTScene(bpy.types.PropertyGroup):
+class PRTScene(Light, bpy.types.PropertyGroup):
     """Bake, light and preview settings of a scene."""
 
     custom: BoolProperty(options={"HIDDEN"})
@@ -214,52 +191,15 @@ class PRTScene(bpy.types.PropertyGroup):
     name: StringProperty(
         name="Name", description="Of the bake; empty: the names of the file and the scene"
     )
-    loaded: StringProperty(name="Bake", description="The bake that is shown", update=_changed)
+    loaded: StringProperty(name="Bake", description="The bake that is shown", update=changed)
 
-    light: EnumProperty(
-        name="Light",
-        items=[
-            ("WORLD", "World", "The scene's world, as its nodes say"),
-            ("FILE", "Image", "An .exr or .hdr image"),
-            ("STUDIO", "Studio", "One of Blender's own studio lights"),
-        ],
-        default="WORLD",
-        update=_changed,
-    )
-    file: StringProperty(
-        name="Image", description="Equirectangular .exr or .hdr", subtype="FILE_PATH",
-        options=PATH_OPTIONS, update=_changed,
-    )  # fmt: skip
-    studio: EnumProperty(name="Studio Light", items=studio.items, update=_changed)
-    rotation: FloatProperty(
-        name="Rotation", description="Turns the environment about the vertical",
-        subtype="ANGLE", unit="ROTATION", default=0.0, update=_changed,
-    )  # fmt: skip
-    strength: FloatProperty(
-        name="Strength", description="Factor on the environment", default=1.0, min=0.0,
-        soft_max=10.0, update=_changed,
-    )  # fmt: skip
     exposure: FloatProperty(
         name="Exposure", description="Stops, on the colours", default=0.0, soft_min=-10.0,
-        soft_max=10.0, update=_changed,
+        soft_max=10.0, update=changed,
     )  # fmt: skip
-    sharp_sun: BoolProperty(
-        name="Sharp Sun",
-        description="Cast shadow rays to what is far brighter than the rest of the image",
-        update=_changed,
-    )
-    use_lamps: BoolProperty(
-        name="Lamps", description="Add the scene's lamps; their shadows are cast now",
-        default=True, update=_changed,
-    )  # fmt: skip
-    lamp_samples: IntProperty(
-        name="Samples", description="Shadow rays of each point to each lamp", default=64, min=1,
-        max=65536, soft_max=1024, update=_changed,
-    )  # fmt: skip
-
     show_gloss: BoolProperty(
         name="Gloss", description="Show what materials reflect towards the view, where the bake "
-        "was made with gloss", default=True, update=_changed,
+        "was made with gloss", default=True, update=changed,
     )  # fmt: skip
     seen_from: EnumProperty(
         name="Seen from",
@@ -270,10 +210,11 @@ class PRTScene(bpy.types.PropertyGroup):
             ("CAMERA", "Camera", "From the scene's camera"),
         ],
         default="VIEW",
-        update=_changed,
+        update=changed,
     )
 
-    emitters: CollectionProperty(type=PRTEmitter)
+    sets: CollectionProperty(type=PRTLightSet)
+    active_set: IntProperty(options=set())
     field: PointerProperty(type=PRTLightField)
 
     compress_tolerance: FloatProperty(
@@ -284,12 +225,12 @@ class PRTScene(bpy.types.PropertyGroup):
     use_compressed: BoolProperty(
         name="Use Compressed",
         description="Relight from the compressed form where the bake has one; lamps stay exact",
-        default=True, update=_changed,
+        default=True, update=changed,
     )  # fmt: skip
     live: BoolProperty(
         name="Live", description="Colours follow the light, the lamps, the timeline, and with "
         "gloss the view",
-        default=True, update=_changed,
+        default=True, update=changed,
     )  # fmt: skip
     attribute: StringProperty(
         name="Attribute", description="The colour attribute of the preview", default="PRT",
@@ -397,6 +338,7 @@ class PRTStatus(bpy.types.PropertyGroup):
 
 _CLASSES = (
     PRTEmitter,
+    PRTLightSet,
     PRTLamp,
     PRTLightField,
     PRTScene,

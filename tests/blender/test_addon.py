@@ -10,7 +10,7 @@ import pytest
 
 import blender_addon
 import prt_core
-from blender_addon import plan, preview, work
+from blender_addon import advice, plan, preview, work
 from prt_core import PRTError
 from prt_core.blender.compat import fcurve_of
 from prt_core.runtime.progress import Progress

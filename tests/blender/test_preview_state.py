@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import bakes, live, panels, plan, preview, views, work
+from blender_addon import (
+    advice,
+    bakes,
+    live,
+    looking,
+    panel_bakes,
+    panels,
+    plan,
+    preview,
+    views,
+    work,
+)
 from prt_core import PRTError
 from prt_core.runtime.progress import Progress
 from tests.blender.conftest import colours_on, cube, quick
@@ -47,6 +58,20 @@ def drawn(panel):
 
 def main():
     return drawn(panels.PRT_PT_main)
+
+
+def all_notes(of_bake=False):
+    """What the dialog behind "more to know" and behind a bake's notes holds."""
+    layout = Layout()
+    dialog = SimpleNamespace(layout=layout, of_bake=of_bake)
+    scaled = SimpleNamespace(system=SimpleNamespace(ui_scale=100))
+    looking.PRT_OT_notes.draw(dialog, SimpleNamespace(scene=bpy.context.scene, preferences=scaled))
+    return " ".join(layout.drawn)
+
+
+def said(messages, of_bake=False):
+    text = all_notes(of_bake)
+    return all(message in text for message in messages)
 
 
 def push(message):
@@ -184,16 +209,16 @@ def test_what_a_bake_has_to_say_reaches_the_panel(floor_scene, capfd):
     assert any("realised copies" in text for text in messages)
     printed = capfd.readouterr().out
     assert all(f"Warning: {text}" in printed for text in messages)
-    assert set(messages) <= set(main()) and work.status().message.startswith("Baked")
-    assert set(messages) <= set(drawn(panel_bakes.PRT_PT_bakes))
+    assert said(messages) and "prt.notes" in main() and work.status().message.startswith("Baked")
+    assert said(messages, of_bake=True) and "prt.notes" in drawn(panel_bakes.PRT_PT_bakes)
     bpy.ops.prt.relight()
-    assert not set(messages) & set(main()) and set(messages) <= set(drawn(panel_bakes.PRT_PT_bakes))
+    assert not said(messages) and said(messages, of_bake=True)
 
 
 def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, monkeypatch, capfd):
     monkeypatch.setattr(sys.modules["prt_core.bake.bounces"], "MOST_ROUNDS", 2)
-    # Of many lines the first are shown; here but one.
-    monkeypatch.setattr(panels, "_MOST_WARNINGS", 1)
+    # Of many lines the gravest are shown; here but one.
+    monkeypatch.setattr(panels, "_GRAVEST", 1)
     floor_scene.prt.tolerance = 0.001
     cube("fine", floor_scene.collection).modifiers.new("Subdivision", "SUBSURF")
     floor_scene.prt.method = "exhaustive"
@@ -203,11 +228,11 @@ def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, 
     missed = report["messages"][0]
     assert f"the bounces may be {report['error']:.2%} off" in missed and "of 0.10%" in missed
     assert len(report["messages"]) > 1
-    assert missed in main() and missed in drawn(panel_bakes.PRT_PT_bakes)
+    assert missed in main() and said([missed], of_bake=True)
     assert f"Warning: {missed}" in capfd.readouterr().out
     path = preview.path_of(floor_scene)
     bpy.ops.prt.clear()
-    assert missed not in main() and missed in drawn(panel_bakes.PRT_PT_bakes)
+    assert missed not in main() and said([missed], of_bake=True)
     bpy.ops.prt.load(filepath=path)
     assert missed in main()
 

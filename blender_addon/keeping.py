@@ -1,7 +1,5 @@
 """What is done with the colours next: kept attributes, sequences on disk, a turn of the light."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
@@ -15,7 +13,6 @@ from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
 from .buttons import Asks, BakeButton, Button
-from .naming import file_name
 from .request import request
 from .work import LongWork
 
@@ -24,16 +21,6 @@ EACH_LIGHT = BoolProperty(
     description="One for each light that is kept by name, at its full weight; otherwise their "
     "blend",
 )
-
-
-def _by_light(pattern, name):
-    """The path of the files of one light set: its name comes before the number of the frame."""
-    if not name:
-        return pattern
-    path = Path(pattern)
-    stem, number = path.stem.rstrip("#"), path.stem[len(path.stem.rstrip("#")) :]
-    stem = f"{stem.rstrip('_')}_{file_name(name)}" + (f"_{number}" if number else "")
-    return str(path.with_name(stem + path.suffix))
 
 
 class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
@@ -140,7 +127,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def steps(self, context, pace):
-        from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+        from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
 
         scene = context.scene
         frames = range(self.first, self.last + 1)
@@ -166,7 +153,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 asked = request(scene, rendered=self.pictures)
                 for name, light in asked.each() if self.each_light else [("", asked)]:
                     radiance = yield from light.steps(held, pace)
-                    path = frame_path(_by_light(pattern, name), frame)
+                    path = frame_path(light_path(pattern, name) if name else pattern, frame)
                     write_npz(path, held.bake.colours(radiance))
                     if self.pictures:
                         camera, sky = read_camera(self.scene), light.sky(held)

@@ -1,11 +1,17 @@
 """Buttons of the lights that are kept by name: day, night, dusk, each with a weight."""
 
 import bpy
-from bpy.props import IntProperty
+import numpy as np
+from bpy.props import IntProperty, StringProperty
+
+from prt_core.blender.compat import PATH_OPTIONS
+from prt_core.errors import expect
+from prt_core.relight.light_file import write_lights
 
 from . import live, preview, work
 from .buttons import Button
 from .light_properties import Light
+from .request import image_of
 
 # What the panel's own light and a set have in common.
 _VALUES = [name for name in Light.__annotations__ if name != "emitters"]
@@ -116,6 +122,73 @@ class PRT_OT_light_set_key(_SetButton, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class PRT_OT_export_lights(_SetButton, bpy.types.Operator):
+    """Write the lights that are kept as a .json file, for prt relight --lights"""
+
+    bl_idname = "prt.export_lights"
+    bl_label = "Export Lights"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(
+        name="File", default="//prt/lights.json", subtype="FILE_PATH", options=PATH_OPTIONS
+    )
+
+    def invoke(self, context, _event):
+        if not work.has_window(context):
+            return self.execute(context)
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Export")
+
+    def execute(self, context):
+        scene = context.scene
+        try:
+            expect(
+                bpy.data.filepath or not self.filepath.startswith("//"),
+                "file: save the scene first, or give a full path",
+            )
+            path = bpy.path.abspath(self.filepath)
+            write_lights(path, {each.name: _as_values(each) for each in scene.prt.sets})
+        except work.FAILURES as error:
+            return self.fail(error)
+        work.say(f"{len(scene.prt.sets)} lights written to {path}")
+        return {"FINISHED"}
+
+
+def _as_values(light):
+    """What of a set a file of lights holds.
+
+    Raises
+    ------
+    PRTError
+        It turns the world, which a bake knows as it was, or colours a lamp.
+    """
+    values = {"weight": light.weight, "strength": light.strength, "sharp_sun": light.sharp_sun}
+    if light.light == "WORLD":
+        expect(
+            light.rotation == 0 and not light.sharp_sun,
+            f"light '{light.name}': turns the world, or has its sun apart, which only an image "
+            "can; choose its image",
+        )
+        values["environment"], values["sharp_sun"] = "world", False
+    else:
+        values["environment"] = str(image_of(light))
+        values["rotation"] = float(np.degrees(light.rotation))
+    coloured = [item.name for item in light.lamps if item.recolour]
+    expect(
+        not (coloured and light.use_lamps),
+        f"light '{light.name}': gives the lamp '{coloured and coloured[0]}' another colour, which "
+        "a file of lights has no place for",
+    )
+    values["lamp_strength"], values["lamp_samples"] = 1.0, light.lamp_samples
+    values["lamps"] = {item.name: item.strength for item in light.lamps} if light.use_lamps else {}
+    if not light.use_lamps:
+        values["lamps"] = False
+    values["emission"] = {
+        item.name: [list(item.colour), item.strength] if item.recolour else item.strength
+        for item in light.emitters
+    }
+    return values
+
+
 class PRT_UL_light_sets(bpy.types.UIList):
     """Lights by name, each with its weight and a button that switches to it."""
 
@@ -132,6 +205,7 @@ register, unregister = bpy.utils.register_classes_factory(
         PRT_OT_light_set_remove,
         PRT_OT_light_set_only,
         PRT_OT_light_set_key,
+        PRT_OT_export_lights,
         PRT_UL_light_sets,
     )
 )

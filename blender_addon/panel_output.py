@@ -20,9 +20,11 @@ def draw_keep(layout, context):
     keep.domain = context.scene.prt.domain
 
 
-def draw_files(layout, _context):
+def draw_files(layout, context):
     """What goes to files of its own."""
     column = layout.column(align=True)
+    if context.scene.prt.sets:
+        column.operator("prt.export_lights", text="Export Lights…", icon="LIGHT")
     column.operator("prt.export", text="Export Sequence…", icon="EXPORT")
 
 

@@ -185,12 +185,23 @@ def _environment(scene, settings):
             return None, rotation, settings.strength, []
         suns = world.turned_suns(rotation, settings.strength)
         return world.map, rotation @ world.rotation, settings.strength * world.strength, suns
-    if settings.light == "FILE":
-        expect(settings.file, "light: choose an .exr or .hdr image")
-        light = Path(bpy.path.abspath(settings.file))
+    return image_of(settings), rotation, settings.strength, []
+
+
+def image_of(light):
+    """The path of the image that the panel's light, or a set, names.
+
+    Raises
+    ------
+    PRTError
+        It names none that is one.
+    """
+    if light.light == "FILE":
+        expect(light.file, "light: choose an .exr or .hdr image")
+        path = Path(bpy.path.abspath(light.file))
     else:
-        expect(settings.studio, "light: Blender has no studio lights here; choose an image")
-        light = Path(studio_lights().get(settings.studio, ""))
-    if light.suffix.lower() not in {".exr", ".hdr"}:
-        raise PRTError(f"{light}: expected an .exr or .hdr image")
-    return light, rotation, settings.strength, []
+        expect(light.studio, "light: Blender has no studio lights here; choose an image")
+        path = Path(studio_lights().get(light.studio, ""))
+    if path.suffix.lower() not in {".exr", ".hdr"}:
+        raise PRTError(f"{path}: expected an .exr or .hdr image")
+    return path

@@ -17,7 +17,8 @@ from prt_core.cli.arguments import (
     size,
     view_named,
 )
-from prt_core.cli.relight_view import notes_of, wants_points, write_picture
+from prt_core.cli.relight_lights import add_lights, relight_lights
+from prt_core.cli.relight_view import bpy_where_needed, notes_of, wants_points, write_picture
 from prt_core.cli.show import Hushed
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
@@ -38,6 +39,8 @@ _NEEDED = {
     "rotate": (("light",), "--light IMAGE"),
     "sharp_sun": (("light",), "--light IMAGE"),
     "lamp_samples": (("lamps", "sharp_sun"), "--lamps or --sharp-sun"),
+    "weights": (("lights",), "--lights JSON"),
+    "each": (("lights",), "--lights JSON"),
 }
 # Flags that are not called as what they fill in of `Lighting`.
 _FLAGS = {"rotation": "rotate"}
@@ -90,6 +93,7 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
+    add_lights(relight)
     form_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
@@ -102,6 +106,8 @@ def _frames(text):
 
 
 def _relight(options):
+    if options.lights:
+        return relight_lights(options)
     lighting = _expect_request(options)
     if options.caster in ("blender", "bvhtree") or options.blend:
         import_bpy()
@@ -123,7 +129,7 @@ def _relight(options):
             radiance = relighter.radiance(lighting, of=of, view=view)
             spent = time.perf_counter() - start
         if options.png:
-            _bpy_where_needed()
+            bpy_where_needed()
             pictures = PictureWriter(baked, options.size, options.caster)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
@@ -268,7 +274,7 @@ def _outputs(options):
 
 def _relight_turn(baked, lighting, options):
     """A turntable: the light turns once, what the camera sees is traced once."""
-    _bpy_where_needed()
+    bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
@@ -325,7 +331,7 @@ def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     casts = options.lamps or options.sharp_sun or options.light == "world"
     if casts and options.caster == "auto":
-        _bpy_where_needed()
+        bpy_where_needed()
 
 
 def _of(options):
@@ -349,14 +355,6 @@ def _write_image(path, pixels):
     from prt_core.evaluate import to_srgb, write_png
 
     write_png(path, to_srgb(pixels))
-
-
-def _bpy_where_needed():
-    """`auto` may need Blender's rays where Embree is not installed."""
-    from prt_core.rays.caster import known_casters
-
-    if "embree" not in known_casters():
-        import_bpy()
 
 
 def _write_blend(baked, colours, options):

@@ -32,6 +32,16 @@ def frame_path(pattern, frame):
     return path.with_name(name)
 
 
+def light_path(pattern, name):
+    """The path of what is shown under one of several lights: its name stands at the end, before
+    the number of a frame. What not every system allows in a name becomes `_`."""
+    path = expect_path("lights", pattern)
+    name = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(" .")
+    expect(name, f"{path}: expected the name of a light, got an empty one")
+    start, number = re.fullmatch("(.*?)(_?#*)", path.stem).groups()
+    return path.with_name(f"{start}_{name}{number}{path.suffix}")
+
+
 def write_npz(path, colours):
     """Arrays by name into one file, whole or not at all.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import expect, expect_all, expect_kind, expect_number, shown
+from prt_core.evaluate.view import CameraRays
 from prt_core.light.environment import BRIGHTEST
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
@@ -148,6 +149,29 @@ class LightBlend:
         known, of = self._lit.get(name, (None, None))
         return lit is not None and of is lit and known == key
 
+    def picture(self, rays, lights):
+        """What a camera sees, with gloss of each pixel (see `Relighter.picture`).
+
+        Parameters
+        ----------
+        rays : CameraRays
+        lights : sequence of WeightedLight
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear Rec.709 radiance; black where nothing shines.
+        """
+        lights = expect_all("lights", lights, WeightedLight, "WeightedLight values")
+        expect_kind("rays", rays, CameraRays)
+        total = np.zeros((rays.height, rays.width, 3), np.float32)
+        for light in lights:
+            if light.weight > 0:
+                relighter = self.relighter(light.name)
+                relighter.form = self.form
+                total += relighter.picture(rays, light.lighting) * np.float32(light.weight)
+        return total
+
     def has_light(self, lights):
         """Whether another view under these lights is only a matter of lobes.
 
@@ -181,14 +205,12 @@ class LightBlend:
         lights : sequence of WeightedLight
         """
         skies = [
-            (self.relighter(light.name).sky(light.lighting), np.float32(light.weight))
+            (self.relighter(light.name).sky(light.lighting), light.weight)
             for light in lights
             if light.weight > 0
         ]
-        skies = [(sky, weight) for sky, weight in skies if sky is not None]
-        if not skies:
-            return None
-        return lambda directions: sum(sky(directions) * weight for sky, weight in skies)
+        scaled = [sky.scaled(weight) for sky, weight in skies if sky is not None]
+        return sum(scaled[1:], scaled[0]) if scaled else None
 
     @property
     def used(self):

@@ -278,7 +278,7 @@ class Relighter:
 
         Returns
         -------
-        callable, or None
+        Sky, or None
             For `CameraRays.picture`; None, which is black, where there is no image.
         """
         return self._environments.sky(lighting)
@@ -305,7 +305,8 @@ class Relighter:
         """
         # Lights that are lamps here have their highlights from there, not from texels.
         texels = self._environments.on_texels(lighting, without_sun=sun is not None)
-        sky = self._environments.sky(lighting, exposed=False) if sun is None else None
+        is_fine = sun is None and lighting.is_image
+        sky = self._environments.sky(lighting, exposed=False) if is_fine else None
         detailed = self._environments.on_texels(lighting, sun is not None, FINER)
         even = radiance - self.bake.transport.materials.stand_in * received
         self._gloss.light(texels, radiance, even, sky, detailed)

@@ -23,9 +23,10 @@ class PRT_PT_look(Panel, bpy.types.Panel):
 def draw_look(layout, context):
     """How the colours are shown, and the shading modes of the 3D view beside it."""
     settings, shading = context.scene.prt, getattr(context.space_data, "shading", None)
-    layout.row(align=True).prop(settings, "look", expand=True)
-    row = layout.row(align=True)
-    row.use_property_split = False
+    column = layout.column(align=True)
+    column.use_property_split = False
+    column.row(align=True).prop(settings, "look", expand=True)
+    row = column.row(align=True)
     if shading is not None:
         row.prop(shading, "type", text="", expand=True)
         if settings.look == "MATERIALS" and shading.type in {"SOLID", "WIREFRAME"}:

@@ -84,7 +84,7 @@ def draw_warnings(layout, context):
         clipped_lines(column, text, "ERROR" if helps else "INFO", context)
         draw_remedy(column, helps, name)
     told = status().notes.split("\n") if status().notes else []
-    missed = [text for text in told if text.startswith("NOT")]
+    missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
         lines(layout, text, "ERROR", context)
     more = max(len(warnings) - _GRAVEST, 0) + len(told) - len(missed[:_GRAVEST])

@@ -249,8 +249,8 @@ class PRTScene(Light, bpy.types.PropertyGroup):
         name="Look",
         description="What Material Preview and renders show",
         items=[
-            ("COLOURS", "Baked Colours", "The colours, without reflections of Blender's own"),
-            ("MATERIALS", "Own Materials", "The baked light on the objects' own materials: "
+            ("COLOURS", "Colours", "The colours, without reflections of Blender's own"),
+            ("MATERIALS", "Materials", "The baked light on the objects' own materials: "
              "textures stay, and EEVEE adds its reflections of gloss, metal and glass"),
             ("SOLID", "Solid Only", "The scene as it is; only Solid mode shows the colours"),
         ],

@@ -35,7 +35,7 @@ def frame_path(pattern, frame):
 def light_path(pattern, name):
     """The path of what is shown under one of several lights: its name stands at the end, before
     the number of a frame. What not every system allows in a name becomes `_`."""
-    path = expect_path("lights", pattern)
+    path, name = expect_path("lights", pattern), expect_kind("name", name, str, "the name of one")
     name = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(" .")
     expect(name, f"{path}: expected the name of a light, got an empty one")
     start, number = re.fullmatch("(.*?)(_?#*)", path.stem).groups()

@@ -70,7 +70,7 @@ def build(hand):
     yield 0.5
     hand.sidebar.active_panel_category = "PRT"
     hand.view.tag_redraw()
-    yield Until("the scene was looked at", lambda: part("plan").of(scene)[0] is not None)
+    yield Until("the scene was looked at", lambda: part("plan").of(scene)[0] is not None, 300)
     yield 1.0
 
 
@@ -104,7 +104,7 @@ def height(hand):
     yield from hand.wheel("WHEELUPMOUSE", 30)
     region, lowest, last = hand.sidebar, 0, None
     for y in range(region.y + region.height - 8, region.y + 4, -7):
-        for at in (0.45, 0.94):
+        for at in (0.45, 0.85):
             yield from hand.move(region.x + region.width * at, y)
             name = hand.under_mouse()
             if name:

@@ -1,4 +1,4 @@
-# make demo | make test | make lint | make conformance | make bench | make extension; everything lives in .venv
+# make demo | make test | make lint | make docs | make conformance | make bench | make extension | make release; everything lives in .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3.13 || echo python3)
 VENV ?= .venv
 RUN = $(VENV)/bin/python
@@ -23,9 +23,21 @@ lint: $(VENV)/.ready
 bench: $(VENV)/.ready
 	$(RUN) tests/benchmarks/results.py
 
-# The extension's zips for every platform into build/; PLATFORMS=linux-x64 PYTHONS=3.11 for one.
+# The documentation as a site, tutorials and reference included, into build/docs.
+docs: $(VENV)/.ready
+	$(VENV)/bin/pip install -q -e ".[docs]"
+	$(RUN) -m sphinx -W --keep-going -q docs build/docs
+	@echo "docs: build/docs/index.html"
+
+# The extension's zips, one a platform and Python, into build/; PLATFORMS=linux-x64 PYTHONS=3.11 for
+# one, TOGETHER=1 for one a platform that holds all Pythons.
 extension: $(VENV)/.ready
-	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS))
+	$(RUN) scripts/build_extension.py $(if $(PLATFORMS),--platforms $(PLATFORMS)) $(if $(PYTHONS),--pythons $(PYTHONS)) $(if $(TOGETHER),--together)
+
+# All that is given away, into build/release: wheel, archive, zips, bills of materials, checksums.
+release: $(VENV)/.ready
+	$(VENV)/bin/pip install -q -e ".[release]"
+	$(RUN) scripts/release.py
 
 # Every conformance scene against Cycles, as a table; make conformance SCENES="lamps text" for some.
 conformance: $(VENV)/.ready
@@ -46,4 +58,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint conformance bench extension test-window bench-window matrix clean
+.PHONY: setup demo test lint docs conformance bench extension release test-window bench-window matrix clean

@@ -1,13 +1,14 @@
-"""Build Blender's extension: one zip for each platform, with all that the add-on imports.
+"""Build Blender's extension: a zip for each platform and Python, with all that the add-on imports.
 
-    make extension                                   # all four platforms into build/
+    make extension                                   # every zip into build/
     make extension PLATFORMS=linux-x64 PYTHONS=3.11  # one platform, one Python
+    make extension PLATFORMS=linux-x64 TOGETHER=1    # one zip for all Pythons, and as large
 
 A zip holds blender_addon/, prt_core as a wheel, and the wheels of scripts/extension_wheels/,
-unmodified, from PyPI: each platform's for every Python (3.11: Blender 4.2 to 5.0; 3.13: 5.1 and
-5.2; 3.14: builds of 5.2 by distributions). Blender installs those that fit it. numpy is Blender's
-own. Downloads are kept in build/wheels and checked against the hashes; Blender's own tool builds
-and validates the zips.
+unmodified, from PyPI, for the Python of its Blender (3.11: Blender 4.2 to 5.0; 3.13: 5.1 and 5.2;
+3.14: builds of 5.2 by distributions). Its name says which, and so does its manifest, by which
+Blender refuses one that is not for it. numpy is Blender's own. Downloads are kept in build/wheels
+and checked against the hashes; Blender's own tool builds and validates the zips.
 """
 
 import argparse
@@ -24,7 +25,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PINS = Path(__file__).resolve().parent / "extension_wheels"
-PYTHONS = ("3.11", "3.13", "3.14")
+# Which Blenders run a Python: the first, the first that does not any more, and how a zip is called.
+BLENDERS = {
+    "3.11": ("4.2.0", "5.1.0", "blender-4.2-to-5.0"),
+    "3.13": ("5.1.0", None, "blender-5.1-to-5.2"),
+    "3.14": ("5.2.0", None, "blender-5.2-python-3.14"),
+}
+PYTHONS = tuple(BLENDERS)
 
 # What pip calls the systems that Blender's builds run on, the most demanding first.
 PLATFORMS = {
@@ -47,6 +54,7 @@ def main():
         "--pythons", nargs="+", default=list(PYTHONS), metavar="X.Y",
         help=f"default: {' '.join(PYTHONS)}",
     )  # fmt: skip
+    parser.add_argument("--together", action="store_true", help="one zip for all of the Pythons")
     parser.add_argument("--addon", type=Path, default=ROOT / "blender_addon", help="its folder")
     parser.add_argument("--output", type=Path, default=ROOT / "build", help="folder of the zips")
     parser.add_argument("--wheels", type=Path, default=ROOT / "build" / "wheels", help="downloads")
@@ -56,17 +64,21 @@ def main():
     options = parser.parse_args()
     if options.pin:
         return pin(options.wheels)
+    unknown = [python for python in options.pythons if python not in BLENDERS]
+    if unknown:
+        sys.exit(f"extension: no wheels for Python {unknown[0]}; their list would be in {PINS}")
+    zips = [options.pythons] if options.together else [[python] for python in options.pythons]
     for platform in options.platforms:
-        path = build(
-            options.addon, platform, options.pythons, options.output.resolve(), options.wheels
-        )
-        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+        for pythons in zips:
+            output = options.output.resolve()
+            path = build(options.addon, platform, pythons, output, options.wheels)
+            print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
     return 0
 
 
 def build(addon, platform, pythons, output, wheels):
     """Build and validate one zip; returns its path."""
-    manifest = (addon / "blender_manifest.toml").read_text()
+    manifest, called = manifest_of(addon, pythons)
     attributes = tomllib.loads(manifest)
     with tempfile.TemporaryDirectory() as folder:
         stage = Path(folder) / attributes["id"]
@@ -88,10 +100,23 @@ def build(addon, platform, pythons, output, wheels):
         for path in stage.rglob("*"):
             os.utime(path, (_TIME, _TIME))
         output.mkdir(parents=True, exist_ok=True)
-        path = output / f"{attributes['id']}-{attributes['version']}-{platform}.zip"
+        path = output / f"{attributes['id']}-{attributes['version']}-{platform}{called}.zip"
         blender_ext("build", "--source-dir", stage, "--output-filepath", path)
         blender_ext("validate", path)
     return path
+
+
+def manifest_of(addon, pythons):
+    """Text of the manifest for some Pythons, and how a zip with it is called after its platform."""
+    manifest = (addon / "blender_manifest.toml").read_text()
+    if len(pythons) > 1:
+        return manifest, ""
+    first, after, called = BLENDERS[pythons[0]]
+    versions = f'blender_version_min = "{first}"\n'
+    if after:
+        versions += f'blender_version_max = "{after}"\n'
+    line = r"^blender_version_min = .*\n"
+    return re.sub(line, versions, manifest, count=1, flags=re.MULTILINE), f"-{called}"
 
 
 def core_wheel(folder):
@@ -109,8 +134,6 @@ def core_wheel(folder):
 def dependencies(platform, python, folder):
     """Paths of the wheels for one platform and Python; downloaded where they are missing."""
     pins = PINS / f"{python}.txt"
-    if not pins.is_file():
-        sys.exit(f"extension: no wheels are chosen for Python {python}; write {pins}")
     folder = folder / f"{platform}-{python}"
     wanted = {name: hashes for name, _, hashes in read_pins(pins)}
     wheels = _with_hashes(folder, wanted)

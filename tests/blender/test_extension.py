@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -49,6 +50,17 @@ def test_every_python_that_a_blender_runs_is_in_the_zips():
             assert len(hashes[name]) == len(build_extension.PLATFORMS), (python, name)
     source = build_extension.__doc__
     assert all(f"{python}:" in source for python in build_extension.PYTHONS)
+
+
+def test_a_zip_says_which_blenders_it_is_for(zip_path):
+    first, after, called = build_extension.BLENDERS[PYTHON]
+    with zipfile.ZipFile(zip_path) as archive:
+        manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+    assert zip_path.stem.endswith(f"{PLATFORM}-{called}")
+    assert manifest["blender_version_min"] == first
+    assert manifest.get("blender_version_max") == after
+    text, name = build_extension.manifest_of(ROOT / "blender_addon", ["3.11", "3.13"])
+    assert name == "" and text == (ROOT / "blender_addon" / "blender_manifest.toml").read_text()
 
 
 @pytest.fixture(scope="module")

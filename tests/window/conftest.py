@@ -17,8 +17,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PLATFORM = {"linux": "linux-x64", "win32": "windows-x64", "darwin": "macos-arm64"}[sys.platform]
 _PROBE = """
-import json, os, bpy
-open("probe.json", "w").write(json.dumps([os.getcwd(), bpy.app.version_string]))
+import json, os, sys, bpy
+probe = [os.getcwd(), bpy.app.version_string, "%d.%d" % sys.version_info[:2]]
+open("probe.json", "w").write(json.dumps(probe))
 """
 
 
@@ -31,9 +32,9 @@ class RealBlender:
         self.run("-b", "--factory-startup", "-P", "probe.py")
         probe = folder / "probe.json"
         assert probe.is_file(), f"{command}: it does not run a Blender in the current folder"
-        self.inside, self.version = json.loads(probe.read_text())
+        self.inside, self.version, python = json.loads(probe.read_text())
         build = [sys.executable, ROOT / "scripts" / "build_extension.py", "--platforms", PLATFORM]
-        build += ["--output", folder / "zip"]
+        build += ["--pythons", python, "--output", folder / "zip"]
         done = subprocess.run([str(part) for part in build], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
         (built,) = (folder / "zip").glob("*.zip")

@@ -48,7 +48,7 @@ class PRT_OT_light_set_add(Button, bpy.types.Operator):
         added.name = "Light"
         added.weight = 0.0 if count else 1.0
         settings.active_set = count
-        add_rows(context.scene)
+        preview.add_rows(context.scene)
         return {"FINISHED"}
 
 
@@ -60,18 +60,6 @@ def _copy(source, target):
             copied = getattr(target, kind).add()
             for name in _HOW:
                 setattr(copied, name, getattr(item, name))
-
-
-def add_rows(scene):
-    """Each set has a row for each lamp of the scene and for each emitter of the bake that is
-    shown."""
-    emitters = preview.emitters(preview.held(scene))
-    lamps = [item.name_full for item in scene.objects if item.type == "LIGHT"]
-    for each in scene.prt.sets:
-        for rows, names in ((each.emitters, emitters), (each.lamps, lamps)):
-            for name in names:
-                if name not in rows:
-                    rows.add().name = name
 
 
 class PRT_OT_light_set_remove(_SetButton, bpy.types.Operator):

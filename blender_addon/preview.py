@@ -191,10 +191,21 @@ def write(scene, preview, radiance, asked):
     preview.shown, preview.radiance = asked, radiance
     shown = transform_of(scene).display(_sample(radiance))
     preview.burnt = float((shown.min(axis=1) > _BURNT).mean())
-    for light in (settings, *settings.sets):
-        for name in emitters(preview):
-            if name not in light.emitters:
-                light.emitters.add().name = name
+    add_rows(scene, preview)
+
+
+def add_rows(scene, preview=None):
+    """The panel's light and each set have a row for each emitter of a `Preview` (default: the one
+    that is shown); a set has one for each lamp of the scene."""
+    emitting = emitters(held(scene) if preview is None else preview)
+    lamps = [item.name for item in scene.objects if item.type == "LIGHT"]
+    wanted = [(scene.prt.emitters, emitting)]
+    for each in scene.prt.sets:
+        wanted += [(each.emitters, emitting), (each.lamps, lamps)]
+    for rows, names in wanted:
+        for name in names:
+            if name not in rows:
+                rows.add().name = name
 
 
 def layers_of(scene, attribute, source, radiance):

@@ -63,7 +63,7 @@ def write_colours(
         corner_vertex = np.empty(len(mesh.loops), np.int32)
         mesh.loops.foreach_get("vertex_index", corner_vertex)
         colours = corners_to_vertices(colours, corner_vertex, len(mesh.vertices))
-    before = mesh.color_attributes.active_color_name
+    before, rendered = mesh.color_attributes.active_color_name, _rendered(mesh)
     attribute = _colour_attribute(target, name, domain, "BYTE_COLOR" if byte else "FLOAT_COLOR")
     values = np.ones((len(colours), 4), np.float32)
     if set(channels) != set(CHANNELS):
@@ -73,17 +73,32 @@ def write_colours(
     attribute.data.foreach_set("color", values.ravel())
     if active and before != name and ACTIVE_BEFORE not in mesh:
         mesh[ACTIVE_BEFORE] = before
-    activate(mesh, name if active else before)
+    activate(mesh, *((name, name) if active else (before, rendered)))
     mesh.update()
 
 
-def activate(mesh, name):
-    """Make a colour attribute the active and the render colour, where it is there."""
-    names = list(mesh.color_attributes.keys())
-    index = names.index(name) if name in names else -1
-    if index >= 0 and mesh.color_attributes.active_color_index != index:
-        mesh.color_attributes.active_color_index = index
-        mesh.color_attributes.render_color_index = index
+def activate(mesh, name, rendered=None):
+    """Make a colour attribute the active and the render colour, where it is there.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+    name : str
+    rendered : str, optional
+        The render colour, where that is another.
+    """
+    attributes = mesh.color_attributes
+    index, render = attributes.find(name), attributes.find(rendered or name)
+    if index >= 0 and attributes.active_color_index != index:
+        attributes.active_color_index = index
+    if render >= 0 and attributes.render_color_index != render:
+        attributes.render_color_index = render
+
+
+def _rendered(mesh):
+    """Name of the render colour of a mesh, empty where it has none."""
+    index, attributes = mesh.color_attributes.render_color_index, mesh.color_attributes
+    return attributes[index].name if 0 <= index < len(attributes) else ""
 
 
 def _colour_attribute(target, name, domain, kind):

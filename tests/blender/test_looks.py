@@ -50,7 +50,9 @@ def test_the_view_transform_is_blenders(name, tmp_path):
 
 def test_solid_mode_shows_what_renders_show(baked_floor):
     mesh = bpy.data.objects["ball"].data
+    bpy.ops.prt.keep(attribute="Mine")  # what is kept leaves both as they are
     assert mesh.color_attributes.active_color.name == "PRT Solid"
+    assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "PRT"
     radiance, solid = colours_on("ball"), colours_on("ball", "PRT Solid")
     np.testing.assert_allclose(
         solid, preview.transform_of(baked_floor).for_solid(radiance), atol=1e-6

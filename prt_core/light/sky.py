@@ -43,7 +43,13 @@ class Sky:
         return total
 
     def scaled(self, factor):
-        """The same, so many times as bright."""
+        """The same `Sky`, but brighter.
+
+        Parameters
+        ----------
+        factor : float
+            How many times as bright it is.
+        """
         return Sky(tuple((image, matrix, part * factor) for image, matrix, part in self.parts))
 
     def __add__(self, other):

@@ -74,7 +74,12 @@ class LightBlend:
         self.relighter("")
 
     def relighter(self, name):
-        """The `Relighter` of a light; one is made where it has none."""
+        """The `Relighter` of a light; one is made where it has none.
+
+        Parameters
+        ----------
+        name : str
+        """
         if name not in self._relighters:
             self._relighters[name] = Relighter(self._bake, self._caster, self.form)
         return self._relighters[name]

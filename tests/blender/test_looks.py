@@ -160,8 +160,9 @@ def test_presets_set_quality_and_custom_stays(floor_scene):
 
 
 def test_missing_gloss_is_said_before_the_bake_with_what_helps(floor_scene):
-    metal = bpy.data.objects["ball"].material_slots[0].material
+    metal = bpy.data.materials.new("Metal")
     metal.use_nodes = True
+    bpy.data.objects["ball"].material_slots[0].material = metal
     metal.node_tree.nodes["Principled BSDF"].inputs["Metallic"].default_value = 1
     live.geometry_changed(floor_scene)
     bpy.ops.prt.refresh()

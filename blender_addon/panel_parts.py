@@ -63,7 +63,7 @@ def notes(layout, text, context):
 
 def seconds(value):
     """A time in words."""
-    return f"{value:.0f} s" if value < 120 else f"{value / 60:.0f} min"
+    return f"{max(value, 1):.0f} s" if value < 120 else f"{value / 60:.0f} min"
 
 
 def megabytes(value):

@@ -71,7 +71,7 @@ def draw_cost(layout, scene):
         row.label(text="Not checked yet" if planned is None else "Nothing to bake")
     else:
         cost = planned.cost
-        text = f"{cost.points:,} points, {seconds(cost.seconds)}, {megabytes(cost.memory_bytes)}"
+        text = f"{cost.points:,} points, ~{seconds(cost.seconds)}, {megabytes(cost.memory_bytes)}"
         row.label(text=text if holds else text + " (before the change)")
     row.operator("prt.refresh", text="", icon="FILE_REFRESH")
 

@@ -18,7 +18,10 @@ def story(hand, report):
     yield from build(hand, report)
     hand.picture("before")
     report["height"] = yield from height(hand)
+    began = time.monotonic()
     yield from press(hand, "prt.bake", status, seconds=300)
+    report["seconds_to_picture"] = time.monotonic() - began
+    hand.picture("baked")
     yield Until("the preview has settled", settled)
     report["said"] = status().message
     report["solid"] = yield from seen(hand, "solid", "SOLID")

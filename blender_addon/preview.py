@@ -17,7 +17,7 @@ from prt_core.relight.blend import LightBlend
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
-from . import plan, views
+from . import plan, rendering, views, work
 from .own_changes import own_changes
 
 # The colour attribute of light fields: objects that have it are theirs, not a bake's.
@@ -189,8 +189,9 @@ def write(scene, preview, radiance, asked):
     if settings.shown != settings.attribute:
         settings.shown = settings.attribute
     preview.shown, preview.radiance = asked, radiance
-    shown = transform_of(scene).display(_sample(radiance))
-    preview.burnt = float((shown.min(axis=1) > _BURNT).mean())
+    if not rendering.is_under_way():
+        shown = transform_of(scene).display(_sample(radiance))
+        preview.burnt = float((shown.min(axis=1) > _BURNT).mean())
     add_rows(scene, preview)
 
 
@@ -229,7 +230,7 @@ def layers_of(scene, attribute, source, radiance):
     tuple or None
         The key of the view transform that it shows it by.
     """
-    if not views.in_solid():
+    if rendering.is_under_way() or not views.in_solid():
         return {}, None, None
     transform, name = transform_of(scene), preview_look.solid_name(attribute)
     return {name: source.colours(transform.for_solid(radiance))}, name, transform.key
@@ -267,8 +268,12 @@ def see_again(scene):
     held_now = held(scene)
     if held_now is not None and held_now.radiance is not None:
         if is_seen_otherwise(scene, held_now):
-            with own_changes(scene):
-                rewrite(scene)
+            try:
+                with own_changes(scene):
+                    rewrite(scene)
+            except work.FAILURES:
+                # The meshes are not those of the bake any more, which is said elsewhere.
+                held_now.solid = transform_key(scene)
 
 
 def outdate_materials(scene):

@@ -18,7 +18,7 @@ class PRT_PT_bakes(Panel, bpy.types.Panel):
             row.label(text="Not looked at yet")
             row.operator("prt.refresh", text="", icon="FILE_REFRESH")
             return
-        row.template_list("PRT_UL_bakes", "", state, "bakes", state, "active_bake", rows=3)
+        row.template_list("PRT_UL_bakes", "", state, "bakes", state, "active_bake", rows=2)
         side = row.column(align=True)
         if not 0 <= state.active_bake < len(state.bakes):
             side.operator("prt.refresh", text="", icon="FILE_REFRESH")

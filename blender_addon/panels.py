@@ -78,8 +78,10 @@ def draw_cost(layout, scene):
 
 def draw_warnings(layout, context):
     """The gravest of what is to be known before baking, and where the others are."""
-    warnings = advice.warnings(context.scene)
-    for text, helps, name in warnings[:_GRAVEST]:
+    warnings, held = advice.warnings(context.scene), preview.held(context.scene)
+    # What is baked as it is says no more of itself than it has to.
+    gravest = 0 if held is not None and not held.warned else _GRAVEST
+    for text, helps, name in warnings[:gravest]:
         column = layout.column(align=True)
         clipped_lines(column, text, "ERROR" if helps else "INFO", context)
         draw_remedy(column, helps, name)
@@ -87,7 +89,7 @@ def draw_warnings(layout, context):
     missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
         lines(layout, text, "ERROR", context)
-    more = max(len(warnings) - _GRAVEST, 0) + len(told) - len(missed[:_GRAVEST])
+    more = max(len(warnings) - gravest, 0) + len(told) - len(missed[:_GRAVEST])
     if more:
         layout.operator("prt.notes", text=f"{more} More to Know…", icon="INFO")
 

@@ -114,7 +114,7 @@ def no_gloss(held):
         return ""
     if held.gloss:
         return "The materials of this bake have no gloss"
-    return "Baked without Gloss: turn it on above and bake again"
+    return "Baked without Gloss, see above"
 
 
 def path_of(scene):

@@ -35,7 +35,7 @@ class Sky:
             Linear Rec.709.
         """
         directions = expect_array("directions", directions, (None, 3), np.float64)
-        expect_number("spread", spread, 0)
+        expect_number("spread", spread, 0, 2 * np.pi)
         total = np.zeros(directions.shape, np.float32)
         for image, matrix, factor in self.parts:
             seen = _coarser(image, spread).interpolated(directions @ matrix)
@@ -59,7 +59,7 @@ class Sky:
 def _coarser(image, spread):
     """An image whose pixels are about as wide as `spread`: means of blocks of its own."""
     height, width = image.pixels.shape[:2]
-    side = int(spread / (2 * np.pi / width))
+    side = min(int(spread / (2 * np.pi / width)), height)
     while side > 1 and (height % side or width % side):
         side -= 1
     if side <= 1:

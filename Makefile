@@ -12,8 +12,10 @@ $(VENV)/.ready: pyproject.toml scripts/setup.sh
 demo: $(VENV)/.ready
 	$(RUN) scripts/demo.py
 
+# Files of tests side by side, as many as there are cores, but not more than four: each has a Blender.
+JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); [ $$n -lt 4 ] && echo $$n || echo 4)
 test: $(VENV)/.ready
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n $(JOBS) --dist loadfile
 
 lint: $(VENV)/.ready
 	$(RUN) -m ruff check .

@@ -176,7 +176,7 @@ def write(scene, preview, radiance, asked):
     layers, solid, preview.solid = layers_of(scene, settings.attribute, preview.bake, radiance)
     if settings.look == "MATERIALS" and preview.received is not None:
         light = preview.bake.colours(preview.received)
-        layers[preview_look.light_name(settings.attribute)] = light
+        layers[colours.light_name(settings.attribute)] = light
     if preview.has_old_materials:
         preview_look.materials_changed(settings.attribute)
         preview.has_old_materials = False
@@ -232,7 +232,7 @@ def layers_of(scene, attribute, source, radiance):
     """
     if rendering.is_under_way() or not views.in_solid():
         return {}, None, None
-    transform, name = transform_of(scene), preview_look.solid_name(attribute)
+    transform, name = transform_of(scene), colours.solid_name(attribute)
     return {name: source.colours(transform.for_solid(radiance))}, name, transform.key
 
 

@@ -18,6 +18,21 @@ CHANNELS = "RGB"
 _LAST_BYTES = b"\xb1\xea\x92\x8f"
 
 
+def solid_name(attribute):
+    """Name of the colour attribute that Solid mode shows, of the preview of an attribute."""
+    return f"{attribute} Solid"
+
+
+def light_name(attribute):
+    """Name of the colour attribute of the light on the user's own materials."""
+    return f"{attribute} Light"
+
+
+def names_of_preview(attribute):
+    """Names of all colour attributes that the preview of an attribute may write."""
+    return attribute, solid_name(attribute), light_name(attribute)
+
+
 def write_colours(
     target, colours, name="PRT", domain="CORNER", *, byte=False, channels=CHANNELS, active=True
 ):

@@ -9,23 +9,19 @@ transform, and the light that the user's own materials are shown in.
 
 import bpy
 
-from prt_core.blender.colours import ACTIVE_BEFORE, activate, places_of
+from prt_core.blender.colours import (
+    ACTIVE_BEFORE,
+    activate,
+    light_name,
+    names_of_preview,
+    places_of,
+)
 from prt_core.blender.identity import objects_by_place
 from prt_core.blender.own_materials import forget_copies, relit_material
 from prt_core.blender.realised import PREVIEW, holds, preview_material, remove_copies
 from prt_core.blender.stand_ins import COPY, arrange, is_copy
 
 LOOKS = ("COLOURS", "MATERIALS", "SOLID")
-
-
-def solid_name(attribute):
-    """Name of the colour attribute that Solid mode shows, of the preview of an attribute."""
-    return f"{attribute} Solid"
-
-
-def light_name(attribute):
-    """Name of the colour attribute of the light on the user's own materials."""
-    return f"{attribute} Light"
 
 
 def show_colours(scene, attribute="PRT", look="COLOURS", places=None, names=None):
@@ -125,7 +121,7 @@ def is_shaded(item):
 def _restore_mesh(mesh, attributes):
     colours = mesh.color_attributes
     before = mesh.get(ACTIVE_BEFORE)
-    ours = [each for name in attributes for each in (name, solid_name(name), light_name(name))]
+    ours = [each for name in attributes for each in names_of_preview(name)]
     removed = [name for name in ours if name in colours] if before is not None else []
     for name in removed:
         colours.remove(colours[name])

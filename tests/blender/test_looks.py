@@ -50,6 +50,9 @@ def test_the_view_transform_is_blenders(name, tmp_path):
 
 def test_solid_mode_shows_what_renders_show(baked_floor):
     mesh = bpy.data.objects["ball"].data
+    # None of it is of the mesh that is baked.
+    bpy.ops.prt.relight()
+    assert not preview.held(baked_floor).warned
     bpy.ops.prt.keep(attribute="Mine")  # what is kept leaves both as they are
     assert mesh.color_attributes.active_color.name == "PRT Solid"
     assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "PRT"
@@ -99,6 +102,8 @@ def test_light_on_own_materials_and_back(floor_scene):
     received = preview.held(scene).received
     np.testing.assert_allclose(albedo * received, preview.held(scene).radiance, rtol=1e-4)
     light = preview.held(scene).bake.colours(received)["ball"]
+    bpy.ops.prt.relight()
+    assert not preview.held(scene).warned
     assert (colours_on("ball", "PRT Light") == light).all()
     assert [slot.material for slot in ball.material_slots] == own
     assert evaluated_materials(ball) == {f"{material.name} relit" for material in own}

@@ -6,6 +6,8 @@ import pytest
 
 from blender_addon import advice, live, preview
 from prt_core.blender.own_materials import relit_material
+from prt_core.blender.passes.records import surface_of
+from prt_core.blender.raw_mesh import RawMesh
 from prt_core.blender.view_transform import ViewTransform, transform_key
 from tests.blender.conftest import colours_on
 
@@ -64,6 +66,15 @@ def test_solid_mode_shows_what_renders_show(baked_floor):
     preview.see_again(baked_floor)
     assert colours_on("ball", "PRT Solid").mean() > solid.mean() + 0.01
     assert (colours_on("ball") == radiance).all()
+
+
+def test_nothing_that_is_shown_is_of_the_mesh_that_is_read(floor_scene):
+    mesh = bpy.data.objects["ball"].data
+    before = surface_of(mesh, mesh, (), RawMesh.of(mesh, mesh)).digest
+    floor_scene.prt.look = "MATERIALS"
+    bpy.ops.prt.bake()
+    assert {"PRT", "PRT Solid", "PRT Light"} <= set(mesh.color_attributes.keys())
+    assert surface_of(mesh, mesh, (), RawMesh.of(mesh, mesh)).digest == before
 
 
 def test_a_burnt_out_scene_is_said_and_fitted(baked_floor):

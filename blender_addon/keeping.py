@@ -116,7 +116,9 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
     first: IntProperty(name="First", default=1)
     last: IntProperty(name="Last", default=1)
     pictures: BoolProperty(
-        name="Pictures", description="A .png from the scene's camera beside each file"
+        name="Pictures",
+        description="A .png from the scene's camera beside each file, by the "
+        "scene's view transform",
     )
     size: IntVectorProperty(name="Size", size=2, default=(960, 540), min=16, max=8192)
     each_light: EACH_LIGHT
@@ -157,7 +159,8 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                     write_npz(path, held.bake.colours(radiance))
                     if self.pictures:
                         camera, sky = read_camera(self.scene), light.sky(held)
-                        pictures.write(path.with_suffix(".png"), radiance, camera, sky)
+                        encode = preview.transform_of(self.scene).encode
+                        pictures.write(path.with_suffix(".png"), radiance, camera, sky, encode)
                 yield Progress("frames", count + 1, len(frames))
         finally:
             self.scene.frame_set(before)

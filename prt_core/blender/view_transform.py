@@ -58,6 +58,17 @@ class ViewTransform:
         shown = [map_coordinates(channel, places, order=1) for channel in self._table]
         return np.stack(shown, axis=1)
 
+    def encode(self, picture):
+        """(height, width, 3) uint8 of a picture as the display shows it.
+
+        Parameters
+        ----------
+        picture : (height, width, 3) float32
+            Linear Rec.709.
+        """
+        shown = self.display(picture.reshape(-1, 3)).reshape(picture.shape)
+        return (shown * 255 + 0.5).astype(np.uint8)
+
     def for_solid(self, radiance):
         """(n, 3) float32 linear colours that Solid mode, which encodes them only, shows alike.
 

@@ -80,7 +80,7 @@ class PictureWriter:
         expect_view(*self._size)
         self._camera = self._rays = None
 
-    def write(self, path, radiance, camera=None, background=None):
+    def write(self, path, radiance, camera=None, background=None, encode=to_srgb):
         """One picture.
 
         Parameters
@@ -91,9 +91,11 @@ class PictureWriter:
             Default: that of the baked scene.
         background : callable, optional
             The sky (see `CameraRays.picture`).
+        encode : callable((height, width, 3) float32) -> (height, width, 3) uint8
+            From linear radiance to what a display is sent.
         """
         picture = self.rays(camera).picture(radiance, background)
-        write_png(path, to_srgb(picture))
+        write_png(path, encode(picture))
 
     def rays(self, camera=None):
         """The `CameraRays` of a camera, kept until there is another.

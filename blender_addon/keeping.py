@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
-from prt_core.blender import colours
+from prt_core.blender import colours, exporters
 from prt_core.blender.camera import read_camera
 from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
 from prt_core.blender.realised import KEPT_COLLECTION
@@ -71,7 +71,7 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
     def _keep(self, held, attribute, radiance):
         scene = self.scene
         expect(
-            attribute != scene.prt.attribute,
+            attribute not in colours.names_of_preview(scene.prt.attribute),
             f"attribute: '{attribute}' is the preview's and goes with it; use another name",
         )
         by_object = held.bake.colours(radiance)
@@ -92,6 +92,7 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
                 "stand in for the originals when the preview is taken off"
             )
         notes = [f"{name}: was kept with another shape before, and is hidden now" for name in left]
+        notes += exporters.offer(scene, attribute)
         for note in notes:
             self.report({"WARNING"}, note)
         self.report({"INFO"}, text)

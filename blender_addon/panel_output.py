@@ -18,6 +18,7 @@ def draw_keep(layout, context):
     """What stays in the .blend."""
     keep = layout.operator("prt.keep", text="Keep Colours…", icon="COLOR")
     keep.domain = context.scene.prt.domain
+    layout.operator("prt.occlusion", icon="SHADING_RENDERED")
 
 
 def draw_files(layout, context):
@@ -26,6 +27,8 @@ def draw_files(layout, context):
     if context.scene.prt.sets:
         column.operator("prt.export_lights", text="Export Lights…", icon="LIGHT")
     column.operator("prt.export", text="Export Sequence…", icon="EXPORT")
+    column.operator("prt.export_glb", icon="EXPORT")
+    column.operator("prt.lightmap", icon="UV")
 
 
 register, unregister = bpy.utils.register_classes_factory((PRT_PT_output,))

@@ -49,9 +49,29 @@ class Request:
         return Request(tuple(lights), form, key, view)
 
     @property
+    def shining(self):
+        """The name of the one light that shines, "" where there are no sets or several shine."""
+        names = [light.name for light in self.lights if light.weight > 0]
+        return names[0] if len(names) == 1 else ""
+
+    @property
     def lighting(self):
-        """The `Lighting` of the panel, or of the first set."""
-        return self.lights[0].lighting
+        """The one `Lighting` that shines, for what can show no blend.
+
+        Raises
+        ------
+        PRTError
+            Several light sets shine, or none.
+        """
+        shining = [light for light in self.lights if light.weight > 0]
+        expect(
+            len(shining) == 1,
+            f"light sets: {len(shining)} shine, this is of one; switch to it by its round button",
+        )
+        # A weight is a factor on the colours, as exposure is.
+        (one,) = shining
+        stops = one.lighting.exposure + float(np.log2(one.weight))
+        return replace(one.lighting, exposure=stops)
 
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""

@@ -6,6 +6,8 @@ The calls most people need:
 >>> bake = load("scene.prt")                                # then, anywhere
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
 >>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
+>>> export_glb(bake, "scene.glb", "city.exr")               # for engines and browsers
+>>> occlusion("scene.prt", distance=0.5)                    # what it knows beside light
 >>> light_field("scene.blend", "scene.slf", lamps=True)     # any material, from any side
 
 Vocabulary: *bake points* receive and bounce light (one per distinct corner normal); *directions*
@@ -24,7 +26,9 @@ from prt_core.api import (
     compress,
     compress_bake,
     environment_light,
+    export_glb,
     light_field,
+    occlusion,
     open_blend,
     relight,
     relight_points,
@@ -34,6 +38,7 @@ from prt_core.bake.compress import CompressSettings
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_load import LightField, load_light_field
 from prt_core.errors import PRTError
+from prt_core.export.glb import GLBSettings
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
 from prt_core.relight import LightBlend, Lighting, Relighter, WeightedLight
@@ -41,7 +46,7 @@ from prt_core.runtime.progress import Progress, run
 from prt_core.scene import BakePoints, Camera, Mesh, Scene
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore
-from prt_core.transport import Transport, View
+from prt_core.transport import Occlusion, Transport, View
 from prt_core.version import __version__
 
 __all__ = [
@@ -53,6 +58,7 @@ __all__ = [
     "CompressSettings",
     "CubeMap",
     "EnvironmentMap",
+    "GLBSettings",
     "Hits",
     "Lamp",
     "LightBlend",
@@ -60,6 +66,7 @@ __all__ = [
     "LightFieldSettings",
     "Lighting",
     "Mesh",
+    "Occlusion",
     "PRTError",
     "Progress",
     "RayCaster",
@@ -75,10 +82,12 @@ __all__ = [
     "compress",
     "compress_bake",
     "environment_light",
+    "export_glb",
     "light_field",
     "load",
     "load_light_field",
     "make_caster",
+    "occlusion",
     "open_blend",
     "relight",
     "relight_points",

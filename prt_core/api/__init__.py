@@ -3,8 +3,11 @@
 from contextlib import suppress
 from pathlib import Path
 
+from prt_core.api.export import export_glb as export_glb
+from prt_core.api.export import export_glb_steps as export_glb_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
+from prt_core.api.occlusion import occlusion as occlusion
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
@@ -44,6 +47,10 @@ def bake(
     pixel_samples=2,
     geometry_image=None,
     parametrisation="auto",
+    atlas=None,
+    atlas_objects=None,
+    atlas_uv="new",
+    atlas_margin=4,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -70,6 +77,15 @@ def bake(
     parametrisation : {"auto", "uv", "sphere"}
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
+    atlas : (int, int), optional
+        Bake one image of the surfaces of several objects as well, a lightmap: width x height.
+    atlas_objects : sequence of str, optional
+        Which; default: all that receive.
+    atlas_uv : {"new", "packed", "own"}
+        Unwrap them anew; or take their own charts, scaled by area and packed apart; or their UV
+        maps as they are.
+    atlas_margin : int
+        Texels between packed charts.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -88,7 +104,10 @@ def bake(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, create=True)
-    image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
+    image = ImageSettings(
+        camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
+        atlas_uv, atlas_margin,
+    )  # fmt: skip
     steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
     return run(steps, report)
 
@@ -134,6 +153,7 @@ def bake_blend_steps(
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
+    from prt_core.blender.unwrap import lightmap_uvs
     from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
@@ -170,7 +190,7 @@ def bake_blend_steps(
         calls.append((studio_lights, studio_images(), cube_map))
     built, source, *probes = yield from each_in_thread("scene", *calls)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
-    built = yield from image_steps(built, meshes, camera, settings.caster, image)
+    built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
     if not probes and certified(len(built.points)):
         probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(

@@ -105,9 +105,10 @@ class Bake:
         """
         expect(
             self.scene.image is not None,
-            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+            "image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
         )
-        return self.scene.image.pixels(self._radiance(radiance))
+        image = self.scene.image
+        return image.finished(image.pixels(self._radiance(radiance)))
 
     def _radiance(self, radiance):
         shape = self.transport.n_points, 3

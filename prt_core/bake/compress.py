@@ -180,7 +180,7 @@ def _task(bake, settings):
     image = bake.scene.image
     expect(
         image is not None or settings.of != "image",
-        "of: this bake holds no image; bake with --camera-pixels or --geometry-image",
+        "of: this bake holds no image; bake with --camera-pixels, --geometry-image or --atlas",
     )
     if image is None or settings.of == "points":
         return Task.of(bake.transport, bake.scene.points, settings.seed, bake.dense)

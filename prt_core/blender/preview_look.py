@@ -11,6 +11,7 @@ import bpy
 
 from prt_core.blender.colours import (
     ACTIVE_BEFORE,
+    PREVIEW_COLOURS,
     activate,
     light_name,
     names_of_preview,
@@ -127,6 +128,7 @@ def _restore_mesh(mesh, attributes):
         colours.remove(colours[name])
     if before is not None:
         del mesh[ACTIVE_BEFORE]
+        mesh.pop(PREVIEW_COLOURS, None)
         activate(mesh, before)
     return before is not None
 

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import prt_core
+from prt_core.bake.images import ATLAS_UV
 from prt_core.bake.report_lines import report_lines
 from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import (
@@ -58,6 +59,22 @@ def add_bake(commands, in_blender):
         "--parametrisation", choices=PARAMETRISATIONS,
         help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
     )  # fmt: skip
+    bake.add_argument(
+        "--atlas", type=_atlas, metavar="N|WxH",
+        help="bake a lightmap: one image of the surfaces of several objects",
+    )  # fmt: skip
+    bake.add_argument(
+        "--atlas-objects",
+        nargs="+",
+        metavar="NAME",
+        help="that are in it; default all that receive",
+    )
+    bake.add_argument(
+        "--atlas-uv", choices=ATLAS_UV,
+        help="new: unwrap them (default); packed: their own charts, scaled by area and packed "
+        "apart; own: their UV maps as they are",
+    )  # fmt: skip
+    bake.add_argument("--atlas-margin", type=int, help="texels between packed charts (4)")
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -74,7 +91,13 @@ def _geometry_image(words):
     return name, int(size)
 
 
+def _atlas(text):
+    """(width, height) of N or WxH."""
+    return size(f"{text}x{text}" if text.isdecimal() else text)
+
+
 _NEEDED = {
+    **{f"atlas_{name}": (("atlas",), "--atlas") for name in ("objects", "uv", "margin")},
     "pixel_samples": (("camera_pixels",), "--camera-pixels"),
     "parametrisation": (("geometry_image",), "--geometry-image"),
 }
@@ -110,6 +133,10 @@ def _bake(options):
             pixel_samples=samples,
             geometry_image=_geometry_image(options.geometry_image),
             parametrisation=options.parametrisation or "auto",
+            atlas=options.atlas,
+            atlas_objects=options.atlas_objects,
+            atlas_uv=options.atlas_uv or "new",
+            atlas_margin=4 if options.atlas_margin is None else options.atlas_margin,
         )
     if options.json:
         print(json.dumps({"bake": str(output), **report}))

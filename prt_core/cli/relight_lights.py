@@ -10,7 +10,7 @@ import numpy as np
 import prt_core
 from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import view_named
-from prt_core.cli.relight_view import bpy_where_needed
+from prt_core.cli.outputs import bpy_where_needed
 from prt_core.errors import expect
 from prt_core.evaluate import to_srgb, write_png
 from prt_core.evaluate.sequence import PictureWriter, light_path, write_npz
@@ -23,7 +23,7 @@ from prt_core.scene import Camera
 _NOT_WITH = {
     "light": None, "rotate": None, "strength": 1.0, "sharp_sun": False, "lamps": False,
     "lamp_samples": None, "emission": None, "bounces": "baked", "turn": None,
-    "progressive": False, "image": None, "blend": None,
+    "progressive": False, "image": None, "blend": None, "apart": False,
 }  # fmt: skip
 _OUTPUTS = {"output": ".npz", "png": ".png"}
 

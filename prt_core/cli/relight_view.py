@@ -1,8 +1,6 @@
 """Whom `prt relight` shows gloss to, and pictures with it."""
 
-from prt_core.blender_access import import_bpy
 from prt_core.evaluate import to_srgb, write_png
-from prt_core.rays.caster import known_casters
 
 
 def wants_points(options):
@@ -34,9 +32,3 @@ def notes_of(relighter):
     rays = relighter.mirror_rays
     traced = f"mirrors are traced for the picture, by {rays:,} rays"
     return [*relighter.notes, traced] if rays else list(relighter.notes)
-
-
-def bpy_where_needed():
-    """`auto` may need Blender's rays where Embree is not installed."""
-    if "embree" not in known_casters():
-        import_bpy()

@@ -35,7 +35,7 @@ class Subject:
         """
         expect(
             of == "points" or bake.scene.image is not None,
-            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+            "image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
         )
         return cls(bake.transport, bake.scene.image if of == "image" else None)
 
@@ -97,4 +97,4 @@ class Subject:
         """Radiance of rows, as an image where it is one: (height, width, 3)."""
         if self.image is None:
             return radiance
-        return radiance.reshape(self.image.height, self.image.width, -1)
+        return self.image.finished(radiance.reshape(self.image.height, self.image.width, -1))

@@ -13,15 +13,19 @@ from prt_core.scene.changes import Changes, changes, mesh_digests
 from prt_core.scene.details import Details, with_details
 from prt_core.scene.images import (
     PARAMETRISATIONS,
+    Atlas,
     Layout,
     PointImage,
+    Seams,
     geometry_layout,
     hits_in_view,
     surface_points,
+    with_atlas,
     with_camera_image,
     with_geometry_image,
 )
 from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.mesh_parts import MeshParts
 from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
@@ -29,6 +33,7 @@ from prt_core.scene.scene import Scene
 from prt_core.scene.scene_object import SceneObject
 
 __all__ = [
+    "Atlas",
     "BakePoints",
     "Camera",
     "Changes",
@@ -37,6 +42,7 @@ __all__ = [
     "MATERIALS",
     "MOST_OFFSET",
     "Mesh",
+    "MeshParts",
     "Opacity",
     "PARAMETRISATIONS",
     "PointImage",
@@ -54,6 +60,8 @@ __all__ = [
     "surface_points",
     "view_rays",
     "with_backs",
+    "Seams",
+    "with_atlas",
     "with_camera_image",
     "with_details",
     "with_geometry_image",

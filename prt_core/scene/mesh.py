@@ -67,6 +67,9 @@ class Mesh:
     flat : bool
         Whether its triangles are shaded by their own normals, not by those of their corners: those
         of a bent quad are those of the quad.
+    matrix : (4, 4) float, optional
+        From the object's own space to the world's, where the vertices are already; for programs
+        that want objects in places. Default: none but the world's.
     bounced, back, shadow : Look, optional
         What diffuse rays meet of the front, and of the back, and what is in the way of shadow rays,
         where that is something else than the materials above, which are shown; default: the same,
@@ -94,6 +97,7 @@ class Mesh:
     diffuse_rays: bool = True
     camera_rays: bool = True
     flat: bool = False
+    matrix: np.ndarray | None = None
     bounced: Look | None = None
     back: Look | None = None
     shadow: Look | None = None
@@ -137,6 +141,8 @@ class Mesh:
             self.corner_uv = expect_array(
                 f"{self.name}: corner_uv", self.corner_uv, (n_corners, 2), np.float64
             )
+        if self.matrix is not None:
+            self.matrix = expect_array(f"{self.name}: matrix", self.matrix, (4, 4), np.float64)
         if self.face_sizes is None:
             # Unknown faces: triangles where the corners allow it, else one face of them all.
             triangles = n_corners % 3 == 0

@@ -26,6 +26,7 @@ from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.mesh_parts import parts_of_meshes
 from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.own_faces import OwnFaces
@@ -179,9 +180,14 @@ class Scene:
                 mesh.library,
                 mesh.source,
                 *(getattr(mesh, name) for name in RAYS),
+                parts,
             )
-            for mesh, first, n in zip(
-                meshes, counts["first_corner"], counts["n_corners"], strict=True
+            for mesh, first, n, parts in zip(
+                meshes,
+                counts["first_corner"],
+                counts["n_corners"],
+                parts_of_meshes(meshes, stacked, counts),
+                strict=True,
             )
         ]
         scene = cls(

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.scene.mesh_parts import MeshParts
+
 
 @dataclass(frozen=True)
 class SceneObject:
@@ -21,6 +23,8 @@ class SceneObject:
     owner, library, source : str
     shadow_rays, diffuse_rays, camera_rays : bool
         As those of the `Mesh` it was made from.
+    parts : MeshParts or None
+        What other programs want of the mesh; None of bakes from before it was kept.
     """
 
     name: str
@@ -37,6 +41,7 @@ class SceneObject:
     shadow_rays: bool = True
     diffuse_rays: bool = True
     camera_rays: bool = True
+    parts: MeshParts | None = None
 
     @property
     def known_as(self):

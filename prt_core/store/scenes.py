@@ -14,7 +14,9 @@ from prt_core.scene import (
     SceneObject,
     with_backs,
 )
+from prt_core.store.atlas import read_atlas, write_atlas
 from prt_core.store.attributes import damage_as_error
+from prt_core.store.mesh_parts import with_mesh_parts, write_mesh_parts
 from prt_core.store.scene_checks import check_scene, lie_on
 
 _POINTS = {
@@ -102,6 +104,8 @@ def write_scene(store, scene):
     emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
     return {
         **emitters,
+        **write_mesh_parts(store, scene),
+        **write_atlas(store, scene.image),
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         **_more_of(opacities),
@@ -184,6 +188,8 @@ def read_scene(store):
                 )
             )
             corner, face = part.stop, face + item["n_faces"]
+        of_object = by_triangle["triangle_object"]
+        objects = with_mesh_parts(store, objects, np.bincount(of_object, minlength=len(objects)))
         scene = Scene(
             centre=np.array(attributes["centre"], np.float64).reshape(3),
             size=attributes["size"],
@@ -337,4 +343,6 @@ def _read_image(store, sizes):
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
-    return PointImage(*(int(size) for size in sizes), pixel, point)
+    height, width, samples = (int(size) for size in sizes)
+    atlas = read_atlas(store, height * width)
+    return PointImage(height, width, samples, pixel, point, atlas=atlas)

@@ -30,6 +30,8 @@ class PointImage:
         In reading order, sorted.
     point : (m,) int32
         A bake point that `pixel` shows.
+    atlas : Atlas, optional
+        By which UV maps it shows objects, where it is for them to wear.
     """
 
     height: int
@@ -37,6 +39,7 @@ class PointImage:
     samples: int
     pixel: np.ndarray
     point: np.ndarray
+    atlas: object = None
 
     def digest(self):
         """Of what it shows: the same for the same image only."""
@@ -53,6 +56,15 @@ class PointImage:
             sums = np.bincount(self.pixel, values[self.point], len(result))
             result[:, channel] = sums / self.samples
         return result.reshape(self.height, self.width, -1)
+
+    def finished(self, pixels):
+        """Pixels as they are handed out: where it is an atlas, with both sides of seams alike.
+
+        Parameters
+        ----------
+        pixels : (height, width, n_channels) float32
+        """
+        return pixels if self.atlas is None else self.atlas.seams.mended(pixels, self.point)
 
 
 def with_camera_image(scene, caster, camera, width, height, samples=2):

@@ -9,16 +9,20 @@ import pytest
 import prt_core
 from prt_core import api, evaluate, light, scene
 from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
+from prt_core.export.glb import glb_steps
 from prt_core.relight.blend import LightBlend, WeightedLight
 from prt_core.relight.light_file import read_lights, write_lights
 from prt_core.relight.lighting import Lighting
+from prt_core.relight.lights_apart import lights_apart
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.store import BakeStore
+from prt_core.transport import Occlusion
 
 from .calls import (
     RESOLUTION,
@@ -171,6 +175,31 @@ CALLS = {
         },
         ("light None", "caster other text", "caster empty text", "bounces None"),
     ),  # fmt: skip
+    "occlusion": lambda t: Call(
+        api.occlusion,
+        {
+            "bake": t.bake,
+            "kind": "sky",
+            "distance": 0.5,
+            "falloff": "linear",
+            "weight": "even",
+            "caster": "brute",
+        },
+        ("caster other text", "caster empty text"),
+    ),  # fmt: skip
+    "Occlusion": plain(Occlusion, kind="ambient", distance=0.5, falloff="smooth", weight="cosine"),
+    "lights_apart": lambda t: Call(
+        lambda lighting: lights_apart(t.bake, lighting), {"lighting": Lighting(image())}
+    ),
+    "ImageSettings": plain(
+        ImageSettings,
+        ("atlas_objects other text", "atlas one more", "atlas one less"),
+        atlas=(8, 4),
+        atlas_objects=["plane"],
+        atlas_uv="own",
+        atlas_margin=2,
+    ),
+    "to_whole": plain(evaluate.to_whole, ("values",), values=np.ones((2, 3, 3)), bits=16),
     "Lighting": plain(
         Lighting,
         ("environment", "bounces None"),
@@ -229,6 +258,44 @@ CALLS = {
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
         ("light None",),
     ),
+    "GLBSettings": plain(
+        prt_core.GLBSettings,
+        ("colours None", "white None", "texels None"),
+        colours="light",
+        material="multiplied",
+        weights=True,
+        harmonics=False,
+        encoding="u16",
+        white=2.0,
+        components=7,
+        texels=2,
+    ),
+    "export_glb": lambda t: Call(
+        prt_core.export_glb,
+        {
+            "bake": t.folder / "a.prt",
+            "output": t.folder / "a.glb",
+            "light": image(),
+            "rotation": 30.0,
+            "caster": "brute",
+            "form": "exact",
+            "material": "unlit",
+            "harmonics": True,
+            "white": 3.0,
+        },
+        ("light None", "caster other text", "caster empty text", "white None"),
+    ),  # fmt: skip
+    "glb_steps": lambda t: Call(
+        glb_steps,
+        {
+            "bake": t.bake,
+            "path": t.folder / "a.glb",
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
+            "settings": prt_core.GLBSettings(),
+            "light": t.light,
+        },
+        ("settings None", "light None", "radiance negative"),
+    ),  # fmt: skip
     "open_blend": lambda t: Call(expect_blend, {"path": blend(t)}),
     "bake": lambda t: Call(
         prt_core.bake,

@@ -1,0 +1,10 @@
+"""`prt export`: a bake for other programs."""
+
+from prt_core.cli.export_glb import add_glb
+
+
+def add_export(commands):
+    """Add `export` to the commands."""
+    export = commands.add_parser("export", help="a bake for other programs")
+    kinds = export.add_subparsers(required=True, metavar="KIND")
+    add_glb(kinds)

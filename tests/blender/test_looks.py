@@ -55,9 +55,11 @@ def test_solid_mode_shows_what_renders_show(baked_floor):
     # None of it is of the mesh that is baked.
     bpy.ops.prt.relight()
     assert not preview.held(baked_floor).warned
-    bpy.ops.prt.keep(attribute="Mine")  # what is kept leaves both as they are
-    assert mesh.color_attributes.active_color.name == "PRT Solid"
     assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "PRT"
+    bpy.ops.prt.keep(attribute="Mine")  # what is kept leaves what is seen as it is
+    assert mesh.color_attributes.active_color.name == "PRT Solid"
+    assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "Mine"
+    bpy.ops.prt.relight()
     radiance, solid = colours_on("ball"), colours_on("ball", "PRT Solid")
     np.testing.assert_allclose(
         solid, preview.transform_of(baked_floor).for_solid(radiance), atol=1e-6

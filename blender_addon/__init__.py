@@ -1,8 +1,8 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties and light_properties (what is set), operators, keeping, exporting, lightmaps, occlusion,
-looking, light_sets and remedies (what is done), panels and panel_… (what is drawn, a section each),
+properties and light_properties (what is set), operators, keeping, exporting, web_page, lightmaps,
+occlusion, looking, light_sets and remedies (what is done), panels and panel_… (what is drawn),
 plan (what a bake would be), advice (what is to be known before), bakes (those on disk), naming and
 saving (what they are called, and how they go with their file), preview (the one in memory and its
 colours), freshness (whether it is of the scene), live (when all this is done again), gloss (when
@@ -40,6 +40,7 @@ from . import (
     properties,
     remedies,
     rendering,
+    web_page,
     work,
 )
 
@@ -49,6 +50,7 @@ _PARTS = (
     field_operators,
     keeping,
     exporting,
+    web_page,
     lightmaps,
     occlusion,
     remedies,

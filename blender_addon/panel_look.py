@@ -60,6 +60,8 @@ def draw_gloss(layout, context):
     row.prop(settings, "show_gloss")
     if settings.show_gloss:
         row.prop(settings, "seen_from", expand=True)
+        if settings.seen_from == "CAMERA":
+            layout.prop(settings, "seen_by")
 
 
 class PRT_PT_look_more(bpy.types.Panel):

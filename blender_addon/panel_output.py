@@ -28,6 +28,7 @@ def draw_files(layout, context):
         column.operator("prt.export_lights", text="Export Lights…", icon="LIGHT")
     column.operator("prt.export", text="Export Sequence…", icon="EXPORT")
     column.operator("prt.export_glb", icon="EXPORT")
+    column.operator("prt.web_page_dialog", icon="URL")
     column.operator("prt.lightmap", icon="UV")
 
 

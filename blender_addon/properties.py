@@ -212,6 +212,13 @@ class PRTScene(Light, bpy.types.PropertyGroup):
         default="VIEW",
         update=changed,
     )
+    seen_by: PointerProperty(
+        name="Camera",
+        description="Which camera of the scene; without one its own. Renders look through that",
+        type=bpy.types.Object,
+        poll=lambda _, item: item.type == "CAMERA",
+        update=changed,
+    )
 
     sets: CollectionProperty(type=PRTLightSet)
     active_set: IntProperty(options=set())

@@ -7,6 +7,7 @@ The calls most people need:
 >>> colours = relight(bake, "city.exr", rotation=30)        # {object: (n_corners, 3) float32}
 >>> compress("scene.prt", tolerance=0.01)                   # then a light takes milliseconds
 >>> export_glb(bake, "scene.glb", "city.exr")               # for engines and browsers
+>>> export_web("scene.prt", "page")                         # a web page that relights it
 >>> occlusion("scene.prt", distance=0.5)                    # what it knows beside light
 >>> light_field("scene.blend", "scene.slf", lamps=True)     # any material, from any side
 
@@ -27,6 +28,7 @@ from prt_core.api import (
     compress_bake,
     environment_light,
     export_glb,
+    export_web,
     light_field,
     occlusion,
     open_blend,
@@ -83,6 +85,7 @@ __all__ = [
     "compress_bake",
     "environment_light",
     "export_glb",
+    "export_web",
     "light_field",
     "load",
     "load_light_field",

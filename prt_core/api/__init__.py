@@ -5,6 +5,8 @@ from pathlib import Path
 
 from prt_core.api.export import export_glb as export_glb
 from prt_core.api.export import export_glb_steps as export_glb_steps
+from prt_core.api.export_web import export_web as export_web
+from prt_core.api.export_web import export_web_steps as export_web_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
 from prt_core.api.occlusion import occlusion as occlusion
@@ -33,6 +35,7 @@ from prt_core.runtime.renamed import renamed_keyword, warn_renamed
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
+from prt_core.transport import View
 
 
 def bake(
@@ -147,7 +150,7 @@ def bake_blend_steps(
         import_bpy()
     else:
         messages += open_blend(blend)
-    from prt_core.blender.camera import read_camera
+    from prt_core.blender.camera import read_camera, read_cameras
     from prt_core.blender.depsgraph import read_meshes_steps
     from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
@@ -160,6 +163,7 @@ def bake_blend_steps(
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     camera, seen = read_camera(scene, messages), []
+    cameras = read_cameras(scene)
 
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
@@ -186,7 +190,7 @@ def bake_blend_steps(
         return chosen_method(settings.method, n_points, cube_map.n_directions) != "exhaustive"
 
     calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
-    if certified(sum(len(mesh.vertices) for mesh in meshes)):
+    if settings.gloss or certified(sum(len(mesh.vertices) for mesh in meshes)):
         calls.append((studio_lights, studio_images(), cube_map))
     built, source, *probes = yield from each_in_thread("scene", *calls)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
@@ -195,7 +199,7 @@ def bake_blend_steps(
         probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace,
-        probes[0] if probes else None, origin,
+        probes[0] if probes else None, origin, cameras,
     )  # fmt: skip
     return result
 
@@ -308,8 +312,9 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
     form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
-    view : View, optional
-        From where a bake with gloss is looked at; default: only what leaves evenly to all sides.
+    view : View or str, optional
+        From where a bake with gloss is looked at, or the name of a camera of its scene ("camera":
+        its own); default: only what leaves evenly to all sides.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
         lamp_samples, bounces, exposure, emission.
@@ -327,12 +332,22 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
 @renamed_keyword(transport="form")
 def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, form)
+    lighting, bake = lighting_of(light, **keywords), _loaded(bake)
+    relighter = Relighter(bake, caster, form)
     try:
-        return run(relighter.steps(lighting, view=view))
+        return run(relighter.steps(lighting, view=_view_of(bake, view)))
     finally:
         relighter.close()
+
+
+def _view_of(bake, view):
+    """A `View` as it is; that of a camera of the baked scene by its name."""
+    if not isinstance(view, str):
+        return view
+    try:
+        return View.of_camera(bake.camera_named(view))
+    except PRTError as error:
+        raise PRTError(f"view: {str(error).partition(': ')[2]}") from error
 
 
 def _loaded(bake):

@@ -4,6 +4,7 @@ import time
 
 from prt_core.bake.bounces import Bounced, bounce_steps
 from prt_core.bake.emission import bounced_emission_steps, emission_steps
+from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.reflections import reflection_steps
@@ -40,6 +41,7 @@ def bake_steps(
     pace=None,
     lights=None,
     origin=None,
+    cameras=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -70,6 +72,8 @@ def bake_steps(
         two soft suns.
     origin : dict of str -> str, optional
         Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
+    cameras : dict of str -> Camera, optional
+        Kept with the bake: all cameras of the scene by name, for views.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def bake_steps(
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
     camera = None if camera is None else expect_camera(camera)
-    given = lamps, world, camera, source, restart, pace, lights, origin
+    given = lamps, world, camera, source, restart, pace, lights, origin, cameras
     world = expect_bake_input(scene, path, cube_map, *given)
     casters = []
 
@@ -95,7 +99,7 @@ def bake_steps(
         casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
-    parts = (lamps, world, camera, source, origin)
+    parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
             if pace is None:
@@ -151,6 +155,9 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     )
     reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
     emitted = yield from emission_steps(store, scene, caster, settings, seconds)
+    certified = yield from gloss_certificate_steps(
+        store, scene, cube_map, caster, settings, lights, seconds
+    )
     bounced = Bounced()
     if settings.bounces != 0:
         work = store, scene, cube_map, caster, settings, seconds, emitted.probes
@@ -158,7 +165,17 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
         report = bake_report(
-            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
+            scene,
+            cube_map,
+            caster,
+            settings,
+            seen,
+            emitted,
+            bounced,
+            seconds,
+            store,
+            reflected,
+            certified,
         )
     if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")

@@ -6,7 +6,8 @@ from prt_core.bake.load import load
 from prt_core.bake.report_lines import compressed_lines, object_lines, report_lines
 from prt_core.errors import PRTError
 from prt_core.relight.forms import load_compressed
-from prt_core.store import BakeStore, compressed_attributes, damage_as_error
+from prt_core.relight.gloss_form import load_gloss_form
+from prt_core.store import GLOSS_FORM, BakeStore, compressed_attributes, damage_as_error
 
 
 def add_info(commands):
@@ -32,13 +33,19 @@ def _info(options):
 
 
 def _found(store):
-    attributes, compressed = store.attributes, compressed_attributes(store)
+    attributes = store.attributes
+    forms = {
+        "compressed": compressed_attributes(store),
+        "compressed_gloss": compressed_attributes(store, GLOSS_FORM),
+    }
     keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
     hidden = ("folder", "values", "arrays")
     return {
         **{key: attributes.get(key) for key in keys},
-        "compressed": compressed
-        and {key: value for key, value in compressed.items() if key not in hidden},
+        **{
+            name: form and {key: value for key, value in form.items() if key not in hidden}
+            for name, form in forms.items()
+        },
         **(attributes.get("report") or {}),
         "bytes": store.nbytes(),
     }
@@ -61,4 +68,12 @@ def _lines(path, bake, store):
         except PRTError as error:
             form, why = None, str(error)
         yield "compressed:" if form else f"compressed (not used: {why}):"
+        yield from compressed_lines(attributes)
+    attributes = compressed_attributes(store, GLOSS_FORM)
+    if attributes:
+        try:
+            form, why = load_gloss_form(bake)
+        except PRTError as error:
+            form, why = None, str(error)
+        yield "gloss:" if form else f"gloss (not used: {why}):"
         yield from compressed_lines(attributes)

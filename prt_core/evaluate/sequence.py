@@ -17,6 +17,7 @@ from prt_core.errors import (
 from prt_core.evaluate.png import to_srgb, write_png
 from prt_core.evaluate.view import CameraRays, expect_view
 from prt_core.runtime.files import written
+from prt_core.scene import expect_camera
 
 
 def frame_path(pattern, frame):
@@ -71,13 +72,16 @@ class PictureWriter:
     size : (int, int)
         Pixels.
     caster : str
+    camera : Camera, optional
+        Default: that of the baked scene.
     """
 
-    def __init__(self, bake, size, caster="auto"):
+    def __init__(self, bake, size, caster="auto", camera=None):
         self._bake = expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
         self._size = expect_pair("size", size)
         self._caster = expect_kind("caster", caster, str, "the name of one")
         expect_view(*self._size)
+        self._own = bake.camera if camera is None else expect_camera(camera)
         self._camera = self._rays = None
 
     def write(self, path, radiance, camera=None, background=None, encode=to_srgb):
@@ -88,7 +92,7 @@ class PictureWriter:
         path : str or Path
         radiance : (n_points, 3) float32
         camera : Camera, optional
-            Default: that of the baked scene.
+            Default: the writer's own.
         background : callable, optional
             The sky (see `CameraRays.picture`).
         encode : callable((height, width, 3) float32) -> (height, width, 3) uint8
@@ -103,9 +107,9 @@ class PictureWriter:
         Parameters
         ----------
         camera : Camera, optional
-            Default: that of the baked scene.
+            Default: the writer's own.
         """
-        camera = self._bake.camera if camera is None else camera
+        camera = self._own if camera is None else camera
         if self._rays is None or camera != self._camera:
             caster = self._bake.make_caster(self._caster, "camera")
             try:

@@ -39,6 +39,7 @@ class Stage(IntEnum):
     LIGHT_FIELD = 31
     REFLECTIONS = 32
     LOBES = 33
+    GLOSS_CERTIFICATE = 34
 
 
 def generator(seed, stage, *key):

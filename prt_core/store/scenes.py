@@ -7,6 +7,7 @@ from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.scene import (
     MATERIALS,
     BakePoints,
+    Camera,
     Details,
     Opacity,
     PointImage,
@@ -102,8 +103,10 @@ def write_scene(store, scene):
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
     emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
+    seen_by = getattr(scene.image, "camera", None)
     return {
         **emitters,
+        **({"image_camera": seen_by.to_dict()} if seen_by else {}),
         **write_mesh_parts(store, scene),
         **write_atlas(store, scene.image),
         "materials": scene.points.nondefault(),
@@ -199,7 +202,7 @@ def read_scene(store):
             objects=objects,
             lattice=lattice,
             lattice_back=lattice_back,
-            image=_read_image(store, attributes["image"]),
+            image=_read_image(store, attributes["image"], attributes.get("image_camera")),
             details=details,
             **_read_opacities(store, len(triangles)),
             emitters=emitters,
@@ -338,11 +341,12 @@ def _read_opacities(store, n_triangles):
     return {"opacity": opacity, "shadow_opacity": read("shadow_opacity") if own else opacity}
 
 
-def _read_image(store, sizes):
+def _read_image(store, sizes, camera):
     if sizes is None:
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
+    camera = None if camera is None else Camera(**camera)
     height, width, samples = (int(size) for size in sizes)
     atlas = read_atlas(store, height * width)
-    return PointImage(height, width, samples, pixel, point, atlas=atlas)
+    return PointImage(height, width, samples, pixel, point, camera, atlas)

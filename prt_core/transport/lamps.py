@@ -7,6 +7,7 @@ from prt_core.light.bright import BrightPixels
 from prt_core.light.local import Lamp, lamp_samples
 from prt_core.rays import transmitted
 from prt_core.reflectance.bump import bump_mean, bump_shadowing
+from prt_core.reflectance.oren_nayar import seen_from_above
 from prt_core.runtime.progress import Pace, Progress, run
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
@@ -153,4 +154,11 @@ def _unshaded(points, which, direction, irradiance):
     if strength.any():
         strength = strength[which]
         cosine = cosine * bump_shadowing(strength, above) / bump_mean(strength)
-    return np.where((cosine > 0) & (above > 0), cosine, 0)[:, None] * irradiance
+    light = np.where((cosine > 0) & (above > 0), cosine, 0)[:, None] * irradiance
+    rough = points.materials.diffuse_roughness[:, 0]
+    if rough.any():
+        some = np.flatnonzero((rough[which] > 0) & (cosine > 0))
+        point = which[some]
+        colour = points.materials.albedo[point] - points.materials.stand_in[point]
+        light[some] *= seen_from_above(cosine[some], rough[point], colour)
+    return light

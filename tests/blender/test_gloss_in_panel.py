@@ -141,7 +141,28 @@ def test_gloss_is_turned_off_and_on(scene):
     scene.prt.show_gloss = True
     assert bpy.ops.prt.relight() == {"FINISHED"}
     np.testing.assert_array_equal(colours_on("ball"), on)
+    assert drawn_gloss() == ["show_gloss", "seen_from", "seen_by"]
+    scene.prt.seen_from = "VIEW"
     assert drawn_gloss() == ["show_gloss", "seen_from"]
+
+
+def test_another_camera_of_the_scene_is_looked_through(scene):
+    own = colours_on("ball")
+    other = bpy.data.objects.new("other", bpy.data.cameras.new("other"))
+    scene.collection.objects.link(other)
+    other.location = (-3.0, 2.0, 2.0)
+    bpy.context.view_layer.update()
+    scene.prt.seen_by = other
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+    there = colours_on("ball")
+    np.testing.assert_array_equal(there, wanted(scene, View(np.array(other.location))))
+    assert np.abs(there - own).max() > 0.05
+    # Renders go on looking through the scene's own, and so does what has lost it.
+    own_view, chosen = (viewport.view_of(scene, "CAMERA", rendered) for rendered in (True, False))
+    np.testing.assert_allclose(own_view.position, scene.camera.location)
+    np.testing.assert_allclose(chosen.position, other.location)
+    scene.collection.objects.unlink(other)
+    np.testing.assert_allclose(viewport.view_of(scene, "CAMERA").position, scene.camera.location)
 
 
 class Writing(Layout):

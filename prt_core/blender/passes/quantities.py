@@ -65,7 +65,8 @@ LINES = {
 GLOSS_LINES = {
     "metal": "metal; its reflections are shown to the view, in bounces they count as diffuse",
     "specular": None,
-    "rough": "its diffuse roughness is shown to the view, in bounces light leaves evenly",
+    "rough": "its diffuse roughness is that of light of lamps, as seen from straight above; light "
+    "of the sky leaves evenly to all sides",
 }
 
 

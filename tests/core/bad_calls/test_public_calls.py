@@ -1,13 +1,14 @@
 """Wrong public calls: bakes, stores, relighting, pictures."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import prt_core
-from prt_core import api, evaluate, light, scene
+from prt_core import api, evaluate, export_web, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
@@ -55,6 +56,7 @@ def bake_call(there):
             "lamps": lamps,
             "world": there.light,
             "camera": camera(),
+            "cameras": {"Top": camera()},
             "source": {"plane": "digest"},
             "pace": 0.5,
             "lights": {"sky": there.light},
@@ -85,6 +87,28 @@ CALLS = {
     "colour_error": plain(
         evaluate.colour_error, colours=np.ones((3, 3)), truth=np.ones((3, 3)), weights=np.ones(3)
     ),
+    "export_web": lambda t: Call(
+        export_web,
+        {
+            "bake": t.bake,
+            "output": t.folder / "page.html",
+            "bits": True,
+            "lights": None,
+            "title": "a",
+            "lamp_samples": 1,
+        },
+        (
+            "bits None",
+            "output folder",
+            "title text",
+            "title None",
+            "lights None",
+            "output text",
+            "title long name",
+            "title empty text",
+            "title other text",
+        ),
+    ),  # fmt: skip
     "contact_sheet": plain(
         evaluate.contact_sheet,
         ("labels one more",),
@@ -131,6 +155,9 @@ CALLS = {
         },
         ("camera None",),
     ),  # fmt: skip
+    "Bake.camera_named": lambda t: Call(
+        replace(t.bake, cameras={"Top": camera()}).camera_named, {"name": "Top"}
+    ),
     "BakeSettings": plain(
         BakeSettings,
         ("caster other text", "caster empty text", "bounces None"),

@@ -41,7 +41,7 @@ class PartialBake(Bake):
     scene, transport, lamps, world, camera, settings, report, source, path, origin
         As those of a `Bake`; the transport is a `PartialTransport`, the report is empty, and it
         has no path.
-    dense, emission, reflections
+    dense, emission, reflections, cameras
         As those of a `Bake`: no dense points, and no gloss.
     known_percent : float
         Of the points: those whose rows are known.

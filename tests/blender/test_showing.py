@@ -48,7 +48,9 @@ def baking(floor_scene, tmp_path):
 
 
 def test_colours_come_while_it_runs_and_are_near_the_last(baking, floor_scene, tmp_path, hdri):
+    assert showing.awaits_first()
     assert baking.until(lambda: showing.delays)
+    assert not showing.awaits_first()
     first = colours_on("ball")
     assert views.shown() and not floor_scene.prt.loaded and preview.held() is None
     assert "Shown from" in work.status().message and not work.status().failed

@@ -19,7 +19,7 @@ from .request import request
 # Of the time of a bake, what pictures after the first may take before another waits, and how much
 # of showing them is time of the bake, which goes on beside; seconds: of work in one call of the
 # timer, of quiet after which a light that was turned gets all that is known; shadow rays a lamp.
-_SHARE, _BESIDE, _BUDGET, _QUIET, _RAYS = 0.08, 0.5, 0.03, 0.3, 4
+_SHARE, _BESIDE, _BUDGET, _QUIET, _RAYS = 0.06, 0.5, 0.03, 0.3, 4
 # Seconds from the button for which the bake waits for its first colours, at most.
 _PATIENCE = 3.0
 _NOW = []

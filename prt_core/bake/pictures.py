@@ -134,7 +134,7 @@ class Pictures:
             start, few = time.perf_counter(), points[:_COARSE]
             if self._few is None or len(few) > self._few.count:
                 self._show_few(few, bits[few], start)
-            if count > _COARSE:
+            elif count > _COARSE:
                 self._show_rows(points[:count], bits, start)
 
     def block(self, points, bits):

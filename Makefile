@@ -49,6 +49,10 @@ conformance: $(VENV)/.ready
 test-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
 
+# The demo as a web page in headless Chromium (apt-get install chromium, or CHROMIUM=path).
+test-web: $(VENV)/.ready
+	$(RUN) -m pytest -s tests/web
+
 # How the add-on feels in a window, into docs/benchmarks; BLENDER as for test-window.
 bench-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) tests/benchmarks/window.py
@@ -65,4 +69,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint docs conformance bench extension engines release test-window bench-window matrix clean
+.PHONY: setup demo test lint docs conformance bench extension engines release test-window test-web bench-window matrix clean

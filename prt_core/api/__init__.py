@@ -6,6 +6,8 @@ from pathlib import Path
 
 from prt_core.api.export import export_glb as export_glb
 from prt_core.api.export import export_glb_steps as export_glb_steps
+from prt_core.api.export_web import export_web as export_web
+from prt_core.api.export_web import export_web_steps as export_web_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
 from prt_core.api.occlusion import occlusion as occlusion
@@ -14,6 +16,7 @@ from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
 from prt_core.bake.pictures import Pictures, handed_out
+from prt_core.bake.refine import refine_meshes_steps, refine_settings
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
@@ -33,9 +36,11 @@ from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
+from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
+from prt_core.transport import View
 
 
 def bake(
@@ -51,6 +56,9 @@ def bake(
     pixel_samples=2,
     geometry_image=None,
     parametrisation="auto",
+    refine=False,
+    refine_tolerance=None,
+    refine_vertices=None,
     atlas=None,
     atlas_objects=None,
     atlas_uv="new",
@@ -85,6 +93,14 @@ def bake(
     parametrisation : {"auto", "uv", "sphere"}
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
+    refine : bool
+        Split edges of the meshes where vertices are too few for shadows; the bake is then of the
+        finer meshes, which stand in for the objects where colours are shown or kept.
+    refine_tolerance : float, optional
+        Relative error that drawing between vertices may make (0.02).
+    refine_vertices : int or str, optional
+        Vertices of all objects that receive, at most: a number, or as "1.5x" of those there are,
+        which is the default.
     atlas : (int, int), optional
         Bake one image of the surfaces of several objects as well, a lightmap: width x height.
     atlas_objects : sequence of str, optional
@@ -116,13 +132,15 @@ def bake(
         camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
         atlas_uv, atlas_margin,
     )  # fmt: skip
+    refined = refine_settings(refine, refine_tolerance, refine_vertices)
     pictures = None
     if on_picture is not None:
         expect(callable(on_picture), f"on_picture: expected a function, got {shown(on_picture)}")
         pictures = Pictures()
     steps = bake_blend_steps(
-        blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures
-    )
+        blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures,
+        refine=refined,
+    )  # fmt: skip
     return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 
 
@@ -138,6 +156,7 @@ def bake_blend_steps(
     strict=True,
     image=None,
     pictures=None,
+    refine=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -152,6 +171,8 @@ def bake_blend_steps(
     image : ImageSettings, optional
     pictures : Pictures, optional
         See `bake_steps`.
+    refine : RefineSettings, optional
+        Default: meshes are baked as they are.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
@@ -159,12 +180,18 @@ def bake_blend_steps(
     if restart != "changed":
         expect_flag("restart", restart)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
+    if refine is not None:
+        expect_kind("refine", refine, RefineSettings)
+        expect(
+            image.atlas is None,
+            "refine: the UV maps of a lightmap belong to the meshes as they are; bake it by itself",
+        )
     messages = []
     if blend is None:
         import_bpy()
     else:
         messages += open_blend(blend)
-    from prt_core.blender.camera import read_camera
+    from prt_core.blender.camera import read_camera, read_cameras
     from prt_core.blender.depsgraph import read_meshes_steps
     from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
@@ -177,6 +204,7 @@ def bake_blend_steps(
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     camera, seen = read_camera(scene, messages), []
+    cameras = read_cameras(scene)
 
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
@@ -187,27 +215,34 @@ def bake_blend_steps(
     scene = scene_of(uid)
     lamps = [lamp_seen(each, scene, messages) for each in seen]
     messages += world_left_out(lamps)
+    world = sky = None
     try:
         light = read_environment(scene, messages)
         suns = [lamp for lamp in lamps if lamp.is_on_texels]
         world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        if refine is not None:
+            sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
-        world = None
     say_copies(meshes, messages)
-    cube_map = CubeMap(settings.resolution)
-    work = (Scene.from_meshes, meshes), (mesh_digests, meshes)
-    built, source = yield from each_in_thread("scene", *work)
+    # A bake is fresh while the meshes that were refined are as they were.
+    cube_map, digests = CubeMap(settings.resolution), (mesh_digests, meshes)
+    if refine is not None:
+        asked = meshes, lamps, sky, refine, settings.caster, pace
+        meshes, refinement = yield from refine_meshes_steps(*asked)
+        messages.append(str(refinement))
+    built, source = yield from each_in_thread("scene", (Scene.from_meshes, meshes), digests)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
     lights = None
-    if chosen_method(settings.method, len(built.points), cube_map.n_directions) != "exhaustive":
+    method = chosen_method(settings.method, len(built.points), cube_map.n_directions)
+    if settings.gloss or method != "exhaustive":
         # Where they are Blender tells here; they are read when the certificate asks for them.
         lights = partial(studio_lights, studio_images(), cube_map)
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        pictures,
+        cameras, pictures,
     )  # fmt: skip
     return result
 
@@ -320,8 +355,9 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
     form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
-    view : View, optional
-        From where a bake with gloss is looked at; default: only what leaves evenly to all sides.
+    view : View or str, optional
+        From where a bake with gloss is looked at, or the name of a camera of its scene ("camera":
+        its own); default: only what leaves evenly to all sides.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
         lamp_samples, bounces, exposure, emission.
@@ -339,12 +375,22 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
 @renamed_keyword(transport="form")
 def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, form)
+    lighting, bake = lighting_of(light, **keywords), _loaded(bake)
+    relighter = Relighter(bake, caster, form)
     try:
-        return run(relighter.steps(lighting, view=view))
+        return run(relighter.steps(lighting, view=_view_of(bake, view)))
     finally:
         relighter.close()
+
+
+def _view_of(bake, view):
+    """A `View` as it is; that of a camera of the baked scene by its name."""
+    if not isinstance(view, str):
+        return view
+    try:
+        return View.of_camera(bake.camera_named(view))
+    except PRTError as error:
+        raise PRTError(f"view: {str(error).partition(': ')[2]}") from error
 
 
 def _loaded(bake):

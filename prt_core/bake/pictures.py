@@ -213,7 +213,7 @@ class Pictures:
     def _publish(self, transport, n_known, direct, start, error=None):
         """Make the picture the newest; returns its `PartialBake`."""
         scene, few = self._coarse.scene, self._few
-        lamps, world, camera, source, origin = self._parts
+        lamps, world, camera, source, origin, cameras = self._parts
         share = n_known / len(scene.points)
         if error is None:
             error = ((1 - share) * direct + few.noise).max()
@@ -223,7 +223,7 @@ class Pictures:
         bake = PartialBake(
             scene, transport, list(lamps), world, camera, self._given[1].stored(), {},
             dict(source or {}), None, dict(origin or {}), None, emission,
-            known_percent=100 * share, error=error, coarse=few.bake,
+            cameras=dict(cameras or {}), known_percent=100 * share, error=error, coarse=few.bake,
         )  # fmt: skip
         self._latest, self._n_shown, self._count = bake, n_known, self._count + 1
         self.spent(time.perf_counter() - start)

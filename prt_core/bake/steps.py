@@ -4,6 +4,7 @@ import time
 
 from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
 from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
+from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.pictures import Pictures
@@ -41,6 +42,7 @@ def bake_steps(
     pace=None,
     lights=None,
     origin=None,
+    cameras=None,
     pictures=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
@@ -72,6 +74,8 @@ def bake_steps(
         needed. Default: an even sky and two soft suns.
     origin : dict of str -> str, optional
         Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
+    cameras : dict of str -> Camera, optional
+        Kept with the bake: all cameras of the scene by name, for views.
     pictures : Pictures, optional
         Is told what is known while the bake runs, and hands it out; the bake is the same.
 
@@ -91,7 +95,7 @@ def bake_steps(
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
     camera = None if camera is None else expect_camera(camera)
-    given = lamps, world, camera, source, restart, pace, lights, origin
+    given = lamps, world, camera, source, restart, pace, lights, origin, cameras
     world = expect_bake_input(scene, path, cube_map, *given)
     if pictures is not None:
         expect_kind("pictures", pictures, Pictures)
@@ -101,7 +105,7 @@ def bake_steps(
         casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
-    parts = (lamps, world, camera, source, origin)
+    parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
             given = scene, path, settings, parts, restart, lights, pictures
@@ -164,6 +168,9 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
     )
     reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
     emitted = yield from emission_steps(store, scene, caster, settings, seconds)
+    certified = yield from gloss_certificate_steps(
+        store, scene, cube_map, caster, settings, lights, seconds
+    )
     if pictures is not None and scene.emitters:
         pictures.emitted(read_direct(store))
     bounced = Bounced()
@@ -177,7 +184,17 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
         report = bake_report(
-            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
+            scene,
+            cube_map,
+            caster,
+            settings,
+            seen,
+            emitted,
+            bounced,
+            seconds,
+            store,
+            reflected,
+            certified,
         )
     if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")

@@ -12,8 +12,8 @@ from prt_core.cli.arguments import (
     caster_argument,
     expect_used,
     form_argument,
+    is_place,
     size,
-    view_named,
 )
 from prt_core.cli.each_light import each_light
 from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
@@ -24,7 +24,15 @@ from prt_core.cli.outputs import (
     write_blend,
     write_pixels,
 )
-from prt_core.cli.relight_view import notes_of, wants_points, write_picture
+from prt_core.cli.relight_lights import add_lights, relight_lights
+from prt_core.cli.relight_view import (
+    asked_view,
+    how_relit,
+    image_of,
+    notes_of,
+    wants_points,
+    write_picture,
+)
 from prt_core.errors import expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
@@ -41,6 +49,8 @@ _NEEDED = {
     "attribute": (("blend",), "--blend"),
     "domain": (("blend",), "--blend"),
     **LIGHT_NEEDS,
+    "weights": (("lights",), "--lights JSON"),
+    "each": (("lights",), "--lights JSON"),
 }
 
 
@@ -61,8 +71,8 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument(
         "--view", metavar="VIEW",
-        help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z (a "
-        "picture is seen from the camera: 'camera' with --png, each pixel by itself)",
+        help="whom gloss is shown to, of a bake with gloss: 'camera', a camera of the scene by its "
+        "name, or a place as x,y,z (--png is seen from the camera, each pixel by itself)",
     )  # fmt: skip
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
@@ -87,6 +97,7 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
+    add_lights(relight)
     form_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
@@ -99,6 +110,8 @@ def _frames(text):
 
 
 def _relight(options):
+    if options.lights:
+        return relight_lights(options)
     options.light, lights = (options.light or [None])[0], options.light
     if options.apart or len(lights or ()) > 1:
         return each_light(options, lights or [], _OUTPUTS, _relight_one, _expect_request)
@@ -114,30 +127,31 @@ def _relight_one(options):
         not options.image or baked.scene.image is not None,
         "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
     )
-    options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
+    camera, view = asked_view(options, baked)
+    options.size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
-        return _relight_turn(baked, lighting, options)
-    view = view_named(options.view, baked)
+        return _relight_turn(baked, lighting, options, camera, view)
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
     radiance = None
     try:
-        if wants_points(options):
+        if wants_points(options, view):
             radiance = relighter.radiance(lighting, of=of, view=view)
             radiance = relighter.received if options.light_only else radiance
             spent = time.perf_counter() - start
         if options.png:
             bpy_where_needed()
-            pictures = PictureWriter(baked, options.size, options.caster)
+            pictures = PictureWriter(baked, options.size, options.caster, camera)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
             spent = time.perf_counter() - start
-        how, notes = _how(relighter), notes_of(relighter)
+        if options.image:
+            pixels = image_of(baked, relighter, lighting, radiance, of, options.light_only)
+        how, notes = how_relit(relighter), notes_of(relighter)
     finally:
         relighter.close()
     if options.image:
-        pixels = radiance if of == "image" else baked.image(radiance)
         write_pixels(options.image, pixels, options.bits or 8)
         notes = [*notes, *image_notes(options.image, pixels, baked.scene.image)]
     if of == "image":
@@ -203,8 +217,9 @@ def _expect_request(options):
             "--view: an image that was baked is not shown again; give --output, --png or --blend",
         )
         expect(
-            not options.png or options.view == "camera",
-            "--view: a picture is seen from the camera; give --view camera with --png",
+            not options.png or not is_place(options.view),
+            "--view: a picture is seen from the camera; give --view camera with --png, or the "
+            "name of another",
         )
     paths = []
     for name, path in outputs.items():
@@ -241,25 +256,25 @@ def _wear(baked, options):
         wear_lightmap(baked.scene, load_lightmap(options.image), kept=False)
 
 
-def _relight_turn(baked, lighting, options):
+def _relight_turn(baked, lighting, options, camera, view):
     """A turntable: the light turns once, what the camera sees is traced once."""
     bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
-    of, view = _of(options), view_named(options.view, baked)
-    pictures = PictureWriter(baked, options.size, options.caster)
+    of = _of(options)
+    pictures = PictureWriter(baked, options.size, options.caster, camera)
     start, spent = time.perf_counter(), []
     for frame in range(options.turn):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
         begun, radiance = time.perf_counter(), None
-        if wants_points(options):
+        if wants_points(options, view):
             radiance = relighter.radiance(lighting, of=of, view=view)
             radiance = relighter.received if options.light_only else radiance
             spent.append(time.perf_counter() - begun)
         if options.image:
-            shown = radiance if of == "image" else baked.image(radiance)
+            shown = image_of(baked, relighter, lighting, radiance, of, options.light_only)
             write_pixels(frame_path(options.image, frame + 1), shown, options.bits or 8)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
@@ -272,23 +287,15 @@ def _relight_turn(baked, lighting, options):
     first = frame_path(options.png or options.output or options.image, 1)
     print(
         f"{first} and on: {options.turn} frames of {_shown(baked, of)} relit "
-        f"{_how(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of them "
-        "to relight"
+        f"{how_relit(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of "
+        "them to relight"
     )
     _print_notes(baked, options, notes_of(relighter))
     return 0
 
 
-def _how(relighter):
-    """How colours were made, for the line that reports them."""
-    if relighter.used == "exact":
-        return "exactly"
-    attributes = relighter.compressed().attributes
-    return f"compressed ({attributes['method']}, error {attributes['error']:.2%})"
-
-
 def _print_notes(baked, options, notes):
-    if options.png and baked.camera is None:
+    if options.png and baked.camera is None and options.view is None:
         notes = [
             *notes,
             "the baked scene has no camera whose lens is followed: seen from the front",

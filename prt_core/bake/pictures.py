@@ -98,7 +98,7 @@ class Pictures:
         settings : BakeSettings
         caster : RayCaster
         parts : tuple
-            lamps, world, camera, source, origin, as `bake_steps` takes them.
+            lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
         joined : bool
             Whether the bake's own rows are to join those of the first look (see `block`).
         """

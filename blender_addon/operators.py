@@ -1,5 +1,6 @@
 """What the buttons do; a script that calls the same operators gets the same."""
 
+import time
 from pathlib import Path
 
 import bpy
@@ -16,7 +17,7 @@ from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.blender.identity import by_uid
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
-from prt_core.runtime.progress import run
+from prt_core.runtime.progress import Progress, run
 from prt_core.store import remove_bake
 
 from . import (
@@ -77,6 +78,9 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         if pictures is not None and built is not None and refined is None:
             # The panel knows the scene, which is read once more after this.
             yield from first_look_steps(built, settings, pictures, pace, digests)
+            while showing.awaits_first():
+                time.sleep(0.01)
+                yield Progress("first look", 0, 0)
         scene = self.scene
         self.report_line = yield from bake_blend_steps(
             None,

@@ -19,7 +19,9 @@ from .request import request
 # Of the time of a bake, what pictures after the first may take before another waits, and how much
 # of showing them is time of the bake, which goes on beside; seconds: of work in one call of the
 # timer, of quiet after which a light that was turned gets all that is known; shadow rays a lamp.
-_SHARE, _BESIDE, _BUDGET, _QUIET, _RAYS = 0.08, 0.5, 0.03, 0.3, 4
+_SHARE, _BESIDE, _BUDGET, _QUIET, _RAYS = 0.06, 0.5, 0.03, 0.3, 4
+# Seconds from the button for which the bake waits for its first colours, at most.
+_PATIENCE = 3.0
 _NOW = []
 # Seconds from a picture's arrival, or a change of the light, to its colours; and what it was of:
 # (seconds, known percent, error, whether the light was turned), of the last bake.
@@ -35,7 +37,7 @@ class _Showing:
         self.newest = self.shown = self.job = None
         self.is_new = self.is_draft = False
         self.seen = None
-        self.written = False
+        self.written = self.failed = False
 
     @property
     def scene(self):
@@ -65,7 +67,7 @@ class _Showing:
                 self.job = None
             except work.FAILURES as error:
                 # What is wrong with the light, or the scene, may be right again with the next.
-                self.job = None
+                self.job, self.failed = None, True
                 work.note(str(error))
         return 0.0 if self.job is not None else None
 
@@ -129,6 +131,15 @@ def end(finished):
             showing.close(finished)
         except work.FAILURES as error:
             work.say(str(error), True)
+
+
+def awaits_first():
+    """Whether the first colours are about to be there: what else there is to do waits a moment."""
+    if not _NOW or bpy.context.mode != "OBJECT":
+        return False
+    showing = _NOW[0]
+    late = time.perf_counter() - showing.began > _PATIENCE
+    return not (showing.written or showing.failed or late)
 
 
 def forget():

@@ -43,7 +43,7 @@ def _look(scene, settings, pictures, pace, source, calls):
         rays = caster if caster.threads > 1 else RelayCaster(caster, calls, pace)
         cube_map = CubeMap(settings.resolution)
         method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
-        parts = (), None, None, source, None
+        parts = (), None, None, source, None, None
         pictures.begin(scene, cube_map, settings, rays, parts, method == "exhaustive")
     finally:
         calls.call(caster.close)

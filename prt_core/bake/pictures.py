@@ -98,7 +98,7 @@ class Pictures:
         settings : BakeSettings
         caster : RayCaster
         parts : tuple
-            lamps, world, camera, source, origin, as `bake_steps` takes them.
+            lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
         joined : bool
             Whether the bake's own rows are to join those of the first look (see `block`).
         """
@@ -134,7 +134,7 @@ class Pictures:
             start, few = time.perf_counter(), points[:_COARSE]
             if self._few is None or len(few) > self._few.count:
                 self._show_few(few, bits[few], start)
-            if count > _COARSE:
+            elif count > _COARSE:
                 self._show_rows(points[:count], bits, start)
 
     def block(self, points, bits):

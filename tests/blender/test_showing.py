@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import plan, preview, showing, views, work
+from blender_addon import operators, plan, preview, showing, views, work
 from prt_core.api import bake_blend_steps
 from prt_core.bake import BakeSettings
 from prt_core.runtime.progress import run
@@ -48,7 +48,9 @@ def baking(floor_scene, tmp_path):
 
 
 def test_colours_come_while_it_runs_and_are_near_the_last(baking, floor_scene, tmp_path, hdri):
+    assert showing.awaits_first()
     assert baking.until(lambda: showing.delays)
+    assert not showing.awaits_first()
     first = colours_on("ball")
     assert views.shown() and not floor_scene.prt.loaded and preview.held() is None
     assert "Shown from" in work.status().message and not work.status().failed
@@ -127,3 +129,34 @@ def test_a_scene_that_the_panel_has_read_is_known(floor_scene):
     bpy.data.objects["ball"].location.x += 0.1
     run(plan.read_steps(floor_scene))
     assert plan.built(floor_scene) == (None, None)
+
+
+@pytest.mark.parametrize("is_known", [False, True])
+def test_the_button_shows_colours_and_esc_takes_them_back(floor_scene, is_known):
+    names = "title", "steps", "_bake_steps", "stopped", "finish"
+    own = {name: getattr(operators.PRT_OT_bake, name) for name in names}
+    button = type("Bake", (work.LongWork,), {**own, "restart": True, "report": lambda *_: None})()
+    if is_known:
+        run(plan.steps(floor_scene))
+    steps, stages = button.steps(bpy.context, 0.01), []
+    for progress in steps:
+        stages.append(progress.stage)
+        showing.tick(0.0)
+        if showing.delays:
+            break
+    assert "PRT" in bpy.data.objects["ball"].data.color_attributes
+    # What the panel has read is shown before it is read once more.
+    assert ("evaluate" in stages) != is_known and ("first look" in stages) == is_known
+    steps.close()
+    assert "PRT" not in bpy.data.objects["ball"].data.color_attributes
+    steps = button.steps(bpy.context, 0.01)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            button.finish(bpy.context, end.value)
+            break
+        showing.tick(0.0)
+    held = preview.held(floor_scene)
+    np.testing.assert_array_equal(colours_on("ball"), held.bake.colours(held.radiance)["ball"])
+    assert work.status().message.startswith("Baked") and not showing.awaits_first()

@@ -85,8 +85,9 @@ def test_pictures_come_nearer_and_say_so(tmp_path):
     known = [picture.known_percent for picture in pictures]
     said = [picture.error for picture in pictures]
     assert len(pictures) >= 5 and known == sorted(known) and known[0] < 10 and known[-1] == 100
-    # The first ones have bounces of few rays, whose noise is of another kind than what is missing.
-    assert all(b <= 1.4 * a for a, b in zip(errors, errors[1:], strict=False)), errors
+    # Of some sixty points a few decide: pictures side by side may differ by that.
+    assert all(b <= 1.5 * a for a, b in zip(errors, errors[1:], strict=False)), errors
+    assert all(b < a for a, b in zip(errors, errors[2:], strict=False)), errors
     assert all(b <= 1.02 * a for a, b in zip(said, said[1:], strict=False)), said
     assert errors[0] < 0.25 and errors[2] < 0.6 * errors[0] and said[2] < 0.7 * said[0]
     # An estimate, under other skies: neither a third of it nor three times as much.

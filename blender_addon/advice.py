@@ -27,7 +27,8 @@ def warnings(scene):
     said = [] if planned is None else [(text, _remedy(text), None) for text in planned.messages]
     if planned is not None and planned.cost is None:
         return said + _unsaved(scene) + _hidden(scene)
-    coarse = [] if planned is None else _coarse(scene, planned.cost)
+    # Where meshes are refined, vertices come to where shadows end.
+    coarse = [] if planned is None or scene.prt.refine else _coarse(scene, planned.cost)
     return coarse + _unsaved(scene) + said + _hidden(scene)
 
 

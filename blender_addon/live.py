@@ -14,7 +14,18 @@ from prt_core import run
 from prt_core.blender.identity import by_uid
 from prt_core.blender.stand_ins import arrange
 
-from . import bakes, field_list, following, freshness, gloss, plan, preview, rendering, work
+from . import (
+    bakes,
+    field_list,
+    following,
+    freshness,
+    gloss,
+    plan,
+    preview,
+    rendering,
+    showing,
+    work,
+)
 from .own_changes import are_own, is_own, own_changes
 from .request import request
 
@@ -89,6 +100,7 @@ def note_preview():
 
 def another_file():
     """Nothing that is to be done outlives the file."""
+    showing.forget()
     _NOW.__init__()
 
 
@@ -125,7 +137,8 @@ def _tick():
     try:
         if work.status().running or rendering.is_under_way():
             stop()
-            return _IDLE
+            look = None if rendering.is_under_way() else showing.tick(_NOW.touched)
+            return _IDLE if look is None else look
         # A view that moves comes first: it is drawn anew anyway.
         looks = [following.tick()]
         if _NOW.kind != "draft":

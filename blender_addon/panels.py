@@ -72,6 +72,8 @@ def draw_cost(layout, scene):
     else:
         cost = planned.cost
         text = f"{cost.points:,} points, ~{seconds(cost.seconds)}, {megabytes(cost.memory_bytes)}"
+        if scene.prt.refine:
+            text += f", up to {scene.prt.refine_vertices:.3g} x refined"
         row.label(text=text if holds else text + " (before the change)")
     row.operator("prt.refresh", text="", icon="FILE_REFRESH")
 
@@ -116,6 +118,10 @@ class PRT_PT_bake(Panel, bpy.types.Panel):
         layout.prop(settings, "all_bounces")
         if not settings.all_bounces:
             layout.prop(settings, "bounces")
+        layout.prop(settings, "refine")
+        if settings.refine:
+            layout.prop(settings, "refine_tolerance")
+            layout.prop(settings, "refine_vertices")
         layout.prop(settings, "method")
         layout.prop(settings, "caster")
         layout.prop(settings, "name")

@@ -184,6 +184,23 @@ class PRTScene(Light, bpy.types.PropertyGroup):
         default=False,
         update=_plan_changed,
     )
+    refine: BoolProperty(
+        name="Refine",
+        description="Split edges where vertices are too few for shadows under the scene's lights: "
+        "colours go to finer copies, Restore brings the objects back",
+        default=False,
+        update=_plan_changed,
+    )
+    refine_tolerance: FloatProperty(
+        name="Between Vertices",
+        description="Relative error that drawing colours between vertices may make",
+        default=0.02, min=0.001, max=0.5, precision=3, update=_plan_changed,
+    )  # fmt: skip
+    refine_vertices: FloatProperty(
+        name="Vertices",
+        description="So many times the vertices there are, at most", default=1.5, min=1.0,
+        soft_max=8.0, max=100.0, precision=2, update=_plan_changed,
+    )  # fmt: skip
     folder: StringProperty(
         name="Folder", description="Where bakes are kept", default="//prt", subtype="DIR_PATH",
         options=PATH_OPTIONS, update=_plan_changed,

@@ -104,7 +104,7 @@ class Request:
         return one == two
 
 
-def request(scene, samples=None, depsgraph=None, rendered=False):
+def request(scene, samples=None, depsgraph=None, rendered=False, shown=None):
     """The `Request` of a scene's light as it is now.
 
     Parameters
@@ -116,6 +116,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         Where a frame that renders is evaluated: what is animated is only there.
     rendered : bool
         Whether gloss is seen through the camera, whatever the panel says.
+    shown : preview.Preview, optional
+        What is asked; default: the bake in memory.
 
     Raises
     ------
@@ -123,7 +125,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         The world has a node that is not understood, a file is missing, or gloss is seen from a
         camera that is not there.
     """
-    view = view_of(scene, rendered, depsgraph if rendered else None)
+    shown = shown or preview.held()
+    view = view_of(scene, rendered, depsgraph if rendered else None, shown)
     scene = scene if depsgraph is None else scene.evaluated_get(depsgraph)
     settings = scene.prt
     sets = [("", 1.0, settings)]
@@ -133,13 +136,13 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
     if any(light.use_lamps for _, _, light in sets):
         lamps = read_lamps(scene, depsgraph=depsgraph)
     lights = [
-        WeightedLight(name, _lighting(scene, light, lamps, samples), weight)
+        WeightedLight(name, _lighting(scene, light, lamps, samples, shown), weight)
         for name, weight, light in sets
     ]
     return Request.of(lights, "auto" if settings.use_compressed else "exact", view)
 
 
-def _lighting(scene, light, lamps, samples):
+def _lighting(scene, light, lamps, samples, shown):
     """The `Lighting` of the panel's own light, or of a set; `lamps` are those of the scene."""
     environment, rotation, strength, suns = _environment(scene, light)
     return Lighting(
@@ -151,7 +154,7 @@ def _lighting(scene, light, lamps, samples):
         lamp_strength=1.0,
         lamp_samples=samples or light.lamp_samples,
         exposure=scene.prt.exposure,
-        emission=_emission(light),
+        emission=_emission(light, shown),
     )
 
 
@@ -169,7 +172,7 @@ def _dimmed(lamps, light):
     return dimmed
 
 
-def view_of(scene, rendered=False, depsgraph=None):
+def view_of(scene, rendered=False, depsgraph=None, shown=None):
     """The `View` from where the gloss of the bake in memory is seen; None where it is not shown.
 
     Parameters
@@ -179,16 +182,18 @@ def view_of(scene, rendered=False, depsgraph=None):
         Whether it is seen through the camera, whatever the panel says.
     depsgraph : bpy.types.Depsgraph, optional
         Where a frame that renders is evaluated.
+    shown : preview.Preview, optional
+        What is seen; default: the bake in memory.
     """
-    held = preview.held()
-    if held is None or not scene.prt.show_gloss or preview.no_gloss(held):
+    shown = shown or preview.held()
+    if shown is None or not scene.prt.show_gloss or preview.no_gloss(shown):
         return None
     return viewport.view_of(scene, scene.prt.seen_from, rendered, depsgraph)
 
 
-def _emission(light):
-    """How the emitters of the bake in memory shine that the panel, or a set, has changed."""
-    names = preview.emitters(preview.held())
+def _emission(light, shown):
+    """How the emitters of a `Preview`, or None, shine that the panel, or a set, has changed."""
+    names = preview.emitters(shown)
     return {
         item.name: (tuple(item.colour) if item.recolour else None, item.strength)
         for item in light.emitters

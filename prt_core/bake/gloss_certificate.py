@@ -64,7 +64,7 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
     cube_map : CubeMap
     caster : RayCaster
     settings : BakeSettings
-    lights : dict of str -> (n_directions, 3) float32, or None
+    lights : dict of str -> (n_directions, 3) float32, callable() -> dict, or None
     seconds : dict of str -> float
         By stage; added to.
 
@@ -110,7 +110,8 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         for view in views
     ]
     shown, lit = {}, {}
-    for name, light in (lights or probe_lights(cube_map)).items():
+    lights = (lights() if callable(lights) else lights) or probe_lights(cube_map)
+    for name, light in lights.items():
         light = np.asarray(light, np.float32)
         received = transport.received(light)
         sent = transport.exit_radiance(received).toward()

@@ -53,7 +53,7 @@ def expect_bake_input(
     for name, given, what in (("source", source, "digests"), ("origin", origin, "names")):
         if given is not None:
             expect_named(name, given, str, what)
-    if lights is not None:
+    if lights is not None and not callable(lights):
         expect(expect_named("lights", lights, object, "lights"), "lights: expected at least one")
         for name, light in lights.items():
             expect_radiance(f"light '{name}'", light, cube_map)

@@ -245,7 +245,10 @@ def write_all(
     copies = [name for name in colours if name not in own]
     built = copies_there(scene, copies, target, others)
     if copies and built is None:
-        built = build_objects(scene, copies, attribute=attribute, target=target, others=others)
+        originals = {name: objects.get(places[name]) for name in copies}
+        built = build_objects(
+            scene, copies, attribute=attribute, target=target, others=others, originals=originals
+        )
     for name, present in (own | {name: built[name] for name in copies}).items():
         write_colours(present, colours[name], attribute, domain, **options)
         for layer, values in (layers or {}).items():

@@ -217,6 +217,19 @@ class LightBlend:
         scaled = [sky.scaled(weight) for sky, weight in skies if sky is not None]
         return sum(scaled[1:], scaled[0]) if scaled else None
 
+    def replace(self, bake):
+        """Relight another state of the bake, as it comes nearer (see `Relighter.replace`).
+
+        Parameters
+        ----------
+        bake : Bake
+        """
+        if bake is self._bake:
+            return
+        self._bake, self._kept, self._lit = bake, {}, {}
+        for relighter in self._relighters.values():
+            relighter.replace(bake)
+
     @property
     def used(self):
         """ "compressed" where all that shone last did by a compressed form, else "exact"."""

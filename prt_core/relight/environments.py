@@ -33,7 +33,14 @@ class Environments:
     def close(self):
         """Let go of everything."""
         self._images, self._turning, self._last = {}, {}, (None, None)
-        self._world = None
+        self._texels, self._world = ((None,), False, None), None
+
+    def replace(self, bake):
+        """See `Relighter.replace`."""
+        # What points receive of a light is made of their rows alone.
+        if bake.transport.bits is not self._bake.transport.bits:
+            self._last = None, None
+        self._bake = bake
 
     def read(self, lighting):
         """What a `Lighting` has of light from far away, as something that can be put on texels.
@@ -109,9 +116,29 @@ class Environments:
                 radiance, sun = self._turned(light, matrix, sharp)
                 kept = evaluator.product(radiance * np.float32(lighting.strength)), sun
             else:
-                rest, sun = split_sun(light, matrix) if sharp else (light, None)
-                kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun
+                radiance, sun = self._placed(light, matrix, sharp)
+                kept = self._bake.transport.received(radiance), sun
             self._last = (light, *made_from), kept
+        return kept
+
+    def _placed(self, light, matrix, sharp_sun):
+        """Light on texels, and its sun; kept, for the bake may come nearer under the same light.
+
+        Where the bake itself is coarse an image that was there before is turned quickly.
+        """
+        if not isinstance(light, EnvironmentMap):
+            return light, None
+        coarse = self._bake.transport.is_coarse
+        (before, *how), exact, kept = self._texels
+        if before is light and how == [matrix.tobytes(), sharp_sun] and (exact or coarse):
+            return kept
+        exact = not (coarse and before is light)
+        if exact:
+            rest, sun = split_sun(light, matrix) if sharp_sun else (light, None)
+            kept = self._on_texels(rest, matrix), sun
+        else:
+            kept = self._turned(light, matrix, sharp_sun)
+        self._texels = (light, matrix.tobytes(), sharp_sun), exact, kept
         return kept
 
     def _turned(self, light, matrix, sharp_sun):

@@ -360,6 +360,32 @@ class Relighter:
         even = sent.even - sent.own
         return self._gloss.radiance_of_pixels(rays, even, own, sent.lamps)
 
+    def replace(self, bake):
+        """Relight another state of the bake, as it comes nearer while it is made.
+
+        What does not depend on it is kept: images, and the lamps' light where the points are the
+        same; a compressed form and gloss are not.
+
+        Parameters
+        ----------
+        bake : Bake
+        """
+        expect_offers("bake", bake, ("scene", "transport", "make_caster"), "a Bake")
+        if bake is self.bake:
+            return
+        if self._gloss is not None:
+            self._gloss.close()
+        self._gloss = self._sent = self._fixed = self.received = None
+        self._gloss_form.close()
+        self._gloss_form = GlossFormInUse(bake)
+        self._compressed.close()
+        self._compressed = FormInUse(bake)
+        self._environments.replace(bake)
+        self._lamps.replace(bake)
+        self._emitted.close()
+        self._emitted = EmittedLight(bake)
+        self.bake = bake
+
     def close(self):
         """Let go of everything."""
         if self._gloss is not None:

@@ -40,6 +40,7 @@ class Stage(IntEnum):
     REFLECTIONS = 32
     LOBES = 33
     GLOSS_CERTIFICATE = 34
+    PICTURES = 35
 
 
 def generator(seed, stage, *key):

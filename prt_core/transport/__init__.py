@@ -8,6 +8,7 @@ from prt_core.transport.gather import gather_directions, gather_hits, gather_par
 from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
 from prt_core.transport.occlusion import Occlusion, occlusion_steps
 from prt_core.transport.operator import gather_operator, ray_ends
+from prt_core.transport.partial import PartialTransport, SpreadGather
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.reflections import Reflections, reflection_hits
 from prt_core.transport.sharing import Sharing
@@ -19,8 +20,10 @@ from prt_core.transport.visibility import received_light, visibility_bits
 __all__ = [
     "ExitRadiance",
     "Occlusion",
+    "PartialTransport",
     "Reflections",
     "Sharing",
+    "SpreadGather",
     "Transport",
     "View",
     "all_bounces",

@@ -12,6 +12,7 @@ from prt_core import api, evaluate, export_web, light, scene
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
+from prt_core.bake.pictures import Pictures
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
@@ -59,9 +60,10 @@ def bake_call(there):
             "cameras": {"Top": camera()},
             "source": {"plane": "digest"},
             "pace": 0.5,
+            "pictures": Pictures(),
             "lights": {"sky": there.light},
         },
-        ("lamps no elements",),
+        ("lamps no elements", "pictures None"),
     )
 
 
@@ -280,6 +282,8 @@ CALLS = {
         {"bake": t.bake, "caster": "brute", "form": "exact"},
         ("caster other text", "caster empty text"),
     ),
+    "Relighter.replace": method(lambda t: Relighter(t.bake), "replace", bake=lambda t: t.bake),
+    "Pictures": plain(Pictures, ("share None",), share=0.5, to_the_end=True),
     "environment_light": lambda t: Call(
         prt_core.environment_light,
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
@@ -332,6 +336,7 @@ CALLS = {
             "objects": ["a"],
             "two_sided": ["a"],
             "restart": False,
+            "on_picture": print,
             "camera_pixels": (3, 2),
             "pixel_samples": 1,
             "parametrisation": "auto",

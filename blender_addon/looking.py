@@ -82,7 +82,8 @@ class PRT_OT_notes(bpy.types.Operator):
                 icon = "ERROR" if helps else "INFO"
                 wide_lines(row.column(), text, icon, _WIDTH * (0.7 if helps else 1), context)
                 draw_remedy(row, helps, name)
-            told = state.notes
+            known = {text for text, *_ in advice.warnings(context.scene)}
+            told = "\n".join(text for text in state.notes.split("\n") if text not in known)
         for text in told.split("\n") if told else ():
             wide_lines(layout, text, "DOT", _WIDTH, context)
 

@@ -41,25 +41,24 @@ def draw_buttons(side, scene, item):
 def draw_about(layout, context, item):
     """What a bake is like: whether it is of the scene, and how near the truth."""
     text, icon = bakes.state(context.scene, item)
-    lines(layout, text, icon, context)
+    row = layout.row()
+    lines(row, text, icon, context)
+    if item.complete and item.notes:
+        count = len(item.notes.split("\n"))
+        text = f"{count} {'Note' if count == 1 else 'Notes'}…"
+        row.operator("prt.notes", text=text, icon="INFO").of_bake = True
     if item.origin:
         lines(layout, f"of another: {item.origin}", "INFO", context)
     if not item.complete:
         return
-    text = f"{item.points:,} points, {seconds(item.seconds)} with {item.back_end}"
-    if accuracy(item):
-        text += f"; {accuracy(item)}"
-    lines(layout, text, "BLANK1", context)
+    text = f"{item.points:,} points, {seconds(item.seconds)}"
+    lines(layout, f"{text}; {accuracy(item)}" if accuracy(item) else text, "BLANK1", context)
     if item.compressed:
         row = layout.row()
         lines(row, f"compressed: {item.compressed}", "BLANK1", context)
         if preview.path_of(context.scene) == item.path:
             button = row.operator("prt.compress", text="", icon="X")
             button.method, button.confirmed = "none", True
-    if item.notes:
-        count = len(item.notes.split("\n"))
-        text = f"{count} {'Note' if count == 1 else 'Notes'}…"
-        layout.operator("prt.notes", text=text, icon="INFO").of_bake = True
 
 
 def accuracy(item):

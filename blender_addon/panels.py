@@ -87,7 +87,8 @@ def draw_warnings(layout, context):
         column = layout.column(align=True)
         clipped_lines(column, text, "ERROR" if helps else "INFO", context)
         draw_remedy(column, helps, name)
-    told = status().notes.split("\n") if status().notes else []
+    known = {text for text, *_ in warnings}
+    told = [text for text in status().notes.split("\n") if text and text not in known]
     missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
         lines(layout, text, "ERROR", context)

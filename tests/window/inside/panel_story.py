@@ -122,10 +122,11 @@ def height(hand):
 def seen(hand, name, shading):
     """The mean colour of the middle of the view in a shading mode, of the window as it is drawn."""
     hand.view.spaces.active.shading.type = shading
-    hand.view.tag_redraw()
-    yield 4.0
+    # Shaders are compiled beside, and by software; until then surfaces are plain.
+    for _ in range(6):
+        hand.view.tag_redraw()
+        yield 5.0
     yield Until("the preview has settled", settled)
-    yield 2.0
     hand.picture(name)
     image = bpy.data.images.load(str(FOLDER / f"{name.replace(' ', '_')}.png"))
     pixels = np.empty(len(image.pixels), np.float32)

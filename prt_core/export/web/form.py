@@ -21,7 +21,7 @@ from prt_core.runtime.main_thread import in_thread
 
 # The step of a mean's codes over the root mean square of all means' finest wavelets; that of
 # weights over the root mean square of all weights.
-_STEP, _WEIGHT_STEP = 0.6, 1 / 16
+_STEP, _WEIGHT_STEP = 1.2, 1 / 16
 # Points a cluster has on average, and components, where there is no form to take.
 _POINTS_A_CLUSTER, _COMPONENTS = 1000, 24
 _MOST = 127

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import freshness, plan, preview
+from blender_addon import advice, freshness, plan, preview
 from prt_core import PRTError, run
 from prt_core.blender.carried_over import ROUNDS
 from tests.blender.conftest import colours_on
@@ -60,9 +60,9 @@ def test_colours_go_to_a_finer_copy_and_restore_brings_the_object_back(scene):
 
 def test_coarse_meshes_are_no_warning_where_they_are_refined(scene):
     run(plan.steps(scene))
-    assert any("too few for shadows" in text for text, *_ in plan.warnings(scene))
+    assert any("too few for shadows" in text for text, *_ in advice.warnings(scene))
     scene.prt.refine = True
-    assert not any("too few for shadows" in text for text, *_ in plan.warnings(scene))
+    assert not any("too few for shadows" in text for text, *_ in advice.warnings(scene))
 
 
 def test_what_is_kept_has_the_uv_maps_and_attributes_of_its_object(scene):

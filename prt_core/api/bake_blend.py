@@ -1,0 +1,124 @@
+"""The bake of a .blend file, or of an open scene, as a generator: read, refine, bake."""
+
+from functools import partial
+from pathlib import Path
+
+from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.images import ImageSettings, image_steps
+from prt_core.bake.refine import refine_meshes_steps
+from prt_core.bake.visibility import chosen_method
+from prt_core.blender_access import import_bpy, open_blend
+from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_kind
+from prt_core.runtime.main_thread import each_in_thread
+from prt_core.sampling import RefineSettings
+from prt_core.scene import Scene, mesh_digests
+from prt_core.scene.remarks import grouped
+
+
+def bake_blend_steps(
+    blend,
+    output,
+    settings,
+    objects=None,
+    two_sided=(),
+    restart=False,
+    pace=None,
+    scene=None,
+    strict=True,
+    image=None,
+    pictures=None,
+    refine=None,
+):
+    """`bake` as a generator of `Progress`.
+
+    Parameters
+    ----------
+    pace : float, optional
+        Seconds a step may take (see `bake_steps`).
+    scene : bpy.types.Scene, optional
+        Where `blend` is None; default: the current one.
+    strict : bool
+        Whether a name that renders nothing is an error.
+    image : ImageSettings, optional
+    pictures : Pictures, optional
+        See `bake_steps`.
+    refine : RefineSettings, optional
+        Default: meshes are baked as they are.
+    """
+    expect_kind("settings", settings, BakeSettings)
+    objects = None if objects is None else _names("objects", objects)
+    two_sided = _names("two_sided", two_sided)
+    if restart != "changed":
+        expect_flag("restart", restart)
+    image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
+    if refine is not None:
+        expect_kind("refine", refine, RefineSettings)
+        expect(
+            image.atlas is None,
+            "refine: the UV maps of a lightmap belong to the meshes as they are; bake it by itself",
+        )
+    messages = []
+    if blend is None:
+        import_bpy()
+    else:
+        messages += open_blend(blend)
+    from prt_core.blender.camera import read_camera, read_cameras
+    from prt_core.blender.depsgraph import read_meshes_steps
+    from prt_core.blender.identity import origin_of, scene_of
+    from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
+    from prt_core.blender.left_out import say_copies
+    from prt_core.blender.studio import studio_images, studio_lights
+    from prt_core.blender.unwrap import lightmap_uvs
+    from prt_core.blender.world import read_environment, world_on_texels_steps
+    from prt_core.sphere import CubeMap
+
+    scene = scene or import_bpy().context.scene
+    uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
+    camera, seen = read_camera(scene, messages), []
+    cameras = read_cameras(scene)
+
+    def see_too(depsgraph):
+        seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
+
+    meshes = yield from read_meshes_steps(
+        uid, objects, two_sided, messages, strict, pace, see_too, gloss=settings.gloss
+    )
+    scene = scene_of(uid)
+    lamps = [lamp_seen(each, scene, messages) for each in seen]
+    messages += world_left_out(lamps)
+    world = sky = None
+    try:
+        light = read_environment(scene, messages)
+        suns = [lamp for lamp in lamps if lamp.is_on_texels]
+        world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        if refine is not None:
+            sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
+        lamps += [] if light is None else light.suns
+    except PRTError as error:
+        messages.append(f"{error}; '--light world' is not there for this bake")
+    say_copies(meshes, messages)
+    # A bake is fresh while the meshes that were refined are as they were.
+    cube_map, digests = CubeMap(settings.resolution), (mesh_digests, meshes)
+    if refine is not None:
+        asked = meshes, lamps, sky, refine, settings.caster, pace
+        meshes, refinement = yield from refine_meshes_steps(*asked)
+        messages.append(str(refinement))
+    built, source = yield from each_in_thread("scene", (Scene.from_meshes, meshes), digests)
+    built.messages[:] = grouped([*messages, *built.messages], meshes)
+    built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
+    lights = None
+    method = chosen_method(settings.method, len(built.points), cube_map.n_directions)
+    if settings.gloss or method != "exhaustive":
+        # Where they are Blender tells here; they are read when the certificate asks for them.
+        lights = partial(studio_lights, studio_images(), cube_map)
+    result = yield from bake_steps(
+        built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
+        cameras, pictures,
+    )  # fmt: skip
+    return result
+
+
+def _names(what, names):
+    """Names of objects, as a list."""
+    names = sorted(names) if isinstance(names, set | frozenset) else names
+    return expect_all(what, names, str, "objects' names")

@@ -1,12 +1,13 @@
 """Lightmaps: what surfaces receive, or show, as one image of several objects, by UV maps."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
-from prt_core import PRTError, Relighter, load
+from prt_core import LightBlend, PRTError, WeightedLight, load
 from prt_core.api import bake_blend_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.blender.compat import PATH_OPTIONS
@@ -125,21 +126,27 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
             )
             bake = yield from in_thread("load", load, path)
         wanted = request(self.scene)
-        relighter, files = Relighter(bake, self.scene.prt.caster, wanted.form), []
+        blend, files = LightBlend(bake, self.scene.prt.caster, wanted.form), []
         self.cut = 0.0
         try:
-            lights = [("", wanted.lighting)]
-            if self.apart:
-                lights = lights_apart(bake, wanted.lighting)
-            for name, lighting in lights:
-                radiance = yield from relighter.steps(lighting, pace)
-                values = relighter.received if self.light_only else radiance
+            for name, lights in self._lights(bake, wanted):
+                radiance = yield from blend.steps(lights, pace)
+                values = blend.received if self.light_only else radiance
                 label = f"{target.stem}_{naming.file_name(name)}" if name else target.stem
                 files.append(target.with_name(label + target.suffix))
                 yield from in_thread("image", self._write, files[-1], bake, values)
         finally:
-            relighter.close()
+            blend.close()
         return bake, files
+
+    def _lights(self, bake, wanted):
+        """(name, lights) of each image: of each set alone, or of each lamp where there is none."""
+        if not self.apart:
+            return [("", wanted.lights)]
+        if self.scene.prt.sets:
+            return [(light.name, (replace(light, weight=1.0),)) for light in wanted.lights]
+        apart = lights_apart(bake, wanted.lighting)
+        return [(name, (WeightedLight(name, lighting),)) for name, lighting in apart]
 
     def _earlier_steps(self, path, asked, pace):
         """The bake of an earlier lightmap where it is still of the scene, else None.

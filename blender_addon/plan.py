@@ -387,27 +387,3 @@ def forget():
     """Forget all plans: another file."""
     for kept in (_PLANS, _READINGS, _OLD_PLANS, _OLD_READINGS, _WANTED):
         kept.clear()
-
-
-def warnings(scene):
-    """What a person should know before baking: (text, operator that helps or None, its object)."""
-    lines = []
-    if not bpy.data.filepath and (scene.prt.folder or "//").startswith("//"):
-        lines.append(
-            ("File not saved: bakes are kept in a temporary folder", "wm.save_mainfile", None)
-        )
-    for item in scene.objects:
-        hidden = item.type in GEOMETRY and item.prt.receives and not renders(item)
-        if hidden and not is_kept(item):
-            helps = "prt.unhide" if item.library is None else None
-            lines.append((f"{item.name}: hidden in renders, not baked", helps, item.name))
-    planned, _ = of(scene)
-    if planned is None:
-        return lines
-    if planned.cost is not None:
-        own = {item.name: item.type for item in scene.objects if item.library is None}
-        for name, (distance, _) in planned.cost.coarse.items():
-            helps = "prt.subdivide" if own.get(name) == "MESH" else None
-            text = f"{name}: a vertex every {distance:.2g}, too few for shadows"
-            lines.append((text, helps, name))
-    return lines + [(text, None, None) for text in planned.messages]

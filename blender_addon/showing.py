@@ -74,10 +74,10 @@ class _Showing:
         if self.shown is None:
             self.shown = preview.Preview("", bake, self.caster)
         self.shown.bake = bake
-        self.shown.relighter.replace(bake)
+        self.shown.blend.replace(bake)
         asked = request(self.scene, _RAYS, shown=self.shown)
         # What takes a moment only is not worth the way into a thread and back.
-        quick = turned and self.shown.relighter.has_lamps(asked.lighting)
+        quick = turned and self.shown.blend.has_lamps(asked.lights)
         radiance = yield from asked.steps(self.shown, None if quick else work.PACE)
         scene = self.scene
         if scene is None or self not in _NOW:
@@ -98,7 +98,7 @@ class _Showing:
         if self.job is not None:
             self.job.close()
         if self.shown is not None:
-            self.shown.relighter.close()
+            self.shown.blend.close()
         scene = self.scene
         if finished or not self.written or scene is None:
             return

@@ -18,8 +18,8 @@ are the texels of a cube map, from the surface to the light, in Blender's world 
 
 Objects: `Scene`, `BakePoints`, `RayCaster` (`make_caster`), `Transport`, `BakeStore`, `CubeMap`,
 `EnvironmentMap`, `Lamp`, `Lighting` (all that shines), `Camera`, `View`, `Relighter` (one bake
-under changing light). Functions on arrays are in `prt_core.transport`, `prt_core.light` and
-`prt_core.sphere`.
+under changing light), `LightBlend` (under several lights, each a `WeightedLight`). Functions on
+arrays are in `prt_core.transport`, `prt_core.light` and `prt_core.sphere`.
 """
 
 from prt_core.api import (
@@ -43,7 +43,7 @@ from prt_core.errors import PRTError
 from prt_core.export.glb import GLBSettings
 from prt_core.light import EnvironmentMap, Lamp
 from prt_core.rays import Hits, RayCaster, make_caster
-from prt_core.relight import Lighting, Relighter
+from prt_core.relight import LightBlend, Lighting, Relighter, WeightedLight
 from prt_core.runtime.progress import Progress, run
 from prt_core.scene import BakePoints, Camera, Mesh, Scene
 from prt_core.sphere import CubeMap
@@ -63,6 +63,7 @@ __all__ = [
     "GLBSettings",
     "Hits",
     "Lamp",
+    "LightBlend",
     "LightField",
     "LightFieldSettings",
     "Lighting",
@@ -75,6 +76,7 @@ __all__ = [
     "Scene",
     "Transport",
     "View",
+    "WeightedLight",
     "__version__",
     "bake",
     "bake_steps",

@@ -16,6 +16,7 @@ from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
 from prt_core.bake.pictures import Pictures, handed_out
+from prt_core.bake.refine import refine_meshes_steps, refine_settings
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
@@ -35,6 +36,7 @@ from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
+from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
@@ -54,6 +56,9 @@ def bake(
     pixel_samples=2,
     geometry_image=None,
     parametrisation="auto",
+    refine=False,
+    refine_tolerance=None,
+    refine_vertices=None,
     atlas=None,
     atlas_objects=None,
     atlas_uv="new",
@@ -88,6 +93,14 @@ def bake(
     parametrisation : {"auto", "uv", "sphere"}
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
+    refine : bool
+        Split edges of the meshes where vertices are too few for shadows; the bake is then of the
+        finer meshes, which stand in for the objects where colours are shown or kept.
+    refine_tolerance : float, optional
+        Relative error that drawing between vertices may make (0.02).
+    refine_vertices : int or str, optional
+        Vertices of all objects that receive, at most: a number, or as "1.5x" of those there are,
+        which is the default.
     atlas : (int, int), optional
         Bake one image of the surfaces of several objects as well, a lightmap: width x height.
     atlas_objects : sequence of str, optional
@@ -119,13 +132,15 @@ def bake(
         camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
         atlas_uv, atlas_margin,
     )  # fmt: skip
+    refined = refine_settings(refine, refine_tolerance, refine_vertices)
     pictures = None
     if on_picture is not None:
         expect(callable(on_picture), f"on_picture: expected a function, got {shown(on_picture)}")
         pictures = Pictures()
     steps = bake_blend_steps(
-        blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures
-    )
+        blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures,
+        refine=refined,
+    )  # fmt: skip
     return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 
 
@@ -141,6 +156,7 @@ def bake_blend_steps(
     strict=True,
     image=None,
     pictures=None,
+    refine=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -155,6 +171,8 @@ def bake_blend_steps(
     image : ImageSettings, optional
     pictures : Pictures, optional
         See `bake_steps`.
+    refine : RefineSettings, optional
+        Default: meshes are baked as they are.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
@@ -162,6 +180,12 @@ def bake_blend_steps(
     if restart != "changed":
         expect_flag("restart", restart)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
+    if refine is not None:
+        expect_kind("refine", refine, RefineSettings)
+        expect(
+            image.atlas is None,
+            "refine: the UV maps of a lightmap belong to the meshes as they are; bake it by itself",
+        )
     messages = []
     if blend is None:
         import_bpy()
@@ -191,18 +215,24 @@ def bake_blend_steps(
     scene = scene_of(uid)
     lamps = [lamp_seen(each, scene, messages) for each in seen]
     messages += world_left_out(lamps)
+    world = sky = None
     try:
         light = read_environment(scene, messages)
         suns = [lamp for lamp in lamps if lamp.is_on_texels]
         world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        if refine is not None:
+            sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
-        world = None
     say_copies(meshes, messages)
-    cube_map = CubeMap(settings.resolution)
-    work = (Scene.from_meshes, meshes), (mesh_digests, meshes)
-    built, source = yield from each_in_thread("scene", *work)
+    # A bake is fresh while the meshes that were refined are as they were.
+    cube_map, digests = CubeMap(settings.resolution), (mesh_digests, meshes)
+    if refine is not None:
+        asked = meshes, lamps, sky, refine, settings.caster, pace
+        meshes, refinement = yield from refine_meshes_steps(*asked)
+        messages.append(str(refinement))
+    built, source = yield from each_in_thread("scene", (Scene.from_meshes, meshes), digests)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
     built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
     lights = None

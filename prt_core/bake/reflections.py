@@ -43,6 +43,8 @@ class ReflectionResult:
 def block_sides(materials, cube_map):
     """How many blocks along an edge the field of each point needs.
 
+    Rough diffuse surfaces have one as well: what they send depends on the view.
+
     Parameters
     ----------
     materials : Materials
@@ -51,7 +53,7 @@ def block_sides(materials, cube_map):
     Returns
     -------
     (n,) int
-        0 for points without gloss.
+        0 for points that look the same from everywhere.
     """
     facets = (materials.glossy.max(axis=1) > 0) | (materials.metal.max(axis=1) > 0)
     facets |= (materials.dielectric[:, 0] > 0) & (materials.ior[:, 0] != 1)
@@ -59,7 +61,8 @@ def block_sides(materials, cube_map):
     # A coat is as narrow as it is; what lies below it may be all that is seen of it all the same.
     narrow = np.where(facets, materials.roughness[:, 0], 1.0)
     narrow = np.minimum(narrow, np.where(coat, materials.coat_roughness[:, 0], 1.0))
-    return np.where(facets | coat, sides_of(narrow, cube_map.resolution), 0)
+    rough = (materials.diffuse_roughness[:, 0] > 0) & (materials.albedo.max(axis=1) > 0)
+    return np.where(facets | coat | rough, sides_of(narrow, cube_map.resolution), 0)
 
 
 def reflection_steps(store, scene, cube_map, caster, settings, seconds):

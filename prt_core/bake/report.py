@@ -87,6 +87,7 @@ def bake_report(
     errors = error, emitted.error, gloss
     within = [value is None or value <= settings.tolerance for value in errors]
     met = seen["tolerance_met"] and all(within)
+    refined = _refined(scene)
     return {
         "points": len(scene.points),
         "hidden_points": int((~scene.points.visible).sum()),
@@ -104,6 +105,7 @@ def bake_report(
         "hidden_hits": bounced.hidden,
         "back_points": len(np.unique(scene.lattice_back[scene.lattice_back >= 0])),
         "dark_backs": bounced.dark_backs,
+        **({"refined": refined} if refined else {}),
         **({"glossy_points": reflected.points} if reflected.points else {}),
         **({} if certified is None else {"gloss_error": asdict(certified)}),
         **({"emitters": emitted.emitters} if emitted.emitters else {}),
@@ -120,6 +122,12 @@ def bake_report(
         },
         "messages": messages,
     }
+
+
+def _refined(scene):
+    """Name -> new vertices of each object whose edges were split."""
+    refined = {item.name: item.refined for item in scene.objects if item.refined is not None}
+    return {name: int((each.vertex_round > 0).sum()) for name, each in refined.items()}
 
 
 def _spared(scene, cube_map, seen):

@@ -13,12 +13,29 @@ from prt_core.runtime.files import written
 
 # Custom property of meshes whose active colours changed: what they were.
 ACTIVE_BEFORE = "prt_active_before"
+# Of those that show a preview: the colour attribute that it is of.
+PREVIEW_COLOURS = "prt_preview_colours"
 # And of meshes with kept colours: which are those for renders, where exporters look for them.
 KEPT_COLOURS = "prt_kept_colours"
 CHANNELS = "RGB"
 _ALL_CHANNELS = "RGBA"
 # A whole compressed .blend ends so: the magic number of Zstandard's seek table.
 _LAST_BYTES = b"\xb1\xea\x92\x8f"
+
+
+def solid_name(attribute):
+    """Name of the colour attribute that Solid mode shows, of the preview of an attribute."""
+    return f"{attribute} Solid"
+
+
+def light_name(attribute):
+    """Name of the colour attribute of the light on the user's own materials."""
+    return f"{attribute} Light"
+
+
+def names_of_preview(attribute):
+    """Names of all colour attributes that the preview of an attribute may write."""
+    return attribute, solid_name(attribute), light_name(attribute)
 
 
 def write_colours(
@@ -86,7 +103,7 @@ def write_colours(
         _vector_attribute(target, name, domain).data.foreach_set("vector", colours.ravel())
         mesh.update()
         return
-    before = mesh.color_attributes.active_color_name
+    before, rendered = mesh.color_attributes.active_color_name, _rendered(mesh)
     attribute = _colour_attribute(target, name, domain, kind)
     values = np.ones((len(colours), 4), np.float32)
     if partly:
@@ -97,23 +114,37 @@ def write_colours(
     attribute.data.foreach_set("color", values.ravel())
     if active and before != name and ACTIVE_BEFORE not in mesh:
         mesh[ACTIVE_BEFORE] = before
-    activate(mesh, name if active else before)
+    if active:
+        mesh[PREVIEW_COLOURS] = name
+    activate(mesh, *((name, name) if active else (before, rendered)))
     mesh.update()
 
 
-def activate(mesh, name):
+def activate(mesh, name, rendered=None):
     """Make a colour attribute the active and the render colour, where it is there.
 
     The render colour of a mesh with kept colours is these.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+    name : str
+    rendered : str, optional
+        The render colour, where that is another.
     """
-    colours = mesh.color_attributes
-    names, kept = list(colours.keys()), mesh.get(KEPT_COLOURS)
-    index = names.index(name) if name in names else -1
-    if index >= 0 and colours.active_color_index != index:
-        colours.active_color_index = index
-        colours.render_color_index = index
-    if kept in names and colours.render_color_index != names.index(kept):
-        colours.render_color_index = names.index(kept)
+    attributes = mesh.color_attributes
+    index, kept = attributes.find(name), attributes.find(mesh.get(KEPT_COLOURS) or "")
+    render = kept if kept >= 0 else attributes.find(rendered or name)
+    if index >= 0 and attributes.active_color_index != index:
+        attributes.active_color_index = index
+    if render >= 0 and attributes.render_color_index != render:
+        attributes.render_color_index = render
+
+
+def _rendered(mesh):
+    """Name of the render colour of a mesh, empty where it has none."""
+    index, attributes = mesh.color_attributes.render_color_index, mesh.color_attributes
+    return attributes[index].name if 0 <= index < len(attributes) else ""
 
 
 def _colour_attribute(target, name, domain, kind):
@@ -171,6 +202,8 @@ def write_all(
     places=None,
     target=None,
     others=(),
+    layers=None,
+    solid=None,
     **options,
 ):
     """Colours of a bake onto the open Blender scene.
@@ -193,6 +226,10 @@ def write_all(
         Where copies go; default: the current one.
     others : sequence of str
         Colour attributes of other previews of the scene, whose copies stay.
+    layers : dict of str -> dict, optional
+        More attributes by their names, each of colours of the same objects.
+    solid : str, optional
+        Which of them 3D views show in Solid mode; default: the attribute itself. Renders use that.
     **options
         Of `write_colours`: byte, channels, active, vector.
 
@@ -208,11 +245,18 @@ def write_all(
     copies = [name for name in colours if name not in own]
     built = copies_there(scene, copies, target, others)
     if copies and built is None:
-        built = build_objects(scene, copies, attribute=attribute, target=target, others=others)
-    for name, present in own.items():
+        originals = {name: objects.get(places[name]) for name in copies}
+        built = build_objects(
+            scene, copies, attribute=attribute, target=target, others=others, originals=originals
+        )
+    for name, present in (own | {name: built[name] for name in copies}).items():
         write_colours(present, colours[name], attribute, domain, **options)
+        for layer, values in (layers or {}).items():
+            write_colours(present, values[name], layer, domain, active=False)
+        if solid is not None:
+            attributes = present.data.color_attributes
+            attributes.active_color_index = attributes.find(solid)
     for name in copies:
-        write_colours(built[name], colours[name], attribute, domain, **options)
         stand_in_for(built[name], objects.get(places[name]))
     if copies:
         arrange(target)

@@ -103,6 +103,11 @@ def size(text):
     return int(width), int(height)
 
 
+def vertices(text):
+    """A number of vertices, or a text as 1.5x: so many times those there are."""
+    return int(text) if text.isdecimal() else text
+
+
 def view_named(text, baked):
     """The `View` of 'camera', a camera of the scene by name, or x,y,z; None of None."""
     camera = camera_named(text, baked)

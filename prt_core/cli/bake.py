@@ -15,6 +15,7 @@ from prt_core.cli.arguments import (
     quiet_arguments,
     scene_argument,
     size,
+    vertices,
 )
 from prt_core.cli.bake_pictures import BakePictures
 from prt_core.cli.show import working
@@ -61,6 +62,18 @@ def add_bake(commands, in_blender):
     bake.add_argument(
         "--parametrisation", choices=PARAMETRISATIONS,
         help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine", action="store_true",
+        help="split edges where vertices are too few for shadows, and bake the finer meshes",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine-tolerance", type=float, metavar="T",
+        help="relative error that drawing between vertices may make (0.02)",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine-vertices", type=vertices, metavar="N|1.5x",
+        help="of objects that receive, at most: a number, or so many times those there are (1.5x)",
     )  # fmt: skip
     bake.add_argument(
         "--atlas", type=_atlas, metavar="N|WxH",
@@ -111,6 +124,8 @@ _NEEDED = {
     **{f"atlas_{name}": (("atlas",), "--atlas") for name in ("objects", "uv", "margin")},
     "pixel_samples": (("camera_pixels",), "--camera-pixels"),
     "parametrisation": (("geometry_image",), "--geometry-image"),
+    "refine_tolerance": (("refine",), "--refine"),
+    "refine_vertices": (("refine",), "--refine"),
     "show_light": (("show_png",), "--show-png"),
 }
 
@@ -153,6 +168,9 @@ def _bake(options):
             pixel_samples=samples,
             geometry_image=_geometry_image(options.geometry_image),
             parametrisation=options.parametrisation or "auto",
+            refine=options.refine,
+            refine_tolerance=options.refine_tolerance,
+            refine_vertices=options.refine_vertices,
             atlas=options.atlas,
             atlas_objects=options.atlas_objects,
             atlas_uv=options.atlas_uv or "new",

@@ -24,6 +24,7 @@ from prt_core.cli.outputs import (
     write_blend,
     write_pixels,
 )
+from prt_core.cli.relight_lights import add_lights, relight_lights
 from prt_core.cli.relight_view import (
     asked_view,
     how_relit,
@@ -48,6 +49,8 @@ _NEEDED = {
     "attribute": (("blend",), "--blend"),
     "domain": (("blend",), "--blend"),
     **LIGHT_NEEDS,
+    "weights": (("lights",), "--lights JSON"),
+    "each": (("lights",), "--lights JSON"),
 }
 
 
@@ -94,6 +97,7 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
+    add_lights(relight)
     form_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
@@ -106,6 +110,8 @@ def _frames(text):
 
 
 def _relight(options):
+    if options.lights:
+        return relight_lights(options)
     options.light, lights = (options.light or [None])[0], options.light
     if options.apart or len(lights or ()) > 1:
         return each_light(options, lights or [], _OUTPUTS, _relight_one, _expect_request)

@@ -33,6 +33,16 @@ def frame_path(pattern, frame):
     return path.with_name(name)
 
 
+def light_path(pattern, name):
+    """The path of what is shown under one of several lights: its name stands at the end, before
+    the number of a frame. What not every system allows in a name becomes `_`."""
+    path, name = expect_path("lights", pattern), expect_kind("name", name, str, "the name of one")
+    name = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(" .")
+    expect(name, f"{path}: expected the name of a light, got an empty one")
+    start, number = re.fullmatch("(.*?)(_?#*)", path.stem).groups()
+    return path.with_name(f"{start}_{name}{number}{path.suffix}")
+
+
 def write_npz(path, colours):
     """Arrays by name into one file, whole or not at all.
 
@@ -74,7 +84,7 @@ class PictureWriter:
         self._own = bake.camera if camera is None else expect_camera(camera)
         self._camera = self._rays = None
 
-    def write(self, path, radiance, camera=None, background=None):
+    def write(self, path, radiance, camera=None, background=None, encode=to_srgb):
         """One picture.
 
         Parameters
@@ -85,9 +95,11 @@ class PictureWriter:
             Default: the writer's own.
         background : callable, optional
             The sky (see `CameraRays.picture`).
+        encode : callable((height, width, 3) float32) -> (height, width, 3) uint8
+            From linear radiance to what a display is sent.
         """
         picture = self.rays(camera).picture(radiance, background)
-        write_png(path, to_srgb(picture))
+        write_png(path, encode(picture))
 
     def rays(self, camera=None):
         """The `CameraRays` of a camera, kept until there is another.

@@ -60,17 +60,10 @@ class OrenNayar:
         albedo, rough, colour = in_type_of(
             incoming, self.albedo, self.diffuse_roughness, self.colour
         )
-        a = 1 / (np.pi + rough * _MOST).astype(incoming.dtype)
-        b = rough * a
         cosines = [np.clip(d[..., 2], 0, 1) for d in (incoming, outgoing)]
         flat = incoming[..., 0] * outgoing[..., 0] + incoming[..., 1] * outgoing[..., 1]
-        highest = np.maximum(np.maximum(*cosines), np.finfo(incoming.dtype).eps)
-        single = a + b * np.where(flat > 0, flat / highest, flat)
-        # In this form nothing is subtracted that is almost the same: it is 0 for roughness 0.
-        lost = (_MOST - _facing(cosines[0])) * (_MOST - _facing(cosines[1])) / (_MOST - _MEAN)
-        lost_mean = b * (_MOST - _MEAN)
-        lost = (b * lost * (1 - lost_mean) / np.pi)[..., None]
-        further = colour**2 / (1 - colour * lost_mean[..., None]) * lost
+        single, lost = rough_parts(*cosines, flat, rough)
+        further = colour**2 / (1 - colour * lost_in_mean(rough)[..., None]) * lost[..., None]
         value = albedo * (single[..., None] + further)
         return np.where(both_above(incoming, outgoing)[..., None], value, 0).astype(incoming.dtype)
 
@@ -103,6 +96,38 @@ def seen_from_above(cosine, roughness, colour):
     incoming = np.stack([np.sqrt(np.maximum(1 - cosine**2, 0)), 0 * cosine, cosine], axis=1)
     outgoing = np.broadcast_to([0.0, 0.0, 1.0], incoming.shape)
     return np.pi * OrenNayar(1.0, roughness, np.clip(colour, 0, 1)).eval(incoming, outgoing)
+
+
+def rough_parts(cosine, other, flat, rough):
+    """The rough diffuse BRDF of white facets, by what bounces once and what bounces again.
+
+    Parameters
+    ----------
+    cosine, other : (...) float
+        Between the normal and both directions, 0 to 1.
+    flat : (...) float
+        Product of what both directions have along the surface.
+    rough : (...) float
+        0 to 1.
+
+    Returns
+    -------
+    single : (...) array
+    further : (...) array
+        Of facets of a colour c times c^2 / (1 - c lost_in_mean(rough)).
+    """
+    a = 1 / (np.pi + rough * _MOST).astype(cosine.dtype)
+    b = rough * a
+    highest = np.maximum(np.maximum(cosine, other), np.finfo(cosine.dtype).eps)
+    single = a + b * np.where(flat > 0, flat / highest, flat)
+    # In this form nothing is subtracted that is almost the same: it is 0 for roughness 0.
+    lost = (_MOST - _facing(cosine)) * (_MOST - _facing(other)) / (_MOST - _MEAN)
+    return single, b * lost * (1 - lost_in_mean(rough)) / np.pi
+
+
+def lost_in_mean(rough):
+    """What one bounce between facets loses of even light, of roughness (...)."""
+    return rough / (np.pi + rough * _MOST) * (_MOST - _MEAN)
 
 
 def _facing(cosine):

@@ -18,7 +18,7 @@ from prt_core.runtime.main_thread import maybe_in_thread
 # Sweeps over what reflects what reflects, at most.
 _SWEEPS = 3
 # Points whose lobes are evaluated in one step: then a view that is not wanted any more can end.
-_AT_ONCE = 1 << 14
+_AT_ONCE = 1 << 16
 
 
 class Gloss:
@@ -105,7 +105,7 @@ class Gloss:
             return
         self._light = None
         for part in self._parts:
-            part.light(texels, sent, sky, None, detailed)
+            part.light(texels, sent, sky, detailed)
         seen = self._seen_metal()
         if seen is not None:
             # What stood in for it until now.
@@ -116,11 +116,10 @@ class Gloss:
                 before[mine] = sent[who] - even[who]
         for _ in range(_SWEEPS if seen is not None else 0):
             reflected = self._of_seen(seen)
-            for part, by_entry in zip(self._parts, self._by_entry(seen, reflected, sent, even),
-                                      strict=True):  # fmt: skip
-                part.light(texels, sent, sky, by_entry, detailed)
-            change = float(np.abs(reflected - before).sum())
-            if change <= tolerance * float(np.abs(reflected).sum()):
+            change = reflected - before
+            for part, (entries, which) in zip(self._parts, seen.entries, strict=True):
+                part.resend(entries, which, change)
+            if np.abs(change).sum() <= tolerance * np.abs(reflected).sum():
                 break
             before = reflected
         self._light = key
@@ -138,15 +137,6 @@ class Gloss:
             mine = np.flatnonzero(seen.part == index)
             result[mine] = part.glimpse(seen.row[mine], seen.outgoing[mine])
         return result
-
-    def _by_entry(self, seen, reflected, sent, even):
-        """Of each part what its entries send towards its points."""
-        for part, (entries, which) in zip(self._parts, seen.entries, strict=True):
-            met = part.field.reflections.met
-            # Two rows at the end are of what returns no light.
-            values = np.concatenate([sent, np.zeros((2, 3), np.float32)])[met]
-            values[entries] = even[met[entries]] + reflected[which]
-            yield values
 
     def toward_steps(self, view, lamps=(), pace=None, every=1):
         """Radiance that lobes send towards a view, as a generator of `Progress`.

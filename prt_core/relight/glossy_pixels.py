@@ -180,7 +180,7 @@ class GlossyPixels:
             result[some] += mirrored[some] * seen
         for lamp, received in light.lamps:
             result += self._highlights(places, frames, lamp, received)
-        return result, diffuse
+        return result, diffuse * self._rough_share(places, normals)
 
     def _normals(self, places):
         """(k, 3) float32: smooth normals, as renderers have them between corners."""
@@ -207,6 +207,16 @@ class GlossyPixels:
                     normals[mine], places.outgoing[mine], alpha[mine], powers[mine],
                     None if frames is None else frames[mine],
                 )  # fmt: skip
+        return result
+
+    def _rough_share(self, places, normals):
+        """(k, 3): what rough diffuse lobes send, in parts of what leaves evenly."""
+        point = self._chosen(places)
+        owner, result = self._part_of[point], np.ones((len(places), 3), np.float32)
+        for index, part in enumerate(self._parts):
+            mine = np.flatnonzero(owner == index)
+            rows = self._row_of[point[mine]] - self._first[index]
+            result[mine] = part.rough_share(rows, normals[mine], places.outgoing[mine])
         return result
 
     def _chosen(self, places):

@@ -7,6 +7,7 @@ from prt_core.transport.glimpse import glimpse
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
+from prt_core.transport.rough_diffuse import rough_share
 
 # Lobes of a smaller alpha are mirrors: in parts of half the width of a texel.
 _TEXELS = 0.6
@@ -51,10 +52,15 @@ class GlossyPoints:
         # Wide lobes need no detail of the light.
         self._is_wide = reflections.blocks.side <= _WIDE
 
-    def light(self, texels, sent, sky=None, by_entry=None, detailed=None):
+    def light(self, texels, sent, sky=None, detailed=None):
         """Take in a light, as `IncomingField.update` and `Mirror.update` do."""
-        self.field.update(texels, sent, by_entry, None if self._is_wide else detailed)
-        self._mirror.update(texels, sent, sky, by_entry)
+        self.field.update(texels, sent, None if self._is_wide else detailed)
+        self._mirror.update(texels, sent, sky)
+
+    def resend(self, entries, which, change):
+        """Take in what entries of the reflections send, as `IncomingField.resend` does."""
+        self.field.resend(entries, which, change)
+        self._mirror.resend(entries, which, change)
 
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
@@ -86,7 +92,24 @@ class GlossyPoints:
         result = np.zeros((len(rows), 3), np.float32)
         for alpha, powers in groups:
             result += self.reflected(rows, normals, outgoing, alpha, powers, self._frames[rows])
-        return result, diffuse
+        return result, diffuse * self.rough_share(rows, normals, outgoing)
+
+    def rough_share(self, rows, normals, outgoing):
+        """What rough diffuse lobes send towards a view, in parts of what leaves evenly.
+
+        Of the points by `rows` (k,), or places beside them of other normals: (k, 3) float32, or 1
+        where no lobe is rough.
+        """
+        rough = self._lobes.rough[self._first + rows]
+        some = np.flatnonzero(rough)
+        if not len(some):
+            return np.float32(1)
+        result = np.ones((len(rows), 3), np.float32)
+        result[some] = rough_share(
+            self.field, rows[some], normals[some], outgoing[some], rough[some],
+            self._lobes.facets[self._first + rows[some]],
+        )  # fmt: skip
+        return result
 
     def glimpse(self, rows, outgoing):
         """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""
@@ -198,6 +221,8 @@ def highlights(materials, frames, lamp, received, world, outgoing):
 class SeenMetal:
     """Where reflections see points that reflect as much as metals do, and from where.
 
+    What several points see along one direction is there once, in the order of what is seen.
+
     Parameters
     ----------
     parts : list of GlossyPoints
@@ -209,7 +234,7 @@ class SeenMetal:
         Whose points they are, and which.
     outgoing : (k, 3) float32
         From there to who sees it.
-    entries : list of (int array, slice)
+    entries : list of (int array, int array)
         Of each part the entries of its reflections that see one, and which these are.
     """
 
@@ -219,18 +244,24 @@ class SeenMetal:
         for index, part in enumerate(parts):
             strong = np.flatnonzero(part.strength() > METAL)
             owner[part.points[strong]], row[part.points[strong]] = index, strong
-        met, ways, self.entries, first = [], [], [], 0
-        for part in parts:
+        directions = [part.field.reflections.blocks.directions for part in parts]
+        first = np.cumsum([0, *map(len, directions)])
+        keys, chosen = [], []
+        for index, part in enumerate(parts):
             reflections = part.field.reflections
             # Negative numbers, of what returns no light, count from the end: of no part.
             entries = np.flatnonzero(owner[reflections.met] >= 0)
-            met.append(reflections.met[entries])
-            directions = reflections.blocks.directions[reflections.block[entries]]
-            ways.append(-directions.astype(np.float32))
-            self.entries.append((entries, slice(first, first + len(entries))))
-            first += len(entries)
-        met = np.concatenate(met)
-        self.part, self.row, self.outgoing = owner[met], row[met], np.concatenate(ways)
+            met = reflections.met[entries]
+            seen = owner[met] * np.int64(n_points) + row[met]
+            keys.append(seen * first[-1] + first[index] + reflections.block[entries])
+            chosen.append(entries)
+        keys, which = np.unique(np.concatenate(keys), return_inverse=True)
+        which = which.astype(np.int32)
+        ends = np.cumsum([len(entries) for entries in chosen])[:-1]
+        self.entries = list(zip(chosen, np.split(which, ends), strict=True))
+        seen, direction = np.divmod(keys, first[-1])
+        self.part, self.row = np.divmod(seen, n_points)
+        self.outgoing = -np.concatenate(directions).astype(np.float32)[direction]
 
     def __len__(self):
         return len(self.row)

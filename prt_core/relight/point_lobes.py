@@ -26,6 +26,10 @@ class PointLobes:
     normals : (n, 3) float32
     frames : (n, 3, 3) float32
         Tangents and normals (see `local_frames`).
+    rough : (n + 1,) float32
+        Roughness of their diffuse lobes.
+    facets : (n + 1, 3) float32
+        Colour of the facets of these.
     """
 
     def __init__(self, materials, normals):
@@ -35,6 +39,12 @@ class PointLobes:
         self.normals = normals
         self.frames = lobes.frames(np.concatenate([normals, [[0, 0, 1]]]))[:-1].astype(np.float32)
         self._factors = ViewFactors(Materials.joined([materials, matte]))
+        self.rough = np.zeros(lobes.n_points, np.float32)
+        self.facets = np.zeros((lobes.n_points, 3), np.float32)
+        for lobe in lobes.lobes:
+            if lobe.name == "diffuse":
+                self.rough[lobe.rows] = lobe.reflectance.diffuse_roughness[..., 0]
+                self.facets[lobe.rows] = lobe.reflectance.colour[:, 0]
         self._groups = [_Group(lobes, names) for names in _GROUPS]
         self._groups = [group for group in self._groups if group.lobes]
 

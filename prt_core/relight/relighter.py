@@ -305,7 +305,7 @@ class Relighter:
 
         Returns
         -------
-        callable, or None
+        Sky, or None
             For `CameraRays.picture`; None, which is black, where there is no image.
         """
         return self._environments.sky(lighting)
@@ -347,7 +347,8 @@ class Relighter:
         if distant is not None:
             # Lights that are lamps here have their highlights from there, not from texels.
             texels = self._environments.on_texels(distant, without_sun=sun is not None)
-            sky = self._environments.sky(distant, exposed=False) if sun is None else None
+            is_fine = sun is None and distant.is_image
+            sky = self._environments.sky(distant, exposed=False) if is_fine else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
         self._gloss.light(texels, radiance, even, sky, detailed)
         return _Sent(even, own, lamps, lighting, self._gloss)
@@ -374,7 +375,9 @@ class Relighter:
             return
         if self._gloss is not None:
             self._gloss.close()
-        self._gloss = self._sent = None
+        self._gloss = self._sent = self._fixed = self.received = None
+        self._gloss_form.close()
+        self._gloss_form = GlossFormInUse(bake)
         self._compressed.close()
         self._compressed = FormInUse(bake)
         self._environments.replace(bake)

@@ -15,6 +15,7 @@ from prt_core.sampling.certificate import (
 )
 from prt_core.sampling.groups import Groups, certified_together
 from prt_core.sampling.huang import HuangSettings, sample_huang
+from prt_core.sampling.refinement import Refinement, RefineSettings, refine_steps
 from prt_core.sampling.sampled import (
     LevelDone,
     Sampled,
@@ -32,12 +33,15 @@ __all__ = [
     "HuangSettings",
     "LevelDone",
     "ObjectError",
+    "RefineSettings",
+    "Refinement",
     "Sampled",
     "Spread",
     "certificate_steps",
     "certified_together",
     "probe_lights",
     "refine_agreement",
+    "refine_steps",
     "register_sampler",
     "sample_agreement",
     "sample_huang",

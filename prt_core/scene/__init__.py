@@ -29,6 +29,8 @@ from prt_core.scene.mesh_parts import MeshParts
 from prt_core.scene.opacity import Opacity
 from prt_core.scene.points import MATERIALS, BakePoints
 from prt_core.scene.ray_offset import MOST_OFFSET
+from prt_core.scene.refine import LOCAL, SplitMeshes, split_evenly
+from prt_core.scene.refined import Refined
 from prt_core.scene.scene import Scene
 from prt_core.scene.scene_object import SceneObject
 
@@ -38,6 +40,7 @@ __all__ = [
     "Camera",
     "Changes",
     "Details",
+    "LOCAL",
     "Layout",
     "MATERIALS",
     "MOST_OFFSET",
@@ -47,8 +50,10 @@ __all__ = [
     "PARAMETRISATIONS",
     "PointImage",
     "RAYS",
+    "Refined",
     "Scene",
     "SceneObject",
+    "SplitMeshes",
     "ViewRays",
     "auto_camera",
     "camera_rays",
@@ -57,6 +62,7 @@ __all__ = [
     "geometry_layout",
     "hits_in_view",
     "mesh_digests",
+    "split_evenly",
     "surface_points",
     "view_rays",
     "with_backs",

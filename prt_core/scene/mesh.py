@@ -14,6 +14,7 @@ from prt_core.errors import (
 )
 from prt_core.reflectance import Materials, expect_materials
 from prt_core.scene.paint import LOOKS, Look, Paint
+from prt_core.scene.refined import Refined
 
 # The kinds of rays, and which field of a mesh says whether they meet it.
 RAYS = {"shadow_rays": "shadow", "diffuse_rays": "diffuse", "camera_rays": "camera"}
@@ -74,6 +75,8 @@ class Mesh:
         What diffuse rays meet of the front, and of the back, and what is in the way of shadow rays,
         where that is something else than the materials above, which are shown; default: the same,
         and that of the front.
+    refined : Refined, optional
+        Where its corners were in the mesh that it was refined from.
     """
 
     name: str
@@ -101,6 +104,7 @@ class Mesh:
     bounced: Look | None = None
     back: Look | None = None
     shadow: Look | None = None
+    refined: Refined | None = None
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
@@ -174,13 +178,15 @@ class Mesh:
 
     def solid_triangles(self):
         """(n, 3) int64: the triangles that have an area, by their corners."""
+        return self.triangle_corners[self.is_solid()]
+
+    def is_solid(self):
+        """(n_triangles,) bool: which triangles have an area."""
         corners = self.triangle_corners
-        if not len(corners):
-            return corners
         a, b, c = np.moveaxis(self.vertices[self.corner_vertex[corners]], 1, 0)
         doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         edge = np.maximum(
             np.linalg.norm(b - a, axis=1),
             np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(c - b, axis=1)),
         )
-        return corners[(doubled > 1e-12 * edge**2) & (doubled > 0)]
+        return (doubled > 1e-12 * edge**2) & (doubled > 0)

@@ -34,7 +34,7 @@ from prt_core.scene.paint import Surfaces, surfaces_of
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
-from prt_core.scene.scene_object import SceneObject
+from prt_core.scene.scene_object import objects_of_meshes
 from prt_core.scene.stack import frame_of, stack_meshes
 
 # Albedo up to this is taken as 1 that was rounded.
@@ -166,30 +166,8 @@ class Scene:
         emitters, triangle_emitter, built.points.emitter = find_emitters(
             meshes, stacked, levels, built, surfaces
         )
-        objects = [
-            SceneObject(
-                mesh.name,
-                built.corner_point[first : first + n].astype(np.int32),
-                mesh.corner_vertex.astype(np.int32),
-                mesh.face_sizes,
-                len(mesh.vertices),
-                mesh.receives,
-                mesh.two_sided,
-                mesh.own_mesh,
-                mesh.owner,
-                mesh.library,
-                mesh.source,
-                *(getattr(mesh, name) for name in RAYS),
-                parts,
-            )
-            for mesh, first, n, parts in zip(
-                meshes,
-                counts["first_corner"],
-                counts["n_corners"],
-                parts_of_meshes(meshes, stacked, counts),
-                strict=True,
-            )
-        ]
+        parts = parts_of_meshes(meshes, stacked, counts)
+        objects = objects_of_meshes(meshes, counts, built.corner_point, parts)
         scene = cls(
             centre=centre,
             size=size,

@@ -11,6 +11,7 @@ from prt_core.scene import (
     Details,
     Opacity,
     PointImage,
+    Refined,
     Scene,
     SceneObject,
     with_backs,
@@ -56,6 +57,8 @@ _OBJECT = {
 # What objects of bakes are that do not say it: they were made when rays met everything.
 _MET = dict.fromkeys(("shadow_rays", "diffuse_rays", "camera_rays"), True)
 _BEFORE = {"source": "", **_MET}
+# Of objects whose edges were split: those of all such, one after the other.
+_REFINED = {"around": "int32", "weights": "float32", "vertex_round": "int32"}
 # Of triangles that let light pass, where there are some; and its names for either kind of rays.
 _OPACITY = {"first": "int32", "along": "int32", "cells": "uint16", "back": "int32"}
 _OPACITIES = ("opacity", "shadow_opacity")
@@ -85,6 +88,9 @@ def write_scene(store, scene):
     for name in (*_CORNERS, "face_sizes"):
         parts = [getattr(item, name) for item in scene.objects]
         store.keep(f"object_{name}", np.concatenate(parts).astype(np.int32))
+    refined = [item.refined for item in scene.objects if item.refined is not None]
+    for name in _REFINED if refined else ():
+        store.keep(f"refined_{name}", np.concatenate([getattr(each, name) for each in refined]))
     if scene.emitters:
         store.keep("scene_triangle_emitter", scene.triangle_emitter)
     for name in _DETAILS:
@@ -128,6 +134,7 @@ def write_scene(store, scene):
                 "library": item.library,
                 "source": item.source,
                 **{name: bool(getattr(item, name)) for name in _MET},
+                **({"refined_from": item.refined.n_before} if item.refined else {}),
             }
             for item in scene.objects
         ],
@@ -171,6 +178,7 @@ def read_scene(store):
     attributes = store.attributes
     with damage_as_error(store.path):
         objects, corner, face = [], 0, 0
+        refined = _read_refined(store, attributes["objects"])
         for item in attributes["objects"]:
             item = {**_BEFORE, **item}
             strange = [
@@ -188,6 +196,7 @@ def read_scene(store):
                     corners["corner_vertex"][part],
                     sizes,
                     **{key: item[key] for key in list(_OBJECT)[3:]},
+                    refined=refined.get(item["name"]),
                 )
             )
             corner, face = part.stop, face + item["n_faces"]
@@ -215,6 +224,37 @@ def read_scene(store):
             "its objects have more or fewer corners than there are",
         )
     return scene
+
+
+def _read_refined(store, items):
+    """Name -> `Refined` of the objects whose edges were split."""
+    items = [item for item in items if "refined_from" in item]
+    if not items:
+        return {}
+    n_corners, n_vertices = (
+        sum(item[key] for item in items) for key in ("n_corners", "n_vertices")
+    )
+    shapes = {"around": (n_corners, 3), "weights": (n_corners, 3), "vertex_round": (n_vertices,)}
+    arrays = {
+        name: store.read(f"refined_{name}", shapes[name], dtype) for name, dtype in _REFINED.items()
+    }
+    refined, corner, vertex = {}, 0, 0
+    for item in items:
+        corners = slice(corner, corner + item["n_corners"])
+        vertices = slice(vertex, vertex + item["n_vertices"])
+        corner, vertex, n_before = corners.stop, vertices.stop, item["refined_from"]
+        around, weights = arrays["around"][corners], arrays["weights"][corners]
+        rounds = arrays["vertex_round"][vertices]
+        expect(
+            type(n_before) is int
+            and around.min(initial=0) >= 0
+            and around.max(initial=-1) < n_before
+            and bool((np.abs(weights - 0.5) <= 0.5 + 1e-5).all())
+            and rounds.min(initial=0) >= 0,
+            f"where '{item['name']}' was refined is out of range",
+        )
+        refined[item["name"]] = Refined(around, weights, rounds, n_before)
+    return refined
 
 
 def _read_emitters(store, n_points):

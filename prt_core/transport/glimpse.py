@@ -10,11 +10,11 @@ import numpy as np
 from prt_core.reflectance.fresnel_powers import powers_at, powers_used
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
-from prt_core.sphere import sobol_points, square_to_ggx_normals, tangent_frames
+from prt_core.sphere import sobol_points, tangent_frames
 from prt_core.transport.lobe_values import lobe_values
 
 # Facets of each lobe, and points worked on at once.
-_FACETS, _MANY = 4, 1 << 13
+_FACETS, _MANY = 4, 1 << 12
 # Least alpha: the lobe of the one point stands for those of all that is met in a block.
 _LEAST = np.float32(0.1)
 # Least cosine of a view: smooth normals may face away from who sees the surface.
@@ -41,45 +41,75 @@ def glimpse(field, normals, rows, outgoing, alpha, powers):
     (k, 3) float32
     """
     result = np.zeros((len(rows), 3), np.float32)
-    blocks = field.reflections.blocks
-    bright = np.ascontiguousarray(field.bright_directions.T, np.float32)
+    n_nodes, apart = len(field.nodes), field.merged
+    bright = np.ascontiguousarray(apart.directions.T)
+    values = field.values.reshape(-1)
     n_powers = powers_used(powers)
-    places = sobol_points(int(np.log2(_FACETS))).astype(np.float32)
+    frames = tangent_frames(normals).astype(np.float32)
+    places = sobol_points(int(np.log2(_FACETS))).astype(np.float32).T[:, :, None]
+    rows = np.asarray(rows, np.int64)
 
     def one(first):
         part = slice(first, first + _MANY)
         some = rows[part]
-        ways = _lifted(outgoing[part], normals[some])
+        frame = frames.take(some, axis=0)
+        ways = _lifted(outgoing[part], frame[:, 2])
         width = alpha[part] if alpha.ndim == 1 else np.sqrt(alpha[part].prod(axis=1))
         width = np.maximum(width, _LEAST)
-        frames = tangent_frames(normals[some]).astype(np.float32)
-        view = np.einsum("kx,kax->ka", ways, frames)
+        view = np.einsum("kx,kax->ak", ways, frame)
         # Each point has a shift of its own, so that errors go away in the mean.
-        shift = np.arange(first, first + len(some))[:, None] * _GOLDEN % 1
-        uv = (places + shift[:, None].astype(np.float32)) % np.float32(1)
-        lobe = width[:, None]
-        facets = square_to_ggx_normals(uv, view[:, None], lobe, lobe)
-        cosine = np.einsum("ka,kfa->kf", view, facets)
-        incoming = 2 * cosine[..., None] * facets - view[:, None]
+        shift = np.arange(first, first + len(some)) * _GOLDEN[:, None] % 1
+        shift = shift.astype(np.float32)
+        height = (places[0] + shift[0]) % np.float32(1)
+        facets = _facets(view, width, height, places[1], shift[1])
+        cosine = sum(a * b for a, b in zip(view, facets, strict=True))
+        incoming = [2 * cosine * facet - own for facet, own in zip(facets, view, strict=True)]
+        square = width * width
         own, other = (
-            np.sqrt(1 + lobe**2 * np.maximum(1 / np.maximum(z, 1e-3) ** 2 - 1, 0))
-            for z in (view[:, None, 2], incoming[..., 2])
+            np.sqrt(1 - square + square / np.maximum(z, 1e-3) ** 2) for z in (view[2], incoming[2])
         )
-        weight = np.where(incoming[..., 2] > 0, (1 + own) / (own + other), 0) / _FACETS
-        world = np.matmul(incoming, frames)
-        block = blocks.along(*np.moveaxis(world, -1, 0))
-        light = wholes(field.values[some[:, None], :, block])
-        each = np.stack(powers_at(cosine)[:n_powers], axis=2) * weight[..., None]
-        factor = np.matmul(each, powers[part, :n_powers])
-        result[part] = (light * np.maximum(factor, 0)).sum(axis=1)
+        weight = np.where(incoming[2] > 0, (1 + own) / (own + other), 0)
+        weight *= np.float32(1 / _FACETS)
+        world = [sum(incoming[a] * frame[:, a, x] for a in range(3)) for x in range(3)]
+        block = field.reflections.blocks.along(*world)
+        each = [power * weight for power in powers_at(cosine)[:n_powers]]
+        fresnel = powers[part, :n_powers].transpose(1, 2, 0)
+        start = some * (3 * n_nodes) + block
+        for channel in range(3):
+            factor = sum(a * b[channel] for a, b in zip(each, fresnel, strict=True))
+            np.maximum(factor, 0, out=factor)
+            factor *= wholes(values.take(start + channel * n_nodes))
+            result[part, channel] = factor.sum(axis=0)
         if bright.size:
-            seen = field.bright_seen(some)
-            lobes = lobe_values(bright, normals[some], ways, width, None, n_powers)
-            terms = np.stack([(lobe * seen) @ field.bright_light for lobe in lobes], axis=1)
-            result[part] += np.einsum("kpc,kpc->kc", terms, powers[part, :n_powers])
+            lobes = lobe_values(bright, frame[:, 2], ways, width, None, n_powers, apart.spread)
+            light = wholes(apart.values.take(some, axis=0))
+            for power, lobe in enumerate(lobes):
+                brought = np.matmul(light, lobe[:, :, None])[..., 0]
+                result[part] += brought * powers[part, power]
 
     on_all_cores(one, range(0, len(rows), _MANY))
     return result
+
+
+def _facets(view, alpha, height, turn, shift):
+    """Normals of GGX facets that are seen from `view` (3, k): three (n_facets, k) arrays.
+
+    Source: Dupuy and Benyoub 2023, Sampling visible GGX normals with spherical caps.
+    """
+    x, y, z = view[0] * alpha, view[1] * alpha, view[2]
+    length = 1 / np.sqrt(x * x + y * y + z * z)
+    x, y, z = x * length, y * length, z * length
+    # Of the cap that is mirrored from the stretched view, around at a turn that each has.
+    up = 1 - height * (1 + z)
+    aside = np.sqrt(np.maximum(1 - up * up, 0))
+    (cos, sin), (c, s) = (
+        (np.cos(angle), np.sin(angle)) for angle in (2 * np.pi * shift, 2 * np.pi * turn)
+    )
+    x = alpha * (x + aside * (cos * c - sin * s))
+    y = alpha * (y + aside * (sin * c + cos * s))
+    z = np.maximum(up + z, 1e-6)
+    length = 1 / np.sqrt(x * x + y * y + z * z)
+    return x * length, y * length, z * length
 
 
 def _lifted(directions, normals):

@@ -1,10 +1,10 @@
 """What microfacet lobes reflect of the field of incoming light towards a view.
 
-For each point that faces the viewer the lobe is evaluated at the directions of a cut (see
-`transport.lobe_cuts`) and multiplied with the field; within the blocks around the mirror direction
-the light of the sky has its finer detail, as far as the block is open; and the brightest texels
-come in by their own visibility bits. The lobe's Fresnel term is a sum of powers, so that all
-lobes of one roughness are evaluated together.
+For each point that faces the viewer the lobe is evaluated at the blocks of a cut (see
+`transport.lobe_cuts`), as a mean over where their light comes from, and multiplied with the field;
+close to the mirror direction of narrow lobes the light of the sky has its finer detail, as far as
+the block is open; and the brightest texels come in by their own visibility bits. The lobe's Fresnel
+term is a sum of powers, so that all lobes of one roughness are evaluated together.
 """
 
 import numpy as np
@@ -12,13 +12,19 @@ import numpy as np
 from prt_core.reflectance.fresnel_powers import powers_used
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
+from prt_core.sphere import CubeMap
 from prt_core.transport.lobe_cuts import cells, lobe_cut, parts_along
 from prt_core.transport.lobe_values import lobe_values
 
 # Points worked on at once: what belongs to them stays in the cache.
-_PART = 1024
+_PART = 512
 # Classes of roughness: each ends at this times the alpha at which it begins.
 _CLASS = 1.6
+_STEP = 0.1
+# Lobes are as wide as twice their alpha, in radians, and not wider than this.
+_WIDEST = 0.5
+# Cosines between view and normal below which lobes count as narrower, and by how much.
+_GRAZING, _NARROWER = (0.2, 0.45), (0.35, 0.7, 1.0)
 
 
 class GlossyView:
@@ -35,7 +41,6 @@ class GlossyView:
         self.field = field
         self.normals = np.ascontiguousarray(normals, np.float32)
         self._side = field.reflections.blocks.side
-        self._cells = cells(self._side)
 
     def reflected(self, rows, outgoing, alpha, powers, axes=None, normals=None, lobe=None):
         """Radiance that lobes send towards a viewer.
@@ -73,79 +78,87 @@ class GlossyView:
         if not len(seen):
             return result
         mirror = 2 * facing[seen, None] * normals[seen] - outgoing[seen]
-        cell = self._cells.texel_along(*mirror.T)
-        widest = alpha[seen] if alpha.ndim == 1 else alpha[seen].max(axis=1)
-        kind = np.floor(np.log(widest) / np.log(_CLASS)).astype(np.int64)
-        key = (kind - kind.min()) * self._cells.n_directions + cell
+        around = CubeMap(cells(self._side, len(seen)))
+        cell = around.texel_along(*mirror.T)
+        least = alpha[seen]
+        if alpha.ndim == 2:
+            # Stretched lobes turn, and so need more.
+            least, most = least.min(axis=1), least.max(axis=1)
+            least = least * (least / most) ** np.float32(0.25)
+        slant = np.digitize(facing[seen], _GRAZING)
+        width = np.minimum(2 * least, _WIDEST) * np.float32(_NARROWER)[slant]
+        width = np.log(width)
+        kind = np.floor(width / np.log(_CLASS)).astype(np.int64)
+        key = (kind - kind.min()) * around.n_directions + cell
         order = np.argsort(key, kind="stable")
         bounds = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
         n_powers = powers_used(powers) if lobe is None else 1
-        details, jobs = {}, []
-        bright = self.field.bright_directions.T.astype(np.float32)
+        # Side by side, so that each group is a slice.
+        chosen, width, cell = seen[order], width[order], cell[order]
+        rows, normals, outgoing, alpha = (
+            array.take(chosen, axis=0) for array in (np.asarray(rows), normals, outgoing, alpha)
+        )
+        powers = powers[:, :n_powers].take(chosen, axis=0)
+        axes = None if axes is None else axes.take(chosen, axis=0)
+        ordered, jobs = np.empty((len(chosen), 3), np.float32), []
         for first, last in zip(bounds[:-1], bounds[1:], strict=True):
-            group = seen[order[first:last]]
-            among = widest[order[first:last]]
-            parts = self._parts(float(among.min()), details)
-            # In steps of 5 %, so that cuts are found again.
-            largest = 1.05 ** np.ceil(np.log(float(among.max())) / np.log(1.05))
-            cut = lobe_cut(self._side, int(cell[order[first]]), largest, parts)
-            cut = cut.above(normals[group])
-            jobs += [(cut, parts, group[f : f + _PART]) for f in range(0, len(group), _PART)]
+            # In steps, so that cuts are found again.
+            least = float(np.exp(_STEP * np.floor(width[first:last].min() / _STEP)))
+            which = around.resolution, int(cell[first])
+            places = self._places(which, least, normals[first:last])
+            jobs += [(places, slice(f, min(f + _PART, last))) for f in range(first, last, _PART)]
 
         def one(job):
-            cut, parts, some = job
-            detail = details[parts]
+            places, some = job
             frame = None if axes is None else axes[some]
-            directions = np.concatenate([cut.directions, bright], axis=1)
-            ways = directions, normals[some], outgoing[some]
+            ways = places.directions, normals[some], outgoing[some]
             if lobe is None:
-                values = lobe_values(*ways, alpha[some], frame, n_powers)
+                values = lobe_values(*ways, alpha[some], frame, n_powers, places.spread)
             else:
                 values = [lobe(*ways)]
-            terms = self._terms(cut, detail, rows[some], values)
-            result[some] = np.einsum("pkc,pkc->pc", terms, powers[some, :n_powers])
+            terms = self._terms(places, rows[some], values)
+            np.einsum("pkc,pkc->pc", terms, powers[some], out=ordered[some])
 
         on_all_cores(one, jobs)
+        result[chosen] = ordered
         return result
 
-    def _parts(self, alpha, details):
-        """Parts along a block's edge, whose detail of the light is added where it is missing."""
-        parts = parts_along(self._side, alpha, self.field.light_map.resolution)
-        if parts not in details:
-            details[parts] = self.field.detail(parts)
-        return parts
+    def _places(self, cell, width, normals):
+        """The `Places` of lobes about mirror directions in a cell, above any of the horizons.
 
-    def _terms(self, cut, detail, rows, lobe):
+        `cell` is how many there are along an edge, and which of them.
+        """
+        parts = parts_along(self._side, width, self.field.light_map.resolution)
+        mean = normals.mean(axis=0)
+        mean /= max(float(np.sqrt(mean @ mean)), 1e-6)
+        # As far below the horizon of the mean normal others may still be above theirs.
+        lowest = -np.sqrt(max(1 - float((normals @ mean).min()) ** 2, 0)) - 1e-6
+        return self.field.places(lobe_cut(self._side, *cell, width, parts)).above(mean, lowest)
+
+    def _terms(self, places, rows, lobe):
         """(p, n_powers, 3): what each power of the Fresnel term brings."""
-        field, n_cut = self.field, cut.directions.shape[1]
-        n_blocks, n_core, n_far = len(cut.core), cut.n_core, len(cut.far)
-        n_near = n_blocks + len(cut.ring)
-        blocks = np.empty((len(rows), n_near + n_far, len(lobe)), np.float32)
-        apart = np.empty((len(lobe), len(rows), 3), np.float32)
-        seen = field.bright_seen(rows).astype(np.float32)
-        shared = None
-        if cut.n_parts > 1:
-            shared = field.open[rows[:, None], cut.core] * np.float32(1 / 255)
-            detail = detail[:, cut.core].reshape(n_core, 3)
-        for power, weights in enumerate(lobe):
-            apart[power] = (weights[:, n_cut:] * seen) @ field.bright_light
-            weights = weights[:, :n_cut]
-            weights *= cut.solid_angles
-            total = weights[:, :n_blocks]
-            if shared is not None:
-                parts = [
-                    weights[:, first : first + n_blocks] for first in range(0, n_core, n_blocks)
-                ]
-                total = sum(parts[1:], parts[0])
-                for part in parts:
-                    part *= shared
-                apart[power] += weights[:, :n_core] @ detail
-            blocks[:, :n_blocks, power] = total
-            blocks[:, n_blocks:, power] = weights[:, n_core:]
-        near = field.values[rows].take(np.concatenate([cut.core, cut.ring]), axis=2)
-        terms = np.matmul(wholes(near), blocks[:, :n_near])
-        if n_far:
-            far = field.coarse[rows].take(cut.far, axis=2)
-            terms += np.matmul(wholes(far), blocks[:, n_near:])
-        terms = terms.swapaxes(1, 2) + apart.swapaxes(0, 1)
-        return np.maximum(terms, 0, out=terms)
+        field, n_blocks = self.field, len(places.core)
+        n_core, n_nodes = n_blocks * places.n_parts, len(places.nodes)
+        n_bright = len(field.apart.spread)
+        weights = np.empty((len(rows), n_blocks + n_nodes + n_bright, len(lobe)), np.float32)
+        if n_core:
+            shared = field.open[rows[:, None], places.core] * np.float32(1 / 255)
+            detail = np.empty((len(lobe), len(rows), 3), np.float32)
+        for power, values in enumerate(lobe):
+            values *= places.solid_angles
+            weights[:, n_blocks:, power] = values[:, n_core:]
+            if n_core:
+                parts = values[:, :n_core].reshape(-1, places.n_parts, n_blocks)
+                parts.sum(axis=1, out=weights[:, :n_blocks, power])
+                parts *= shared[:, None]
+                detail[power] = values[:, :n_core] @ places.detail
+        columns = np.concatenate([places.core, places.nodes])
+        columns = (np.arange(3)[:, None] * len(field.nodes) + columns).ravel()
+        near = field.values.reshape(len(field.values), -1).take(rows, axis=0).take(columns, axis=1)
+        light = np.empty((len(rows), 3, weights.shape[1]), np.float32)
+        light[..., : n_blocks + n_nodes] = wholes(near).reshape(len(rows), 3, -1)
+        light[..., n_blocks + n_nodes :] = wholes(field.apart.values.take(rows, axis=0))
+        brought = np.matmul(light, weights).swapaxes(1, 2)
+        if n_core:
+            brought += detail.swapaxes(0, 1)
+        return np.maximum(brought, 0, out=brought)

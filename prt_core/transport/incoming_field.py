@@ -6,16 +6,19 @@ where a sun stands within a block matters, so each of them is asked for by its o
 A view is then a few look-ups for each point (see `transport.glossy_view`).
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
-from prt_core.runtime.halves import halves
+from prt_core.runtime.halves import halves, wholes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport.bright_texels import bits_of
-from prt_core.transport.lobe_cuts import COARSER, detail_of
+from prt_core.transport.field_nodes import field_nodes
+from prt_core.transport.lobe_cuts import detail_of, pieces
+from prt_core.transport.places import Places
 from prt_core.transport.reflections import Reflections
 from prt_core.transport.visibility import expect_bits
 
@@ -23,6 +26,8 @@ from prt_core.transport.visibility import expect_bits
 MOST_BRIGHT, _BRIGHTER = 48, 8.0
 # Blocks along the edge of a face for wide lobes and for narrow ones, which begin below a roughness.
 _WIDE, _NARROW, _NARROW_BELOW = 8, 16, 0.4
+# Bright texels in one cell of a cube map of this are one for wide lobes.
+_MERGED = 16
 # Texels of light in detail, along the edge of one of the bake's.
 FINER = 4
 # Points worked on at once.
@@ -40,16 +45,21 @@ class IncomingField:
 
     Attributes
     ----------
-    values : (n, 3, n_blocks) uint16
-        Mean radiance of each block without the bright texels (see `runtime.halves`).
-    coarse : (n, 3, n_coarse) uint16
-        Of blocks `COARSER` times as wide.
+    nodes : FieldNodes
+        The blocks, and larger ones.
+    values : (n, 3, n_nodes) uint16
+        Mean radiance of each of them without the bright texels (see `runtime.halves`).
+    directions : (n_nodes, 3) float32
+        Where that comes from in the mean of all points.
+    spread : (n_nodes,) float32
+        How far from there it comes: variance along an axis.
     light_map : CubeMap
         Of the light in detail, as fine as the bake's or finer.
     bright : (n_bright,) int32
         Its texels that are apart.
-    bright_light : (n_bright, 3) float32
-        What each of them has more than the rest of its block: radiance times solid angle.
+    apart, merged : BrightLight
+        What points see of these beyond the rest of their blocks: for views, and with those that lie
+        close together as one. In fields of wide blocks both are the same.
     rest : (n_texels, 3) float32
         The light in detail without that.
     """
@@ -69,9 +79,8 @@ class IncomingField:
         n_bytes = -(-blocks.n_texels // 8)
         empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
         self._patterns = np.concatenate([empty, *patterns])
-        coarse = 6 * max(blocks.side // COARSER, 1) ** 2
-        self.values = np.zeros((len(reflections), 3, len(blocks)), np.uint16)
-        self.coarse = np.zeros((len(reflections), 3, coarse), np.uint16)
+        self.nodes, self._lights = field_nodes(blocks.side), []
+        self.values = np.zeros((len(reflections), 3, len(self.nodes)), np.uint16)
 
     @cached_property
     def open(self):
@@ -87,7 +96,11 @@ class IncomingField:
         parts = on_all_cores(one, self._parts)
         return np.concatenate([np.zeros((0, len(blocks)), np.uint8), *parts])
 
-    def update(self, light, sent, by_entry=None, detailed=None):
+    @cached_property
+    def _mean_open(self):
+        return self.open.mean(axis=0, dtype=np.float64) / 255
+
+    def update(self, light, sent, detailed=None):
         """Fill the field in for a light.
 
         Parameters
@@ -96,9 +109,6 @@ class IncomingField:
             Radiance of the sky; None: black.
         sent : (n_points, 3) float32
             What bake points send out to all sides.
-        by_entry : (m, 3) float32, optional
-            What is sent towards the points that see it, of every entry of the reflections, where
-            that depends on the side from which it is seen.
         detailed : (n_texels, 3) float32, optional
             The sky on a cube map `FINER` times as fine as the bake's, for narrow lobes.
         """
@@ -108,9 +118,6 @@ class IncomingField:
             light = np.zeros((cube_map.n_directions, 3), np.float32)
         light = expect_array("light", light, (cube_map.n_directions, 3), np.float32)
         sent = expect_array("sent", sent, (len(self._bits), 3), np.float32)
-        if by_entry is not None:
-            shape = len(reflections.met), 3
-            by_entry = expect_array("by_entry", by_entry, shape, np.float32)
         self.light_map = cube_map
         if detailed is not None:
             self.light_map = CubeMap(FINER * cube_map.resolution)
@@ -118,12 +125,12 @@ class IncomingField:
             light = expect_array("detailed", detailed, shape, np.float32)
         fine = Blocks(self.light_map, blocks.side)
         self.bright, more = bright_texels(light, fine)
-        self.bright_light = (more * self.light_map.solid_angles[self.bright, None]).astype(
-            np.float32
-        )
         self.rest = light.copy()
         self.rest[self.bright] -= more
-        self._details, self._bright_bits = {}, None
+        self._details, self._known = {}, {}
+        apart = [self._apart(more, self.reflections.blocks.side <= _WIDE)]
+        if self.reflections.blocks.side > _WIDE:
+            apart.append(self._apart(more, True))
         # Of the bake's own texels what all their parts have.
         texels = Blocks(self.light_map, cube_map.resolution)
         angles = self.light_map.solid_angles[:, None]
@@ -144,54 +151,134 @@ class IncomingField:
                 total[some] += table.take(index[some], axis=0)
             places, entries = reflections.places(part)
             share = reflections.share[entries, None]
-            if by_entry is None:
-                total[places] += shining[reflections.met[entries]] * share
-            else:
-                total[places] += by_entry[entries] * (share * np.float32(1 / 255))
+            total[places] += shining[reflections.met[entries]] * share
             total = np.ascontiguousarray(total.reshape(-1, len(blocks), 3).swapaxes(1, 2))
-            self.values[part] = halves(total)
-            self.coarse[part] = halves(self._coarser(total))
+            self.values[part] = halves(self.nodes.means(total))
+            seen = bits_of(self._bits[reflections.points[part]], bright_texel)
+            seen = seen.astype(np.float32)
+            for light, brought in apart:
+                light.values[part] = halves(seen @ brought).reshape(len(seen), 3, -1)
+            return total.reshape(-1, len(blocks)).sum(axis=0).astype(np.float64)
+
+        self._lights = [light for light, _ in apart]
+        self.apart, self.merged = self._lights[0], self._lights[-1]
+        bright_texel = cube_map.texel_along(*self.light_map.directions[self.bright].T)
+        self._place(sum(on_all_cores(one, self._parts)) / max(3 * len(reflections), 1))
+
+    def resend(self, entries, which, change):
+        """Take in what some entries of the reflections send beyond what they did.
+
+        Parameters
+        ----------
+        entries : (m,) int
+            Ascending.
+        which : (m,) int
+            Rows of `change`.
+        change : (k, 3) float32
+            Of radiance towards the points that see it.
+        """
+        reflections, blocks = self.reflections, self.reflections.blocks
+
+        def one(part):
+            first, last = np.searchsorted(entries, reflections.start[[part.start, part.stop]])
+            if first == last:
+                return
+            places, all_entries = reflections.places(part)
+            some = entries[first:last]
+            share = reflections.share[some, None] * np.float32(1 / 255)
+            n = part.stop - part.start
+            more = np.zeros((n * len(blocks), 3), np.float32)
+            more[places[some - all_entries.start]] = change[which[first:last]] * share
+            total = wholes(self.values[part, :, : len(blocks)])
+            total += more.reshape(n, len(blocks), 3).swapaxes(1, 2)
+            # What rounding leaves of light that has gone.
+            np.maximum(total, 0, out=total)
+            self.values[part] = halves(self.nodes.means(total))
 
         on_all_cores(one, self._parts)
 
-    def _coarser(self, values):
-        """(n, 3, n_coarse) means of (n, 3, n_blocks)."""
-        blocks = self.reflections.blocks
-        side = max(blocks.side // COARSER, 1)
-        step = blocks.side // side
+    def _apart(self, more, merged):
+        """A `BrightLight`, yet dark, and (n_bright, 3 n_apart) what each texel brings to it."""
+        texels = self.light_map.directions[self.bright]
+        light = more * self.light_map.solid_angles[self.bright, None]
+        near = np.arange(len(texels))
+        if merged:
+            _, near = np.unique(CubeMap(_MERGED).texel_along(*texels.T), return_inverse=True)
+        n = int(near.max(initial=-1)) + 1
+        # What is no brighter than the rest of its block has its direction all the same.
+        power = np.maximum(light.sum(axis=1, dtype=np.float64), 1e-30)
+        sums = np.zeros((n, 3))
+        np.add.at(sums, near, power[:, None] * texels)
+        lengths = np.linalg.norm(sums, axis=1)
+        spread = np.maximum(1 - lengths / np.bincount(near, power, n), 0).astype(np.float32)
+        brought = np.zeros((len(texels), 3, n), np.float32)
+        brought[np.arange(len(texels)), :, near] = light
+        values = np.zeros((len(self.reflections), 3, n), np.uint16)
+        directions = (sums / lengths[:, None]).astype(np.float32)
+        return BrightLight(directions, spread, values), brought.reshape(len(texels), 3 * n)
 
-        def sums(array):
-            parts = array.reshape(-1, 6, side, step, side, step)
-            return parts.sum(axis=(3, 5)).reshape(*array.shape[:-1], 6 * side * side)
+    def _place(self, mean):
+        """Put nodes where their light is, of what all points see of blocks in the mean."""
+        blocks, fine = self.reflections.blocks, Blocks(self.light_map, self.reflections.blocks.side)
+        sky = self.rest.mean(axis=1, dtype=np.float64) * self._mean_open[fine.of_texel]
+        of_sky = fine.sums(sky * self.light_map.solid_angles) / blocks.solid_angles
+        met = np.maximum(mean - of_sky, 0)
+        self.directions, self.spread = self.nodes.placed(self.light_map, sky + met[fine.of_texel])
 
-        angles = blocks.solid_angles.astype(np.float32)
-        return sums(values * angles) / sums(angles)
+    def places(self, cut):
+        """The `Places` of a `LobeCut` under the light."""
+        key = id(cut)
+        if key not in self._known:
+            self._known[key] = cut, self._places_of(cut)
+        return self._known[key][1]
 
-    def detail(self, parts):
-        """What parts of blocks have more of the light than the blocks (see `detail_of`)."""
+    def _places_of(self, cut):
+        parts, core, nodes = cut.parts, cut.core, cut.nodes
         if parts not in self._details:
             side = self.reflections.blocks.side
-            self._details[parts] = detail_of(self.rest, self.light_map, side, parts)
-        return self._details[parts]
-
-    @property
-    def bright_directions(self):
-        """(n_bright, 3) float64 unit vectors."""
-        return self.light_map.directions[self.bright]
-
-    def bright_seen(self, rows):
-        """(n, n_bright) bool: which bright texels are seen from points by `rows` (n,)."""
-        if self._bright_bits is None:
-            cube_map, points = self.reflections.blocks.cube_map, self.reflections.points
-            texels = cube_map.texel_along(*self.bright_directions.T)
-            self._bright_bits = bits_of(self._bits, texels)[points]
-        return self._bright_bits[rows]
+            fine, order = CubeMap(side * parts), pieces(side, parts)
+            self._details[parts] = (
+                fine.directions.astype(np.float32)[order],
+                fine.solid_angles.astype(np.float32)[order],
+                detail_of(self.rest, self.light_map, side, parts),
+            )
+        ways, angles, detail = (
+            array[:, core].reshape(-1, *array.shape[2:]) for array in self._details[parts]
+        )
+        ways = [ways, self.directions[nodes], self.apart.directions]
+        ones = np.ones(len(self.apart.spread), np.float32)
+        spread = [angles / np.float32(12), self.spread[nodes], self.apart.spread]
+        angles = [angles, self.nodes.solid_angles[nodes], ones]
+        return Places(
+            np.ascontiguousarray(np.concatenate(ways).T), np.concatenate(angles),
+            np.concatenate(spread), core, parts * parts, nodes, detail,
+        )  # fmt: skip
 
     @property
     def nbytes(self):
         """Of the arrays."""
-        own = self.values.nbytes + self.coarse.nbytes + self._patterns.nbytes
+        own = self.values.nbytes + self._patterns.nbytes + self.open.nbytes
+        own += sum(light.values.nbytes for light in self._lights)
         return own + self.reflections.nbytes
+
+
+@dataclass(frozen=True)
+class BrightLight:
+    """Bright texels, or groups of them.
+
+    Attributes
+    ----------
+    directions : (m, 3) float32
+        Where their light comes from.
+    spread : (m,) float32
+        How far from there: variance along an axis.
+    values : (n, 3, m) uint16
+        What points see of it: radiance times solid angle (see `runtime.halves`).
+    """
+
+    directions: np.ndarray
+    spread: np.ndarray
+    values: np.ndarray
 
 
 def sides_of(roughness, resolution):

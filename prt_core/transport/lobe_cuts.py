@@ -1,9 +1,9 @@
-"""Where lobes are evaluated: finely around the mirror direction, by whole blocks beyond.
+"""Where lobes are evaluated: finely around the mirror direction, by ever larger blocks beyond.
 
-A lobe of some width has most of its weight around the mirror direction, so that is where blocks
-of the field of incoming light are cut into parts; around those come whole blocks, and what is far
-away is taken together, blocks of a coarser field. Points whose mirror directions fall into one
-cell share a cut, so that light which is the same for all of them is a product of matrices.
+A lobe falls off around the mirror direction at a rate that goes with the distance, so blocks may
+grow with it (as the cuts of Walter et al. 2005 do through trees of lights). Closest by, blocks of
+the field of incoming light are cut into parts. Points whose mirror directions fall into one cell
+share a cut.
 """
 
 from dataclasses import dataclass
@@ -12,139 +12,106 @@ from functools import lru_cache
 import numpy as np
 
 from prt_core.sphere import CubeMap
+from prt_core.transport.field_nodes import field_nodes
 
-# Tangents of the angle between normal and facet, in alphas: within the first blocks are cut into
-# parts, beyond the second the coarser field is good enough. A share 1 / (1 + t^2) lies beyond t.
-_CORE, _RING = 1.0, 3.5
-# A part is at most this many alphas wide.
-_WIDTH = 0.75
-# Blocks along an edge of the coarser field, in parts of the finer one.
-COARSER = 4
+# Width of a block in parts of the distance from the mirror direction, or of the lobe's own width;
+# and that beyond which the smallest blocks are cut into parts.
+_WIDTH, _OF_SMALLEST = 0.4, 0.5
 _MOST_PARTS = 4
+# Points for each cell of a face, about.
+_SHARING = 250
 
 
 @dataclass(frozen=True)
 class LobeCut:
-    """Directions at which the lobes of some points are evaluated.
+    """What the lobes of some points are evaluated at.
 
     Attributes
     ----------
-    directions : (3, m) float32
-        Unit vectors: the first part of every block that is cut, the second, and so on; then whole
-        blocks, then coarser ones.
-    solid_angles : (m,) float32
-    n_parts : int
-        Parts of each block that is cut.
-    core, ring, far : (k,) int
-        Blocks that are cut, whole blocks, and blocks of the coarser field.
+    core : (k,) int
+        Blocks that are cut into parts.
+    parts : int
+        Along an edge of each of them.
+    nodes : (m,) int
+        Whole blocks, of `FieldNodes`.
     """
 
-    directions: np.ndarray
-    solid_angles: np.ndarray
-    n_parts: int
     core: np.ndarray
-    ring: np.ndarray
-    far: np.ndarray
-
-    def above(self, normals):
-        """What of it is above the horizon of any of some points, by whole blocks.
-
-        Parameters
-        ----------
-        normals : (k, 3) float32
-
-        Returns
-        -------
-        LobeCut
-        """
-        there = (normals @ self.directions > 0).any(axis=0)
-        n_core, n_near = self.n_core, self.n_core + len(self.ring)
-        core = there[:n_core].reshape(self.n_parts, -1).any(axis=0)
-        ring, far = there[n_core:n_near], there[n_near:]
-        kept = np.concatenate([np.tile(core, self.n_parts), ring, far])
-        return LobeCut(
-            np.ascontiguousarray(self.directions[:, kept]),
-            self.solid_angles[kept],
-            self.n_parts,
-            self.core[core],
-            self.ring[ring],
-            self.far[far],
-        )
-
-    @property
-    def n_core(self):
-        """Directions of the parts of blocks."""
-        return len(self.core) * self.n_parts
+    parts: int
+    nodes: np.ndarray
 
 
-def parts_along(side, alpha, resolution):
-    """Parts along the edge of a block, for lobes of an alpha: a power of two, 1 to 4."""
-    width, parts = np.pi / 2 / side, 1
-    while width / parts > _WIDTH * alpha and parts < _MOST_PARTS:
+def parts_along(side, width, resolution):
+    """Parts along the edge of a block, for lobes of a width: a power of two, 1 to 4."""
+    size, parts = np.pi / 2 / side, 1
+    while size / parts > _OF_SMALLEST * width and parts < _MOST_PARTS:
         if resolution % (2 * side * parts):
             break
         parts *= 2
     return parts
 
 
-def cells(side):
-    """`CubeMap` whose texels are the cells of mirror directions that share a cut."""
-    return CubeMap(max(side // 2, 1))
+def cells(side, n_points):
+    """Along an edge of a cube map, the cells of mirror directions that share a cut.
+
+    Larger ones for few points, as each takes time of its own; their cuts have more blocks.
+    """
+    most = max(min(side, 4 + side // 4), 1)
+    return int(np.clip(np.sqrt(n_points / _SHARING), min(3, most), most))
 
 
-@lru_cache(maxsize=4096)
-def lobe_cut(side, cell, alpha, parts):
+@lru_cache(maxsize=8192)
+def lobe_cut(side, around, cell, width, parts):
     """The `LobeCut` of mirror directions within a cell.
 
     Parameters
     ----------
     side : int
-        Blocks along an edge of the field.
-    cell : int
-        Of `cells(side)`.
-    alpha : float
-        Of the widest lobe.
+        Of the smallest blocks, along an edge of a face.
+    around, cell : int
+        Of so many cells along an edge (see `cells`).
+    width : float
+        Of the narrowest lobe, in radians.
     parts : int
         See `parts_along`.
     """
-    fine, around = CubeMap(side), cells(side)
-    centre, radius = around.directions[cell], np.pi / 4 / around.resolution * np.sqrt(2)
-    away = np.arccos(np.clip(fine.directions @ centre, -1, 1))
-    near, wide = (2 * np.arctan(t * alpha) + radius for t in (_CORE, _RING))
-    is_core = away < near
-    is_ring = ~is_core & (away < wide)
-    coarse_side = max(side // COARSER, 1)
-    step = side // coarse_side
-    owner = np.arange(len(away)).reshape(6, coarse_side, step, coarse_side, step)
-    owner = owner.swapaxes(2, 3).reshape(-1, step * step)
-    # A coarser block is whole, or its finer ones are.
-    touched = (is_core | is_ring)[owner].any(axis=1)
-    is_ring[owner[touched]] |= ~is_core[owner[touched]]
-    core, ring, far = np.flatnonzero(is_core), np.flatnonzero(is_ring), np.flatnonzero(~touched)
-    within = CubeMap(side * parts)
-    pieces = _pieces(side, parts)[core].T.ravel()
-    coarse = CubeMap(coarse_side)
-    directions = np.concatenate(
-        [within.directions[pieces], fine.directions[ring], coarse.directions[far]]
-    )
-    angles = np.concatenate(
-        [within.solid_angles[pieces], fine.solid_angles[ring], coarse.solid_angles[far]]
-    )
-    return LobeCut(
-        np.ascontiguousarray(directions.T, np.float32),
-        angles.astype(np.float32),
-        parts * parts,
-        core,
-        ring,
-        far,
-    )
+    tree = field_nodes(side)
+    centre, radius = _cube_map(around).directions[cell], np.pi / 4 / around * 1.35
+    nodes, last = [], len(tree.sides) - 1
+    here = np.arange(6 * tree.sides[last] ** 2)
+    for level in range(last, -1, -1):
+        n = tree.sides[level]
+        blocks = _cube_map(n)
+        away = np.arccos(np.clip(blocks.directions[here] @ centre, -1, 1))
+        away = np.maximum(away - radius, 0)
+        most = (_WIDTH if level else _OF_SMALLEST) * np.hypot(width, away)
+        large = np.sqrt(blocks.solid_angles[here]) > most
+        large &= level > 0 or parts > 1
+        nodes.append(tree.first[level] + here[~large])
+        here = here[large]
+        if level:
+            here = _quarters(here, n)
+    return LobeCut(here, parts, np.concatenate(nodes))
 
 
 @lru_cache(maxsize=16)
-def _pieces(side, parts):
-    """(n_blocks, parts^2): the texels of a cube map `parts` times as fine in each block."""
+def _cube_map(side):
+    return CubeMap(side)
+
+
+def _quarters(blocks, side):
+    """The blocks half as wide within some blocks, of `side` along an edge."""
+    face, place = np.divmod(blocks, side * side)
+    row, column = np.divmod(place, side)
+    row, column = 2 * row[:, None] + [0, 0, 1, 1], 2 * column[:, None] + [0, 1, 0, 1]
+    return np.sort(((face[:, None] * 2 * side + row) * 2 * side + column).ravel())
+
+
+@lru_cache(maxsize=16)
+def pieces(side, parts):
+    """(parts^2, n_blocks): the texels of a cube map `parts` times as fine in each block."""
     order = np.arange(6 * (side * parts) ** 2).reshape(6, side, parts, side, parts)
-    return order.swapaxes(2, 3).reshape(-1, parts * parts)
+    return np.ascontiguousarray(order.swapaxes(2, 3).reshape(-1, parts * parts).T)
 
 
 def detail_of(light, cube_map, side, parts):
@@ -160,10 +127,10 @@ def detail_of(light, cube_map, side, parts):
     Returns
     -------
     (parts^2, n_blocks, 3) float32
-        Part by part as a `LobeCut` has them.
+        As `pieces` has them.
     """
     whole, fine = (_means(light, cube_map, n) for n in (side, side * parts))
-    return (fine[_pieces(side, parts).T] - whole).astype(np.float32)
+    return (fine[pieces(side, parts)] - whole).astype(np.float32)
 
 
 def _means(light, cube_map, side):

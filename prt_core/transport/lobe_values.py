@@ -6,8 +6,11 @@ time here. Without the factor for further bounces, which depends on the view alo
 
 import numpy as np
 
+# Most that light of a spread takes off a lobe, in parts of its squared alpha.
+_MOST_SPREAD = 1.0
 
-def lobe_values(directions, normals, outgoing, alpha, axes, n_powers):
+
+def lobe_values(directions, normals, outgoing, alpha, axes, n_powers, spread=None):
     """White lobes times the cosine, times each power of the Fresnel term.
 
     Parameters
@@ -21,6 +24,9 @@ def lobe_values(directions, normals, outgoing, alpha, axes, n_powers):
         Tangents, where there are two alphas.
     n_powers : int
         The first ones of `fresnel_powers`, of the cosine between light and facet.
+    spread : (m,) float32, optional
+        Variance, along an axis, of the light that comes from about a direction: then values are
+        means over it, to the second order.
 
     Returns
     -------
@@ -39,9 +45,10 @@ def lobe_values(directions, normals, outgoing, alpha, axes, n_powers):
     along *= along
     if axes is None:
         square = (alpha * alpha)[:, None]
+        # Times the squared height, which belongs in front of the root.
         stretched = cosine * cosine
-        stretched *= 1 - square
-        stretched += square
+        stretched *= (1 - square) * height * height
+        stretched += square * height * height
         masked_own = np.sqrt(square + (1 - square) * height * height)
         along *= square - 1
         along += squared
@@ -51,15 +58,17 @@ def lobe_values(directions, normals, outgoing, alpha, axes, n_powers):
             directions, outgoing, alpha, axes, along, cosine, height
         )
     np.sqrt(stretched, out=stretched)
-    stretched *= height
     masked = cosine * masked_own
     masked += stretched
     # Below the horizon, where nothing counts, it can be 0.
     np.maximum(along, 1e-12, out=along)
-    value = np.divide(squared, along, out=along)
-    value *= value
-    value /= masked
-    value *= cosine
+    if spread is None:
+        along /= squared
+        along *= along
+    else:
+        _spread_out(along, squared, spread, alpha, out=stretched)
+    along *= masked
+    value = np.divide(cosine, along, out=along)
     value *= scale / (2 * np.pi)
     lobes = [value]
     if n_powers > 1:
@@ -84,6 +93,27 @@ def lobe_values(directions, normals, outgoing, alpha, axes, n_powers):
     return lobes
 
 
+def _spread_out(along, squared, spread, alpha, out):
+    """Make `along` the denominator of means: of q^-2 and its second derivatives times the variance.
+
+    Facets turn half as far as the light along the plane of the view, and further across it.
+    """
+    reach = np.divide(1, squared, out=out)
+    along *= reach
+    reach *= 4 * spread
+    reach += spread
+    square = (alpha * alpha)[:, None]
+    if alpha.ndim == 2:
+        square = alpha.prod(axis=1)[:, None]
+        # The mean of the curvatures along both axes.
+        reach *= (alpha * alpha).sum(axis=1)[:, None] / (2 * square)
+    np.minimum(reach, _MOST_SPREAD * square, out=reach)
+    less = along - reach
+    along *= less
+    reach *= 1.5 * square
+    along += reach
+
+
 def _stretched(directions, outgoing, alpha, axes, along, cosine, height):
     """What an anisotropic lobe has in place of an isotropic one's terms."""
     alpha_x, alpha_y = (a[:, None] for a in alpha.T)
@@ -101,4 +131,5 @@ def _stretched(directions, outgoing, alpha, axes, along, cosine, height):
         there *= there
         stretched += there
         own = own + (width * here) ** 2
+    stretched *= height * height
     return along, stretched, np.sqrt(own), product

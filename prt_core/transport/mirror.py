@@ -25,7 +25,7 @@ class Mirror:
         self._keys = row * len(reflections.blocks) + reflections.block
         self._texels = self._sent = self._sky = None
 
-    def update(self, texels, sent, sky=None, by_entry=None):
+    def update(self, texels, sent, sky=None):
         """Take in a light, as `IncomingField.update` does.
 
         Parameters
@@ -34,16 +34,17 @@ class Mirror:
         sent : (n_points, 3) float32
         sky : callable((m, 3) directions) -> (m, 3), optional
             Radiance of the sky; default: that of the texels.
-        by_entry : (m, 3) float32, optional
         """
         n_directions = self._field.reflections.blocks.cube_map.n_directions
         if texels is None:
             texels = np.zeros((n_directions, 3), np.float32)
         self._texels = expect_array("texels", texels, (n_directions, 3), np.float32)
-        if by_entry is None:
-            sent = np.concatenate([sent, np.zeros((2, 3), np.float32)])
-            by_entry = sent[self._field.reflections.met]
-        self._sent, self._sky = by_entry, sky
+        sent = np.concatenate([sent, np.zeros((2, 3), np.float32)])
+        self._sent, self._sky = sent[self._field.reflections.met], sky
+
+    def resend(self, entries, which, change):
+        """Take in what some entries send beyond what they did, as `IncomingField.resend` does."""
+        self._sent[entries] += change[which]
 
     def reflected(self, rows, normals, outgoing, powers):
         """Radiance that mirrors send towards a viewer.

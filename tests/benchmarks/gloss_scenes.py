@@ -58,6 +58,11 @@ MATERIALS = {
     "ggx_0.2": lambda: glossy("ggx", roughness=0.2),
     "metal_0.3": lambda: principled("metal", (0.9, 0.6, 0.3), Metallic=1, Roughness=0.3),
     "dielectric": lambda: principled("plastic", Roughness=0.4),
+    "brushed": lambda: principled(
+        "brushed", (0.9, 0.6, 0.3), Metallic=1, Roughness=0.45, Anisotropic=0.7
+    ),
+    "tinted": lambda: principled("tinted", Roughness=0.4, Specular_Tint=(1, 0.4, 0.2, 1)),
+    "clay": lambda: principled("clay", Roughness=0.6, Diffuse_Roughness=1),
     "coat": lambda: principled("lacquer", Roughness=0.6, Coat_Weight=1, Coat_Roughness=0.3),
 }
 

@@ -46,7 +46,7 @@ def test_a_kept_attribute_is_the_one_for_renders_and_stays_it(baked_floor):
     assert bpy.ops.prt.keep(attribute=other.name + " relit") == {"FINISHED"}
     ball = baked_floor.objects["ball"]
     assert render_colour(ball) == "Mine relit"
-    assert ball.data.color_attributes.active_color_name == "PRT"
+    assert ball.data.color_attributes.active_color_name == "PRT Solid"
     # The preview goes on, and goes.
     baked_floor.prt.strength = 2
     assert bpy.ops.prt.relight() == {"FINISHED"}

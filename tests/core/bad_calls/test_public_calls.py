@@ -15,8 +15,10 @@ from prt_core.bake.load import load
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
-from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
 from prt_core.export.glb import glb_steps
+from prt_core.relight.blend import LightBlend, WeightedLight
+from prt_core.relight.light_file import read_lights, write_lights
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.lights_apart import lights_apart
 from prt_core.relight.relighter import Relighter
@@ -74,6 +76,12 @@ def path_call(there):
     return Call(bake, {"path": there.folder / "c.prt"}, ("path text",))
 
 
+def lights_file(folder):
+    path = folder / "good_lights.json"
+    path.write_text('{"night": {"emission": "all"}}')
+    return path
+
+
 CALLS = {
     "BakeStore": lambda t: Call(BakeStore, {"path": t.folder / "a.prt", "mode": "r"}),
     "load": lambda t: Call(load, {"path": t.folder / "a.prt"}),
@@ -129,6 +137,12 @@ CALLS = {
         write_npz,
         {"path": t.folder / "w.npz", "colours": {"a": np.ones((2, 3))}},
         ("colours dict",),
+    ),
+    "light_path": plain(
+        light_path,
+        (*any_of("pattern"), "name other text", "name one more", "name long name"),
+        pattern=Path("a_#.png"),
+        name="day",
     ),
     "frame_path": plain(frame_path, any_of("pattern"), pattern=Path("a_#.png"), frame=3),
     "PictureWriter": lambda t: Call(
@@ -227,6 +241,29 @@ CALLS = {
         lamp_samples=5,
         bounces=7,
         exposure=1.5,
+    ),
+    "WeightedLight": plain(
+        WeightedLight,
+        ("name other text", "name empty text"),
+        name="day",
+        lighting=Lighting(image()),
+        weight=0.5,
+    ),
+    "LightBlend": lambda t: Call(
+        lambda lights, **rest: LightBlend(t.bake, **rest).radiance(lights),
+        {
+            "lights": [WeightedLight("day", Lighting(image()))],
+            "caster": "brute",
+            "form": "exact",
+        },
+        ("caster other text", "caster empty text"),
+    ),
+    "read_lights": lambda t: Call(
+        lambda path: read_lights(path, t.bake), {"path": lights_file(t.folder)}
+    ),
+    "write_lights": lambda t: Call(
+        write_lights,
+        {"path": t.folder / "lights.json", "lights": {"day": {"lamps": True}}},
     ),
     "relight by path": lambda t: Call(
         lambda bake, light: api.relight(bake, light, form="exact"),

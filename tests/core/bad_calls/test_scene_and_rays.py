@@ -111,6 +111,11 @@ CALLS = {
         scene.geometry_layout, {"mesh": unwrapped(t), "parametrisation": "uv"}
     ),
     "with_geometry_image": geometry_image,
+    "SplitMeshes.split": lambda t: Call(
+        lambda meshes, marked: scene.SplitMeshes(meshes).split(marked),
+        {"meshes": t.meshes, "marked": np.zeros(scene.SplitMeshes(t.meshes).n_edges, bool)},
+    ),
+    "split_evenly": lambda t: Call(scene.split_evenly, {"meshes": t.meshes}),
     "with_atlas": atlas,
     "mesh_digests": lambda t: Call(scene.mesh_digests, {"meshes": t.meshes}),
     "changes": plain(scene.changes, source={"a": "1"}, digests={"b": "1"}),

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from prt_core import light, sampling, sphere, transport
 from prt_core.bake import gather_terms
+from prt_core.runtime.progress import run
 from prt_core.sampling.groups import certified_together
 
 from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scene
@@ -34,6 +35,23 @@ def of_transport(there):
     return Call(call, {**good, "bounces": 2}, may)
 
 
+def refine_call(there):
+    def refine(**arguments):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sampling.edge_errors, "_LEAST", 50)
+            meshes, _ = run(sampling.refine_steps(**arguments))
+        return [mesh.vertices for mesh in meshes]
+
+    good = {
+        "meshes": there.meshes,
+        "lamps": [light.Lamp("sun", (1.0, 2.0, 3.0))],
+        "world": there.light,
+        "settings": sampling.RefineSettings(0.9),
+        "caster": "brute",
+    }
+    return Call(refine, good, ("lamps no elements", "world None", "settings None"))
+
+
 def of_partial(there):
     baked = there.bake.transport
     names = "cube_map", "bits", "gather", "normals", "materials"
@@ -47,6 +65,8 @@ def of_partial(there):
 
 
 CALLS = {
+    "refine_steps": refine_call,
+    "RefineSettings": plain(sampling.RefineSettings, tolerance=0.1, vertices=20),
     "Transport": lambda t: of_transport(t),
     "PartialTransport": of_partial,
     "Spread": lambda t: Call(sampling.Spread, {"scene": t.scene}),

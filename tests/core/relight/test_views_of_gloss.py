@@ -11,6 +11,7 @@ from prt_core.rays.caster import known_casters
 from prt_core.relight import relighter as module
 from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.gloss import Gloss
+from prt_core.relight.glossy_points import SeenMetal
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.transport import View
@@ -104,6 +105,26 @@ def test_few_points_of_an_object_are_evaluated_themselves(bake):
     assert CoarseView(points, glossy, 16).chosen[ball[:2]].any()
     alone = CoarseView(points, ball[:5], 64)
     assert alone.chosen.sum() == 5 and not alone.chosen[ball[5:]].any()
+
+
+def test_what_is_seen_from_several_points_along_one_direction_is_there_once(bake):
+    gloss = Gloss(bake, CASTER)
+    parts, points = gloss._parts, bake.scene.points
+    seen = SeenMetal(parts, len(points))
+    sights = np.column_stack([seen.part, seen.row, seen.outgoing])
+    assert 0 < len(np.unique(sights, axis=0)) == len(seen)
+    assert len(seen) < sum(len(entries) for entries, _ in seen.entries)
+    ball = points.object_index == 1
+    for part, (entries, which) in zip(parts, seen.entries, strict=True):
+        reflections = part.field.reflections
+        met = reflections.met[entries]
+        who = [parts[p].points[row] for p, row in zip(seen.part, seen.row, strict=True)]
+        np.testing.assert_array_equal(np.array(who)[which], met)
+        ways = -reflections.blocks.directions[reflections.block[entries]]
+        np.testing.assert_allclose(seen.outgoing[which], ways, atol=1e-6)
+        # The floor reflects less than metals do.
+        assert ball[met].all()
+        assert (ball[reflections.met] & (reflections.met >= 0)).sum() == len(entries)
 
 
 def test_without_a_light_there_is_no_view(bake, monkeypatch):

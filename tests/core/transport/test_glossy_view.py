@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.reflectance import Constant, Microfacet, local_frames
+from prt_core.reflectance import Constant, Microfacet, OrenNayar, local_frames
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap, tangents
 from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
@@ -12,6 +12,7 @@ from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import FINER, IncomingField, bright_texels
 from prt_core.transport.lobe_values import lobe_values
 from prt_core.transport.mirror import Mirror
+from prt_core.transport.rough_diffuse import rough_share
 from prt_core.transport.visibility import unpack
 from tests.meshes import caster_of, plane, sphere, wall
 
@@ -238,3 +239,32 @@ def test_a_glimpse_from_below_a_smooth_normal_is_light_all_the_same(case):
         case.field, case.normals, rows, below, np.full(len(rows), 0.3), white(len(rows))
     )
     assert np.isfinite(about).all() and (about.sum(axis=1) > 0).mean() > 0.5
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_rough_diffuse_light_is_that_of_the_dense_sum(case, way):
+    case.field.update(case.light, 0 * case.sent)
+    outgoing = (way / np.linalg.norm(way)).astype(np.float32)
+    rows = np.flatnonzero(case.normals @ outgoing > 0.1)
+    colour = np.float32([0.9, 0.5, 0.1])
+    ours = rough_share(
+        case.field, rows, case.normals[rows].astype(np.float32), np.tile(outgoing, (len(rows), 1)),
+        np.full(len(rows), 0.8, np.float32), np.tile(colour, (len(rows), 1)),
+    )  # fmt: skip
+    frames = local_frames(case.normals[rows])
+    incoming = np.einsum("mx,nkx->nmk", case.cube_map.directions, frames)
+    view = np.einsum("x,nkx->nk", outgoing, frames)[:, None]
+    weight = np.maximum(incoming[..., 2], 0) * case.cube_map.solid_angles
+    weight = (weight * unpack(case.bits[rows], 6 * RESOLUTION**2))[..., None] * case.light
+    lobe = OrenNayar(colour, 0.8).eval(incoming, view)
+    wanted = (lobe * weight).sum(axis=1) / colour
+    even = weight.sum(axis=1) / np.pi
+    lit = even[:, 0] > 0.05 * even[:, 0].max()
+    assert relative((ours * even)[lit], wanted[lit]) < 0.015
+    assert relative(even[lit], wanted[lit]) > 0.05
+    # What is smooth sends as much to all sides.
+    smooth = rough_share(
+        case.field, rows[:9], case.normals[rows[:9]].astype(np.float32),
+        np.tile(outgoing, (9, 1)), np.zeros(9, np.float32), np.tile(colour, (9, 1)),
+    )  # fmt: skip
+    np.testing.assert_allclose(smooth, 1, rtol=1e-5)

@@ -49,9 +49,18 @@ conformance: $(VENV)/.ready
 test-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window
 
+# The demo as a web page in headless Chromium (apt-get install chromium, or CHROMIUM=path).
+test-web: $(VENV)/.ready
+	$(RUN) -m pytest -s tests/web
+
 # How the add-on feels in a window, into docs/benchmarks; BLENDER as for test-window.
 bench-window: $(VENV)/.ready
 	BLENDER="$(BLENDER)" $(RUN) tests/benchmarks/window.py
+
+# What .glb files are to others: Khronos' validator, three.js and a headless browser (needs npm).
+engines: $(VENV)/.ready
+	cd tests/engines && npm install --no-audit --no-fund --no-package-lock
+	$(RUN) -m pytest tests/engines
 
 # The tests on every supported Blender: bpy 4.2, 4.5, 5.0 (Python 3.11) and 5.2 (Python 3.13).
 matrix:
@@ -60,4 +69,4 @@ matrix:
 clean:
 	rm -rf $(VENV) .venv-* demo_output build
 
-.PHONY: setup demo test lint docs conformance bench extension release test-window bench-window matrix clean
+.PHONY: setup demo test lint docs conformance bench extension engines release test-window test-web bench-window matrix clean

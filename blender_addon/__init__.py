@@ -1,14 +1,16 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties (what is set), operators, keeping and remedies (what is done), panels (what is drawn),
-plan (what a bake would be), bakes (those on disk), naming and saving (what they are called, and
-how they go with their file), preview (the one in memory and its colours), freshness (whether it is
-of the scene), live (when all this is done again), gloss (when the view moves), rendering (whether
-something renders), history (files and undo steps), work (long work
-without a stuck window), own_changes (whose change it is), views and studio (Blender's shading and
-lights). Light fields likewise: field_operators, field_panel, field_list (those on disk),
-light_fields (the one in memory), following (when it is shown again), viewport (from where).
+properties and light_properties (what is set), operators, keeping, exporting, web_page, lightmaps,
+occlusion, looking, light_sets and remedies (what is done), panels and panel_… (what is drawn),
+plan (what a bake would be), advice (what is to be known before), bakes (those on disk), naming and
+saving (what they are called, and how they go with their file), preview (the one in memory and its
+colours), freshness (whether it is of the scene), live (when all this is done again), gloss (when
+the view moves), rendering (whether something renders), history (files and undo steps), work (long
+work without a stuck window), idle_work (short work of a timer), own_changes (whose change it is),
+views and studio (Blender's shading and lights). Light fields likewise: field_operators,
+field_panel, field_list (those on disk), light_fields (the one in memory), following (when it is
+shown again), viewport (from where).
 """
 
 import bpy
@@ -16,19 +18,29 @@ import bpy
 import prt_core.blender  # noqa: F401  (makes Blender's ray casters known)
 
 from . import (
+    exporting,
     field_operators,
     field_panel,
     following,
     history,
     keeping,
+    light_sets,
+    lightmaps,
     live,
+    looking,
+    occlusion,
     operators,
+    panel_bakes,
+    panel_light,
+    panel_look,
+    panel_output,
     panels,
     plan,
     preview,
     properties,
     remedies,
     rendering,
+    web_page,
     work,
 )
 
@@ -37,8 +49,18 @@ _PARTS = (
     operators,
     field_operators,
     keeping,
+    exporting,
+    web_page,
+    lightmaps,
+    occlusion,
     remedies,
+    looking,
+    light_sets,
     panels,
+    panel_light,
+    panel_look,
+    panel_output,
+    panel_bakes,
     field_panel,
     rendering,
     following,

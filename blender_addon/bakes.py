@@ -79,6 +79,12 @@ def goes_on(scene):
     )
 
 
+def is_there(scene):
+    """Whether the bake that the button makes is in the folder, whole."""
+    path = str(plan.output_path(scene))
+    return any(b.path == path and b.complete for b in bpy.context.window_manager.prt.bakes)
+
+
 def of_another(scene, attributes, path):
     """The file and scene that a bake is of in words, where it is not this one; else None."""
     origin = attributes.get("origin")

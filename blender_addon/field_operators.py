@@ -16,7 +16,7 @@ from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import run
 
 from . import field_list, following, light_fields, live, plan, preview, saving, views, work
-from .buttons import Button
+from .buttons import Asks, Button
 from .work import LongWork
 
 # A bake's surfaces look the same from all sides: as few directions as a field can have.
@@ -146,7 +146,7 @@ def _show(scene, shown):
     field_list.refresh(scene, select=shown.path)
 
 
-class PRT_OT_light_field_compress(LongWork, Button, bpy.types.Operator):
+class PRT_OT_light_field_compress(Asks, LongWork, Button, bpy.types.Operator):
     """Keep the light field that is shown in fewer bytes beside it, and show that form"""
 
     bl_idname = "prt.light_field_compress"
@@ -182,20 +182,13 @@ class PRT_OT_light_field_compress(LongWork, Button, bpy.types.Operator):
         name="Megabytes", description="10^6 bytes on disk, at most", default=1.0, min=1e-3,
         soft_max=1e3, precision=3,
     )  # fmt: skip
-    confirmed: BoolProperty(description="Begin without a dialog", options={"HIDDEN", "SKIP_SAVE"})
-    _asks = False
+    call, asked = "light_field_compress", ("method", "goal", "tolerance", "megabytes")
 
     @classmethod
     def why_not(cls, context):
         if not light_fields.path_of(context.scene):
             return "Bake a light field, or load one, first"
         return super().why_not(context)
-
-    def invoke(self, context, event):
-        self._asks = work.has_window(context) and not self.confirmed
-        if self._asks:
-            return context.window_manager.invoke_props_dialog(self, confirm_text="Compress")
-        return super().invoke(context, event)
 
     def draw(self, _context):
         layout = self.layout
@@ -204,18 +197,6 @@ class PRT_OT_light_field_compress(LongWork, Button, bpy.types.Operator):
         if self.method != "none":
             layout.row().prop(self, "goal", expand=True)
             layout.prop(self, "tolerance" if self.goal == "ERROR" else "megabytes")
-
-    def execute(self, context):
-        if not self._asks:
-            return super().execute(context)
-        # Blender frees the operator of a dialog, so the work is another's.
-        names = "method", "goal", "tolerance", "megabytes"
-        chosen = {name: getattr(self, name) for name in names}
-        try:
-            bpy.ops.prt.light_field_compress("INVOKE_DEFAULT", confirmed=True, **chosen)
-        except RuntimeError as error:
-            return self.fail(str(error).removeprefix("Error: ").strip())
-        return {"CANCELLED"}
 
     def steps(self, context, _pace):
         scene = self.begin(context)

@@ -5,7 +5,7 @@ import bpy
 from prt_core.blender.compat import custom_camera_missing
 
 from . import light_fields, plan
-from .panels import Panel, lines, notes
+from .panel_parts import Panel, lines, notes
 from .work import status
 
 

@@ -12,7 +12,8 @@ from bpy.app.handlers import persistent
 from prt_core import run
 from prt_core.blender.identity import by_uid
 
-from . import light_fields, rendering, viewport, work
+from . import light_fields, preview, rendering, viewport, work
+from .idle_work import IdleWork
 from .own_changes import is_own, own_changes
 
 # Seconds: between looks at the view; of work in one call; of quiet before objects that moved are
@@ -20,11 +21,10 @@ from .own_changes import is_own, own_changes
 _LOOK, _BUDGET, _QUIET = 1 / 60, 0.02, 0.35
 
 
-class _State:
+class _State(IdleWork):
     """What is under way; nothing of it outlives the file."""
 
-    def __init__(self):
-        self.job = None  # generator under way
+    def forget(self):
         self.failed = None  # the key of what went wrong, so that it is said once
         self.moved = None  # when geometry changed that was not looked at yet
 
@@ -35,17 +35,7 @@ _NOW = _State()
 frames, written = [], [0]
 
 
-def another_file():
-    """Nothing that is to be done outlives the file."""
-    stop()
-    _NOW.__init__()
-
-
-def stop():
-    """Drop what is under way."""
-    if _NOW.job is not None:
-        _NOW.job.close()
-    _NOW.job = None
+another_file, stop = _NOW.another_file, _NOW.stop
 
 
 def idle(scene):
@@ -82,7 +72,7 @@ def key_of(scene, view=None):
     """What the colours depend on: views and lamps of one key look the same."""
     view = _view_of(scene) if view is None else view
     lamps = tuple((lamp.name, lamp.strength, *lamp.colour) for lamp in scene.prt.field.lamps)
-    settings = scene.prt.domain, scene.prt.material, scene.prt.exposure
+    settings = scene.prt.domain, scene.prt.look, scene.prt.exposure
     field = light_fields.path_of(scene), scene.prt.field.use_compressed
     return viewport.place_of(view), lamps, settings, field
 
@@ -109,7 +99,8 @@ def tick():
     try:
         if _NOW.job is None:
             _begin(scene)
-        _go_on()
+        if _NOW.go_on(_BUDGET):
+            _NOW.failed = None
     except work.FAILURES as error:
         stop()
         work.say(str(error), True)
@@ -126,7 +117,8 @@ def _begin(scene):
             raise
         return
     shown = light_fields.held(scene)
-    if key != _NOW.failed and (shown is None or shown.shown != key):
+    differs = shown is None or shown.shown != key or preview.is_seen_otherwise(scene, shown)
+    if key != _NOW.failed and differs:
         _NOW.failed = key
         _NOW.job = show_steps(scene)
     elif _NOW.moved is not None and time.perf_counter() - _NOW.moved > _QUIET:
@@ -134,16 +126,6 @@ def _begin(scene):
         if shown is not None:
             light_fields.check_moved(scene, shown)
             work.redraw()
-
-
-def _go_on():
-    """As much of the job as fits into a moment."""
-    end = time.perf_counter() + _BUDGET
-    try:
-        while _NOW.job is not None and time.perf_counter() < end:
-            next(_NOW.job)
-    except StopIteration:
-        _NOW.job = _NOW.failed = None
 
 
 def show_steps(scene, view=None):

@@ -13,6 +13,7 @@ import numpy as np
 from prt_core.blender.identity import by_uid
 
 from . import freshness, preview, rendering, viewport, work
+from .idle_work import IdleWork
 from .own_changes import own_changes
 from .request import view_of
 
@@ -25,11 +26,10 @@ _FIRST, _MOST = 8, 32
 _WORTH = 0.8
 
 
-class _State:
+class _State(IdleWork):
     """What is under way; nothing of it outlives the file."""
 
-    def __init__(self):
-        self.job = None  # generator under way
+    def forget(self):
         self.every = 1  # of the job
         self.place = None  # from where it was looked when last asked
         self.moved = 0.0  # when that changed
@@ -44,17 +44,7 @@ _NOW = _State()
 frames, written = [], [0]
 
 
-def another_file():
-    """Nothing that is to be done outlives the file."""
-    stop()
-    _NOW.__init__()
-
-
-def stop():
-    """Drop what is under way."""
-    if _NOW.job is not None:
-        _NOW.job.close()
-    _NOW.job = None
+another_file, stop = _NOW.another_file, _NOW.stop
 
 
 def idle(scene):
@@ -91,7 +81,8 @@ def tick():
     try:
         if _NOW.job is None or (_NOW.every < _NOW.moving and moves(scene)):
             _begin(scene)
-        _go_on()
+        if _NOW.go_on(_BUDGET):
+            _NOW.failed = _NOW.said = None
     except work.FAILURES as error:
         stop()
         if _NOW.said != str(error):
@@ -115,7 +106,7 @@ def _shows(scene):
 def _follows(scene):
     """Whether a scene shows gloss, under a light that is known for any view."""
     held = preview.held(scene)
-    return _shows(scene) and held.has_light(held.shown.key)
+    return _shows(scene) and held.blend.has_light(held.shown.lights)
 
 
 def _place(scene):
@@ -146,16 +137,6 @@ def _begin(scene):
         return
     stop()  # that of an older view, if any
     _NOW.job, _NOW.every = _steps(scene, held, asked), every
-
-
-def _go_on():
-    """As much of the job as fits into a moment."""
-    end = time.perf_counter() + _BUDGET
-    try:
-        while _NOW.job is not None and time.perf_counter() < end:
-            next(_NOW.job)
-    except StopIteration:
-        _NOW.job = _NOW.failed = _NOW.said = None
 
 
 def _steps(scene, held, asked):

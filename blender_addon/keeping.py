@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
 
-from prt_core.blender import colours
+from prt_core.blender import colours, exporters
 from prt_core.blender.camera import read_camera
 from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
 from prt_core.blender.realised import KEPT_COLLECTION
@@ -12,18 +12,25 @@ from prt_core.errors import expect
 from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
-from .buttons import BakeButton, Button
+from .buttons import Asks, BakeButton, Button
 from .request import request
 from .work import LongWork
 
+EACH_LIGHT = BoolProperty(
+    name="Each Light Set",
+    description="One for each light that is kept by name, at its full weight; otherwise their "
+    "blend",
+)
 
-class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
+
+class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
     """Keep the colours as an attribute of the meshes that stays when the preview goes; gloss stays
     as it is seen at that moment"""
 
     bl_idname = "prt.keep"
     bl_label = "Keep Colours"
     title = "Keep Colours"
+    call, asked = "keep", ("attribute", "domain", "kind", "channels", "each_light")
 
     attribute: StringProperty(name="Attribute", default="Relit")
     domain: EnumProperty(
@@ -42,39 +49,50 @@ class PRT_OT_keep(LongWork, BakeButton, bpy.types.Operator):
         options={"ENUM_FLAG"},
         default={"R", "G", "B"},
     )
+    each_light: EACH_LIGHT
 
     def steps(self, context, pace):
         scene = self.begin(context)
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
-        radiance = yield from request(self.scene).steps(held, pace)
-        return held, radiance
+        asked = request(self.scene)
+        lights = asked.each() if self.each_light else [("", asked)]
+        radiances = {}
+        for name, light in lights:
+            attribute = f"{self.attribute} {name}".strip()
+            radiances[attribute] = yield from light.steps(held, pace)
+        return held, radiances
 
     def finish(self, context, result):
-        held, radiance = result
+        held, radiances = result
+        for attribute, radiance in radiances.items():
+            self._keep(held, attribute, radiance)
+
+    def _keep(self, held, attribute, radiance):
         scene = self.scene
         expect(
-            self.attribute != scene.prt.attribute,
-            f"attribute: '{self.attribute}' is the preview's and goes with it; use another name",
+            attribute not in colours.names_of_preview(scene.prt.attribute),
+            f"attribute: '{attribute}' is the preview's and goes with it; use another name",
         )
         by_object = held.bake.colours(radiance)
         realised, left = colours.keep_all(
             held.bake.scene,
             by_object,
-            self.attribute,
+            attribute,
             self.domain,
             places=preview.places_now(scene, held),
             target=scene,
             byte=self.kind == "BYTE_COLOR",
             channels="".join(sorted(self.channels, key="RGB".index)),
         )
-        text = f"'{self.attribute}' kept on {len(by_object)} objects"
+        text = f"'{attribute}' kept on {len(by_object)} objects"
         if realised:
             text += (
                 f", {len(realised)} of them realised in the collection '{KEPT_COLLECTION}': they "
                 "stand in for the originals when the preview is taken off"
             )
         notes = [f"{name}: was kept with another shape before, and is hidden now" for name in left]
+        notes += exporters.offer(scene, attribute)
         for note in notes:
             self.report({"WARNING"}, note)
         self.report({"INFO"}, text)
@@ -99,9 +117,12 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
     first: IntProperty(name="First", default=1)
     last: IntProperty(name="Last", default=1)
     pictures: BoolProperty(
-        name="Pictures", description="A .png from the scene's camera beside each file"
+        name="Pictures",
+        description="A .png from the scene's camera beside each file, by the "
+        "scene's view transform",
     )
     size: IntVectorProperty(name="Size", size=2, default=(960, 540), min=16, max=8192)
+    each_light: EACH_LIGHT
 
     def invoke(self, context, event):
         if bpy.app.background:
@@ -109,7 +130,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def steps(self, context, pace):
-        from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+        from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
 
         scene = context.scene
         frames = range(self.first, self.last + 1)
@@ -133,12 +154,14 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 if not moved:
                     moved = self._say_moved(scene)
                 asked = request(scene, rendered=self.pictures)
-                radiance = yield from asked.steps(held, pace)
-                path = frame_path(pattern, frame)
-                write_npz(path, held.bake.colours(radiance))
-                if self.pictures:
-                    camera = read_camera(self.scene)
-                    pictures.write(path.with_suffix(".png"), radiance, camera)
+                for name, light in asked.each() if self.each_light else [("", asked)]:
+                    radiance = yield from light.steps(held, pace)
+                    path = frame_path(light_path(pattern, name) if name else pattern, frame)
+                    write_npz(path, held.bake.colours(radiance))
+                    if self.pictures:
+                        camera, sky = read_camera(self.scene), light.sky(held)
+                        encode = preview.transform_of(self.scene).encode
+                        pictures.write(path.with_suffix(".png"), radiance, camera, sky, encode)
                 yield Progress("frames", count + 1, len(frames))
         finally:
             self.scene.frame_set(before)

@@ -42,6 +42,8 @@ class ShownField:
         Of each of its objects: the point of the field of each corner; -1 where there is none.
     shown : tuple
         What the colours on the meshes were made from, None where unknown.
+    solid : tuple
+        The key of the view transform that Solid mode shows them by; None where it does not.
     warned : str
         What was said last about how the scene differs from it.
     """
@@ -61,7 +63,7 @@ class ShownField:
         row = np.full(len(scene.points) + 1, -1, np.int32)
         row[self.field.point] = np.arange(len(self.field), dtype=np.int32)
         self.rows = {o.name: row[o.corner_point] for o in scene.objects if o.receives}
-        self.shown, self.warned = None, ""
+        self.shown, self.solid, self.warned = None, None, ""
 
     def colours(self, radiance):
         """{name: (n_corners, 3) float32} of radiance (n, 3) of its points; black without one."""
@@ -137,9 +139,14 @@ def write(scene, shown, radiance, key):
     by_object = shown.colours(radiance)
     if shown.shown is None:
         _take_over(scene, shown, ours)
-    domain = settings.domain
-    colours.write_all(baked, by_object, LIGHT_FIELD, domain, target=scene, others=[ours])
-    preview_look.show_colours(baked, LIGHT_FIELD, settings.material, names=by_object)
+    layers, solid, shown.solid = preview.layers_of(scene, LIGHT_FIELD, shown, radiance)
+    colours.write_all(
+        baked, by_object, LIGHT_FIELD, settings.domain, target=scene, others=[ours], layers=layers,
+        solid=solid,
+    )  # fmt: skip
+    # A field is what surfaces look like: there is no light apart for their own materials.
+    look = "SOLID" if settings.look == "SOLID" else "COLOURS"
+    preview_look.show_colours(baked, LIGHT_FIELD, look, names=by_object)
     shown.shown = key
 
 

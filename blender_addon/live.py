@@ -14,7 +14,18 @@ from prt_core import run
 from prt_core.blender.identity import by_uid
 from prt_core.blender.stand_ins import arrange
 
-from . import bakes, field_list, following, freshness, gloss, plan, preview, rendering, work
+from . import (
+    bakes,
+    field_list,
+    following,
+    freshness,
+    gloss,
+    plan,
+    preview,
+    rendering,
+    showing,
+    work,
+)
 from .own_changes import are_own, is_own, own_changes
 from .request import request
 
@@ -89,6 +100,7 @@ def note_preview():
 
 def another_file():
     """Nothing that is to be done outlives the file."""
+    showing.forget()
     _NOW.__init__()
 
 
@@ -125,7 +137,8 @@ def _tick():
     try:
         if work.status().running or rendering.is_under_way():
             stop()
-            return _IDLE
+            look = None if rendering.is_under_way() else showing.tick(_NOW.touched)
+            return _IDLE if look is None else look
         # A view that moves comes first: it is drawn anew anyway.
         looks = [following.tick()]
         if _NOW.kind != "draft":
@@ -136,6 +149,8 @@ def _tick():
                 looks.append(gloss.tick())
         if idle() and gloss.is_stale(bpy.context.scene):
             touch(bpy.context.scene, show=True)
+        if _NOW.job is None and bpy.context.mode == "OBJECT":
+            preview.see_again(bpy.context.scene)
         return min([_work(), _IDLE, *(look for look in looks if look is not None)])
     except Exception:
         stop()
@@ -178,7 +193,7 @@ def _soon():
     """Whether colours take a moment only: waited for, they are drawn with what changed."""
     held = preview.held()
     return held is not None and (
-        held.relighter.used == "compressed" or held.bake.transport.n_points <= _FEW
+        held.blend.used == "compressed" or held.bake.transport.n_points <= _FEW
     )
 
 
@@ -261,7 +276,7 @@ def _relight_steps(scene, draft):
             return
     full = request(scene)
     # Where the lamps stay as they are, the first colours are the last.
-    draft = draft and not held.relighter.has_lamps(full.lighting)
+    draft = draft and not held.blend.has_lamps(full.lights)
     asked = request(scene, min(_DRAFT, scene.prt.lamp_samples)) if draft else full
     last = asked.key == full.key
     shown = held.shown
@@ -300,6 +315,8 @@ def _updated(scene, depsgraph):
     if are_own() or bpy.app.background or is_own(scene):
         return
     light, geometry = _what_changed(depsgraph)
+    if any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
+        _NOW.show |= preview.outdate_materials(scene)
     if not geometry and any(isinstance(u.id, bpy.types.Collection) for u in depsgraph.updates):
         geometry = plan.regrouped(scene)
     _NOW.rearrange |= any(isinstance(u.id, bpy.types.Collection | bpy.types.Scene)

@@ -10,15 +10,29 @@ from bpy.props import (
 
 from prt_core import PRTError
 from prt_core.api import bake_blend_steps, compress_bake_steps
+from prt_core.bake.first_look import first_look_steps
 from prt_core.bake.report_lines import missed
 from prt_core.blender.compat import PATH_OPTIONS
+from prt_core.blender.identity import by_uid
 from prt_core.blender.realised import KEPT_COLLECTION
 from prt_core.errors import expect
 from prt_core.runtime.progress import run
 from prt_core.store import remove_bake
 
-from . import bakes, field_list, freshness, live, plan, preview, saving, views, work
-from .buttons import BakeButton, Button
+from . import (
+    bakes,
+    field_list,
+    freshness,
+    live,
+    plan,
+    preview,
+    refining,
+    saving,
+    showing,
+    views,
+    work,
+)
+from .buttons import Asks, BakeButton, Button
 from .request import request
 from .work import LongWork, status
 
@@ -29,6 +43,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
     bl_idname = "prt.bake"
     bl_label = "Bake"
     title = "Bake"
+    when_stopped = "colours are as before, and the same button goes on where it was"
 
     restart: BoolProperty(
         name="Restart", description="Begin anew even where the bake is there already",
@@ -42,16 +57,39 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
+        pictures = None if pace is None else showing.begin(scene)
+        finished = False
+        try:
+            result = yield from self._bake_steps(path, caster, pace, pictures)
+            finished = True
+            return result
+        finally:
+            showing.end(finished)
+            scene = by_uid(bpy.data.scenes, self._uid)
+            if pictures is not None and not finished and scene is not None:
+                live.touch(scene, show=True)
+
+    def _bake_steps(self, path, caster, pace, pictures):
+        settings = plan.bake_settings(self.scene)
+        refined = refining.refine_settings(self.scene)
+        built, digests = plan.built(self.scene)
+        # What is refined first shows itself on its own finer meshes.
+        if pictures is not None and built is not None and refined is None:
+            # The panel knows the scene, which is read once more after this.
+            yield from first_look_steps(built, settings, pictures, pace, digests)
+        scene = self.scene
         self.report_line = yield from bake_blend_steps(
             None,
             path,
-            plan.bake_settings(scene),
+            settings,
             plan.receivers(scene),
             plan.two_sided(scene),
             self.restart or "changed",
             pace,
             scene,
             strict=False,
+            pictures=pictures,
+            refine=refined,
         )
         preview.forget()
         path = saving.settle(self.scene, path)
@@ -86,7 +124,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         seconds = sum(line["seconds"].values())
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
         if line["error"] is not None:
-            text += f", error {line['error']:.2%}"
+            text += f", bounced light within {line['error']:.2%}"
         for message in line["messages"]:
             self.report({"WARNING"}, message)
         self.report({"INFO"}, text)
@@ -133,17 +171,23 @@ class PRT_OT_relight(LongWork, BakeButton, bpy.types.Operator):
         work.say(f"{len(radiance):,} points relit")
 
 
-class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
+class PRT_OT_compress(Asks, LongWork, BakeButton, bpy.types.Operator):
     """Compress the loaded bake, so that colours follow the light in milliseconds"""
 
     bl_idname = "prt.compress"
     bl_label = "Compress"
     title = "Compress"
 
+    call, asked = "compress", ("method",)
+
     method: StringProperty(
         name="Method", default="auto",
         description="auto tries all on a sample of the points; none removes the compressed form",
     )  # fmt: skip
+
+    def draw(self, context):
+        super().draw(context)
+        self.layout.prop(context.scene.prt, "compress_tolerance")
 
     def steps(self, context, pace):
         scene = self.begin(context)
@@ -157,7 +201,7 @@ class PRT_OT_compress(LongWork, BakeButton, bpy.types.Operator):
         self.form_report = yield from compress_bake_steps(
             subject, self.method, tolerance, of="points"
         )
-        held.relighter.close()
+        held.blend.close()
         asked = request(self.scene)
         radiance = yield from asked.steps(held, pace)
         return held, asked, radiance
@@ -286,22 +330,6 @@ class PRT_OT_refresh(Button, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PRT_OT_shading(Button, bpy.types.Operator):
-    """Show the colours in Solid mode, as they are; again: as it was before"""
-
-    bl_idname = "prt.shading"
-    bl_label = "Colours in Solid"
-    bl_options = {"REGISTER"}
-    object_mode = False
-
-    def execute(self, _context):
-        if views.shown():
-            views.restore()
-        else:
-            views.show()
-        return {"FINISHED"}
-
-
 _CLASSES = (
     PRT_OT_bake,
     PRT_OT_cancel,
@@ -311,6 +339,5 @@ _CLASSES = (
     PRT_OT_clear,
     PRT_OT_remove,
     PRT_OT_refresh,
-    PRT_OT_shading,
 )
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

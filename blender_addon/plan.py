@@ -28,6 +28,8 @@ GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 # What a plan or a reading may have taken to be made again without being asked for: seconds, and
 # seconds for which it held the window; corners that a scene may show to be read for the first time.
 _MOST_SECONDS, _MOST_HELD, _MOST_CORNERS = 2.0, 0.25, 2_000_000
+# Points of a scene that is kept with its plan, at most: some 50 MB.
+_MOST_KEPT = 250_000
 # Of scenes by `session_uid`: their plans and readings; which of them may no longer hold; whose
 # panel asked for a plan.
 _PLANS, _READINGS = {}, {}
@@ -77,6 +79,10 @@ class Plan:
     back_end : str
     messages : list of str
         What would be ignored or replaced.
+    built : Scene or None
+        The scene as it is baked, for a first look at it; None of large ones.
+    digests : dict of str -> str
+        Of its meshes.
     seconds, held : float
         How long it took to make, and its longest step.
     """
@@ -84,6 +90,8 @@ class Plan:
     cost: object = None
     back_end: str = ""
     messages: list = field(default_factory=list)
+    built: object = None
+    digests: dict = field(default_factory=dict)
     seconds: float = 0.0
     held: float = 0.0
 
@@ -291,6 +299,8 @@ def steps(scene, pace=None, rays_per_second=None):
         built = yield from in_thread("scene", Scene.from_meshes, meshes)
         planned.messages[:] = grouped([*planned.messages, *built.messages], meshes)
         planned.cost = preflight(built, settings, planned.back_end, rays_per_second)
+        if len(built.points) <= _MOST_KEPT:
+            planned.built, planned.digests = built, reading_of(uid).digests
     except PRTError as error:
         planned.messages.append(str(error))
         _keep(uid, planned, start)
@@ -312,6 +322,16 @@ def _keep(uid, planned, start):
 def of(scene):
     """The `Plan` of a scene, or None; and whether it still holds."""
     return _PLANS.get(scene.session_uid), scene.session_uid not in _OLD_PLANS
+
+
+def built(scene):
+    """A scene as its plan has built it, and its digests; (None, None) where it may have changed."""
+    planned, holds = of(scene)
+    read, is_read = reading(scene)
+    if planned is None or read is None or not (holds and is_read):
+        return None, None
+    same = planned.built is not None and planned.digests == read.digests
+    return (planned.built, planned.digests) if same else (None, None)
 
 
 def reading(scene):
@@ -367,27 +387,3 @@ def forget():
     """Forget all plans: another file."""
     for kept in (_PLANS, _READINGS, _OLD_PLANS, _OLD_READINGS, _WANTED):
         kept.clear()
-
-
-def warnings(scene):
-    """What a person should know before baking: (text, operator that helps or None, its object)."""
-    lines = []
-    if not bpy.data.filepath and (scene.prt.folder or "//").startswith("//"):
-        lines.append(
-            ("File not saved: bakes are kept in a temporary folder", "wm.save_mainfile", None)
-        )
-    for item in scene.objects:
-        hidden = item.type in GEOMETRY and item.prt.receives and not renders(item)
-        if hidden and not is_kept(item):
-            helps = "prt.unhide" if item.library is None else None
-            lines.append((f"{item.name}: hidden in renders, not baked", helps, item.name))
-    planned, _ = of(scene)
-    if planned is None:
-        return lines
-    if planned.cost is not None:
-        own = {item.name: item.type for item in scene.objects if item.library is None}
-        for name, (distance, _) in planned.cost.coarse.items():
-            helps = "prt.subdivide" if own.get(name) == "MESH" else None
-            text = f"{name}: a vertex every {distance:.2g}, too few for shadows"
-            lines.append((text, helps, name))
-    return lines + [(text, None, None) for text in planned.messages]

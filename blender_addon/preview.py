@@ -4,23 +4,32 @@ import os
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from prt_core import load
 from prt_core.blender import colours, preview_look
 from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import PREVIEW, holds
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
+from prt_core.blender.view_transform import ViewTransform, transform_key
 from prt_core.errors import expect
-from prt_core.relight.relighter import Relighter
+from prt_core.relight.blend import LightBlend
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
-from . import plan, views
+from . import plan, rendering, views, work
+from .own_changes import own_changes
 
 # The colour attribute of light fields: objects that have it are theirs, not a bake's.
 LIGHT_FIELD = "PRT Light Field"
 # One bake at a time: large ones fill the memory.
 _HELD = []
+# A share of the scene that is burnt out from which on that is said; what is burnt out and what is
+# nearly white, as the display shows it; the share of points that is no brighter than that; how
+# many points are looked at.
+MOST_BURNT, _BURNT, _NEARLY_WHITE, _BRIGHT, _SAMPLED = 0.2, 0.98, 0.85, 0.95, 4096
+# The view transform that Solid mode was last shown by.
+_TRANSFORM = []
 
 
 class Preview:
@@ -30,20 +39,28 @@ class Preview:
     ----------
     path : str
     bake : prt_core.Bake
-    relighter : prt_core.relight.relighter.Relighter
+    blend : prt_core.relight.blend.LightBlend
     shown : Request
         What the colours on the meshes were made from, None where unknown.
     radiance : (n_points, 3) float32
         Their radiance, None before there were any.
+    received : (n_points, 3) float32
+        The light that they have this radiance under; None before there was any.
+    solid : tuple
+        The key of the view transform that Solid mode shows them by; None where it does not.
+    burnt : float
+        Share of its points of which a display shows nothing but white.
+    has_old_materials : bool
+        Whether the user's materials have changed since they were copied to be relit.
     warned : str
         What was said last about how the scene differs from it.
     """
 
     def __init__(self, path, bake, caster):
         self.path, self.bake = path, bake
-        self.relighter = Relighter(bake, caster)
-        self.shown, self.radiance, self.warned = None, None, ""
-        self._lit = None, None
+        self.blend = LightBlend(bake, caster)
+        self.shown, self.radiance, self.received, self.warned = None, None, None, ""
+        self.solid, self.burnt, self.has_old_materials = None, 0.0, False
         self._compared = None, None
 
     def compare(self, read):
@@ -66,14 +83,10 @@ class Preview:
             self._compared = read, (differences, places, uids)
         return self._compared[1]
 
-    def note_light(self, key):
-        """Its relighter has worked out the light of a `Request.key`, for any view."""
-        self._lit = key, self.relighter.lit
-
-    def has_light(self, key):
-        """Whether another view under the light of a `Request.key` is only a matter of lobes."""
-        lit = self.relighter.lit
-        return lit is not None and self._lit[1] is lit and self._lit[0] == key
+    @property
+    def relighter(self):
+        """The `Relighter` of the panel's own light."""
+        return self.blend.relighter("")
 
     @property
     def gloss(self):
@@ -101,7 +114,7 @@ def no_gloss(held):
         return ""
     if held.gloss:
         return "The materials of this bake have no gloss"
-    return "Baked without Gloss: turn it on under Bake Settings and bake again"
+    return "Baked without Gloss, see above"
 
 
 def path_of(scene):
@@ -131,7 +144,7 @@ def load_steps(path, caster="auto"):
 def forget():
     """Let go of the bake in memory."""
     while _HELD:
-        _HELD.pop().relighter.close()
+        _HELD.pop().blend.close()
 
 
 def relocated(old, new):
@@ -160,17 +173,81 @@ def write(scene, preview, radiance, asked):
         preview_look.restore(scene, [settings.shown], is_ours)
     theirs = preview_look.held_by(baked, LIGHT_FIELD, scene, places)
     by_object = {n: c for n, c in preview.bake.colours(radiance).items() if n not in theirs}
+    layers, solid, preview.solid = layers_of(scene, settings.attribute, preview.bake, radiance)
+    if settings.look == "MATERIALS" and preview.received is not None:
+        light = preview.bake.colours(preview.received)
+        layers[colours.light_name(settings.attribute)] = light
+    if preview.has_old_materials:
+        preview_look.materials_changed(settings.attribute)
+        preview.has_old_materials = False
     domain, others = settings.domain, [LIGHT_FIELD]
     colours.write_all(
-        baked, by_object, settings.attribute, domain, places=places, target=scene, others=others
-    )
-    preview_look.show_colours(baked, settings.attribute, settings.material, places, by_object)
+        baked, by_object, settings.attribute, domain, places=places, target=scene, others=others,
+        layers=layers, solid=solid,
+    )  # fmt: skip
+    preview_look.show_colours(baked, settings.attribute, settings.look, places, by_object)
     if settings.shown != settings.attribute:
         settings.shown = settings.attribute
     preview.shown, preview.radiance = asked, radiance
-    for name in emitters(preview):
-        if name not in settings.emitters:
-            settings.emitters.add().name = name
+    if not rendering.is_under_way():
+        shown = transform_of(scene).display(_sample(radiance))
+        preview.burnt = float((shown.min(axis=1) > _BURNT).mean())
+    add_rows(scene, preview)
+
+
+def add_rows(scene, preview=None):
+    """The panel's light and each set have a row for each emitter of a `Preview` (default: the one
+    that is shown); a set has one for each lamp of the scene."""
+    emitting = emitters(held(scene) if preview is None else preview)
+    lamps = [item.name for item in scene.objects if item.type == "LIGHT"]
+    wanted = [(scene.prt.emitters, emitting)]
+    for each in scene.prt.sets:
+        wanted += [(each.emitters, emitting), (each.lamps, lamps)]
+    for rows, names in wanted:
+        for name in names:
+            if name not in rows:
+                rows.add().name = name
+
+
+def layers_of(scene, attribute, source, radiance):
+    """What Solid mode shows of radiance, where a view is in that mode.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    attribute : str
+        That of the colours.
+    source : object
+        What has `colours(radiance)`: a bake, or a light field that is shown.
+    radiance : (n, 3) float32
+
+    Returns
+    -------
+    dict of str -> dict
+        For `write_all`; empty where no view is in Solid mode.
+    str or None
+        The attribute that Solid mode shows.
+    tuple or None
+        The key of the view transform that it shows it by.
+    """
+    if rendering.is_under_way() or not views.in_solid():
+        return {}, None, None
+    transform, name = transform_of(scene), colours.solid_name(attribute)
+    return {name: source.colours(transform.for_solid(radiance))}, name, transform.key
+
+
+def transform_of(scene):
+    """The `ViewTransform` of a scene as it is now."""
+    if not _TRANSFORM or _TRANSFORM[0].key != transform_key(scene):
+        _TRANSFORM[:] = [ViewTransform(scene)]
+    return _TRANSFORM[0]
+
+
+def is_seen_otherwise(scene, shown):
+    """Whether Solid mode shows a `Preview`, or `ShownField`, as another view transform had it."""
+    if shown is None or shown.shown is None or not views.in_solid():
+        return False
+    return shown.solid != transform_key(scene)
 
 
 def is_ours(item):
@@ -185,10 +262,59 @@ def rewrite(scene):
         write(scene, preview, preview.radiance, preview.shown)
 
 
+def see_again(scene):
+    """A view went into Solid mode, or the view transform changed: the same colours, as it has
+    them."""
+    held_now = held(scene)
+    if held_now is not None and held_now.radiance is not None:
+        if is_seen_otherwise(scene, held_now):
+            try:
+                with own_changes(scene):
+                    rewrite(scene)
+            except work.FAILURES:
+                # The meshes are not those of the bake any more, which is said elsewhere.
+                held_now.solid = transform_key(scene)
+
+
+def outdate_materials(scene):
+    """Materials of the user's have changed: their relit copies are made again with the next
+    colours. Whether a scene shows such copies."""
+    held_now = held(scene)
+    if held_now is None or scene.prt.look != "MATERIALS":
+        return False
+    held_now.has_old_materials = True
+    return True
+
+
 def emitters(preview):
     """Names of the materials that emit light in a bake; `preview` may be None."""
     emission = None if preview is None else preview.bake.emission
     return () if emission is None else emission.names
+
+
+def fitting_stops(scene, radiance):
+    """Stops of exposure after which radiance is well shown by a scene's view transform.
+
+    The brightest but a few of the points become nearly white.
+
+    Returns
+    -------
+    float, or None where all is black
+    """
+    bright = float(np.quantile(_sample(radiance).max(axis=1), _BRIGHT))
+    if bright <= 0:
+        return None
+    transform, low, high = transform_of(scene), -24.0, 24.0
+    for _ in range(24):
+        middle = (low + high) / 2
+        shown = transform.display(np.full((1, 3), bright * 2.0**middle, np.float32))
+        low, high = (low, middle) if shown.mean() > _NEARLY_WHITE else (middle, high)
+    return low
+
+
+def _sample(radiance):
+    """Some of the points, spread over all."""
+    return radiance[:: max(1, len(radiance) // _SAMPLED)]
 
 
 def clear(scene):

@@ -16,11 +16,7 @@ from bpy.props import (
 from prt_core.blender.compat import PATH_OPTIONS
 
 from . import following, live, studio
-
-
-def _changed(settings, _context):
-    live.touch(settings.id_data)
-    live.start()
+from .light_properties import Light, PRTEmitter, PRTLightSet, changed
 
 
 def _plan_changed(settings, _context):
@@ -37,25 +33,6 @@ def _field_changed(_settings, _context):
 
 def _shown_changed(settings, _context):
     live.touch(settings.id_data, show=True)
-
-
-class PRTEmitter(bpy.types.PropertyGroup):
-    """How a material that emits light shines."""
-
-    name: StringProperty(name="Emitter", description="A material that emits light")
-    strength: FloatProperty(
-        name="Strength", description="Factor on the light of this material; 0 is off",
-        default=1.0, min=0.0, soft_max=10.0, update=_changed,
-    )  # fmt: skip
-    recolour: BoolProperty(
-        name="Colour", description="Shine in another colour than the material's own",
-        update=_changed,
-    )  # fmt: skip
-    colour: FloatVectorProperty(
-        name="Colour", description="In place of the material's own, as bright as its largest "
-        "channel", subtype="COLOR", size=3, default=(1.0, 1.0, 1.0), min=0.0, soft_max=1.0,
-        update=_changed,
-    )  # fmt: skip
 
 
 class PRTLamp(bpy.types.PropertyGroup):
@@ -114,12 +91,51 @@ class PRTLightField(bpy.types.PropertyGroup):
     lamps: CollectionProperty(type=PRTLamp)
 
 
-class PRTScene(bpy.types.PropertyGroup):
+# What the presets of quality set.
+_QUALITIES = (
+    {"resolution": "16", "tolerance": 0.05, "all_bounces": False, "bounces": 2},
+    {"resolution": "32", "tolerance": 0.01, "all_bounces": True},
+)
+_CUSTOM = len(_QUALITIES)
+
+
+def _get_quality(settings):
+    """The preset that the settings are those of, unless a person asked for their own."""
+    if settings.custom:
+        return _CUSTOM
+    for index, preset in enumerate(_QUALITIES):
+        values = {name: getattr(settings, name) for name in preset}
+        if all(round(v, 6) == preset[n] if n == "tolerance" else v == preset[n]
+               for n, v in values.items()):  # fmt: skip
+            return index
+    return _CUSTOM
+
+
+def _set_quality(settings, index):
+    settings.custom = index == _CUSTOM
+    if index != _CUSTOM:
+        for name, value in _QUALITIES[index].items():
+            setattr(settings, name, value)
+
+
+class PRTScene(Light, bpy.types.PropertyGroup):
     """Bake, light and preview settings of a scene."""
 
+    custom: BoolProperty(options={"HIDDEN"})
+    quality: EnumProperty(
+        name="Quality",
+        items=[
+            ("DRAFT", "Draft", "Soft shadows of the sky, two bounces, 5 % error: to look at soon"),
+            ("FINAL", "Final", "Shadows of the sky as sharp as most need, all bounces, 1 % error"),
+            ("CUSTOM", "Custom", "Settings of your own"),
+        ],
+        get=_get_quality,
+        set=_set_quality,
+        options=set(),
+    )
     resolution: EnumProperty(
-        name="Resolution",
-        description="Texels along an edge of the cube map: how sharp shadows of the sky can be",
+        name="Shadow Detail",
+        description="How sharp shadows of the sky can be: texels along an edge of the cube map",
         items=[(str(n), str(n), f"{6 * n * n:,} directions") for n in (8, 16, 32, 64)],
         default="32",
         update=_plan_changed,
@@ -135,8 +151,8 @@ class PRTScene(bpy.types.PropertyGroup):
         update=_plan_changed,
     )  # fmt: skip
     tolerance: FloatProperty(
-        name="Tolerance",
-        description="Relative error of the relit colours that the bounces may have",
+        name="Bounce Error",
+        description="How far bounced light may be off, as a share of the colours",
         default=0.01, min=0.001, max=0.5, precision=3, update=_plan_changed,
     )  # fmt: skip
     caster: EnumProperty(
@@ -153,20 +169,38 @@ class PRTScene(bpy.types.PropertyGroup):
     method: EnumProperty(
         name="Rays",
         items=[
-            ("auto", "Automatic", "The cheapest that keeps the tolerance"),
-            ("agreement", "By Agreement", "Where neighbours disagree about what they see"),
+            ("auto", "Automatic", "The cheapest that keeps the error"),
+            ("agreement", "Where It Varies", "Where neighbours see different things; the rest is "
+             "filled in and checked"),
             ("huang", "Sparse", "After Huang and Ramamoorthi; to compare with"),
             ("exhaustive", "All", "Every direction of every point"),
         ],
         default="auto",
         update=_plan_changed,
-    )
+    )  # fmt: skip
     gloss: BoolProperty(
         name="Gloss",
-        description="Read materials with their gloss, which views show",
+        description="Bake what metal and glossy surfaces reflect as well; it is shown to the view",
         default=False,
         update=_plan_changed,
     )
+    refine: BoolProperty(
+        name="Refine",
+        description="Split edges where vertices are too few for shadows under the scene's lights: "
+        "colours go to finer copies, Restore brings the objects back",
+        default=False,
+        update=_plan_changed,
+    )
+    refine_tolerance: FloatProperty(
+        name="Between Vertices",
+        description="Relative error that drawing colours between vertices may make",
+        default=0.02, min=0.001, max=0.5, precision=3, update=_plan_changed,
+    )  # fmt: skip
+    refine_vertices: FloatProperty(
+        name="Vertices",
+        description="So many times the vertices there are, at most", default=1.5, min=1.0,
+        soft_max=8.0, max=100.0, precision=2, update=_plan_changed,
+    )  # fmt: skip
     folder: StringProperty(
         name="Folder", description="Where bakes are kept", default="//prt", subtype="DIR_PATH",
         options=PATH_OPTIONS, update=_plan_changed,
@@ -174,52 +208,15 @@ class PRTScene(bpy.types.PropertyGroup):
     name: StringProperty(
         name="Name", description="Of the bake; empty: the names of the file and the scene"
     )
-    loaded: StringProperty(name="Bake", description="The bake that is shown", update=_changed)
+    loaded: StringProperty(name="Bake", description="The bake that is shown", update=changed)
 
-    light: EnumProperty(
-        name="Light",
-        items=[
-            ("WORLD", "World", "The scene's world, as its nodes say"),
-            ("FILE", "Image", "An .exr or .hdr image"),
-            ("STUDIO", "Studio", "One of Blender's own studio lights"),
-        ],
-        default="WORLD",
-        update=_changed,
-    )
-    file: StringProperty(
-        name="Image", description="Equirectangular .exr or .hdr", subtype="FILE_PATH",
-        options=PATH_OPTIONS, update=_changed,
-    )  # fmt: skip
-    studio: EnumProperty(name="Studio Light", items=studio.items, update=_changed)
-    rotation: FloatProperty(
-        name="Rotation", description="Turns the environment about the vertical",
-        subtype="ANGLE", unit="ROTATION", default=0.0, update=_changed,
-    )  # fmt: skip
-    strength: FloatProperty(
-        name="Strength", description="Factor on the environment", default=1.0, min=0.0,
-        soft_max=10.0, update=_changed,
-    )  # fmt: skip
     exposure: FloatProperty(
         name="Exposure", description="Stops, on the colours", default=0.0, soft_min=-10.0,
-        soft_max=10.0, update=_changed,
+        soft_max=10.0, update=changed,
     )  # fmt: skip
-    sharp_sun: BoolProperty(
-        name="Sharp Sun",
-        description="Cast shadow rays to what is far brighter than the rest of the image",
-        update=_changed,
-    )
-    use_lamps: BoolProperty(
-        name="Lamps", description="Add the scene's lamps; their shadows are cast now",
-        default=True, update=_changed,
-    )  # fmt: skip
-    lamp_samples: IntProperty(
-        name="Samples", description="Shadow rays of each point to each lamp", default=64, min=1,
-        max=65536, soft_max=1024, update=_changed,
-    )  # fmt: skip
-
     show_gloss: BoolProperty(
         name="Gloss", description="Show what materials reflect towards the view, where the bake "
-        "was made with gloss", default=True, update=_changed,
+        "was made with gloss", default=True, update=changed,
     )  # fmt: skip
     seen_from: EnumProperty(
         name="Seen from",
@@ -230,26 +227,34 @@ class PRTScene(bpy.types.PropertyGroup):
             ("CAMERA", "Camera", "From the scene's camera"),
         ],
         default="VIEW",
-        update=_changed,
+        update=changed,
+    )
+    seen_by: PointerProperty(
+        name="Camera",
+        description="Which camera of the scene; without one its own. Renders look through that",
+        type=bpy.types.Object,
+        poll=lambda _, item: item.type == "CAMERA",
+        update=changed,
     )
 
-    emitters: CollectionProperty(type=PRTEmitter)
+    sets: CollectionProperty(type=PRTLightSet)
+    active_set: IntProperty(options=set())
     field: PointerProperty(type=PRTLightField)
 
     compress_tolerance: FloatProperty(
-        name="Tolerance",
-        description="Relative error of the relit colours that compression may add",
+        name="Added Error",
+        description="How far the compressed form may be off, as a share of the colours",
         default=0.01, min=0.001, max=0.5, precision=3,
     )  # fmt: skip
     use_compressed: BoolProperty(
         name="Use Compressed",
         description="Relight from the compressed form where the bake has one; lamps stay exact",
-        default=True, update=_changed,
+        default=True, update=changed,
     )  # fmt: skip
     live: BoolProperty(
         name="Live", description="Colours follow the light, the lamps, the timeline, and with "
         "gloss the view",
-        default=True, update=_changed,
+        default=True, update=changed,
     )  # fmt: skip
     attribute: StringProperty(
         name="Attribute", description="The colour attribute of the preview", default="PRT",
@@ -264,12 +269,18 @@ class PRTScene(bpy.types.PropertyGroup):
         default="CORNER",
         update=_shown_changed,
     )
-    material: BoolProperty(
-        name="Show as Emission",
-        description="Cover materials in Material Preview and renders; Restore brings them back",
-        default=True,
+    look: EnumProperty(
+        name="Look",
+        description="What Material Preview and renders show",
+        items=[
+            ("COLOURS", "Colours", "The colours, without reflections of Blender's own"),
+            ("MATERIALS", "Materials", "The baked light on the objects' own materials: "
+             "textures stay, and EEVEE adds its reflections of gloss, metal and glass"),
+            ("SOLID", "Solid Only", "The scene as it is; only Solid mode shows the colours"),
+        ],
+        default="COLOURS",
         update=_shown_changed,
-    )
+    )  # fmt: skip
     shown: StringProperty(
         name="Shown", description="The attribute that holds the preview now", options={"HIDDEN"}
     )
@@ -351,6 +362,7 @@ class PRTStatus(bpy.types.PropertyGroup):
 
 _CLASSES = (
     PRTEmitter,
+    PRTLightSet,
     PRTLamp,
     PRTLightField,
     PRTScene,

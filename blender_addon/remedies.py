@@ -27,6 +27,15 @@ class PRT_OT_subdivide(Button, bpy.types.Operator):
         default=True,
     )
 
+    def invoke(self, context, _event):
+        if not work.has_window(context):
+            return self.execute(context)
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Subdivide")
+
+    def draw(self, _context):
+        self.layout.label(text=self.object_name or "All objects that need it")
+        self.layout.prop(self, "apply")
+
     def execute(self, context):
         scene = context.scene
         planned, _ = plan.of(scene)
@@ -91,4 +100,18 @@ class PRT_OT_unhide(Button, bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory((PRT_OT_subdivide, PRT_OT_unhide))
+class PRT_OT_use_gloss(Button, bpy.types.Operator):
+    """Bake what metal and glossy surfaces reflect as well"""
+
+    bl_idname = "prt.use_gloss"
+    bl_label = "Bake with Gloss"
+    object_mode = False
+
+    def execute(self, context):
+        context.scene.prt.gloss = True
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (PRT_OT_subdivide, PRT_OT_unhide, PRT_OT_use_gloss)
+)

@@ -10,6 +10,7 @@ from prt_core import Lighting, PRTError
 from prt_core.blender.lamps import read_lamps
 from prt_core.blender.world import read_environment
 from prt_core.errors import expect
+from prt_core.relight.blend import WeightedLight
 from prt_core.sphere import rotation_matrix
 from prt_core.transport import View
 
@@ -23,9 +24,10 @@ class Request:
 
     Attributes
     ----------
-    lighting : Lighting
+    lights : tuple of WeightedLight
+        The light of the panel, or the sets that are kept, each by its name and weight.
     form : {"auto", "exact"}
-        What `Relighter` multiplies light from far away with.
+        What a `Relighter` multiplies light from far away with.
     key : tuple
         What the light depends on, images by the time of their file, and whether gloss is shown.
     view : View, or None
@@ -34,22 +36,58 @@ class Request:
         One of so many points has its own lobes (see `Relighter.view_steps`).
     """
 
-    lighting: Lighting
+    lights: tuple
     form: str
     key: tuple
     view: View | None = None
     every: int = 1
 
+    @staticmethod
+    def of(lights, form, view):
+        """The `Request` of some lights, with its key."""
+        key = form, view is not None, *(light.key for light in lights)
+        return Request(tuple(lights), form, key, view)
+
+    @property
+    def shining(self):
+        """The name of the one light that shines, "" where there are no sets or several shine."""
+        names = [light.name for light in self.lights if light.weight > 0]
+        return names[0] if len(names) == 1 else ""
+
+    @property
+    def lighting(self):
+        """The one `Lighting` that shines, for what can show no blend.
+
+        Raises
+        ------
+        PRTError
+            Several light sets shine, or none.
+        """
+        shining = [light for light in self.lights if light.weight > 0]
+        expect(
+            len(shining) == 1,
+            f"light sets: {len(shining)} shine, this is of one; switch to it by its round button",
+        )
+        # A weight is a factor on the colours, as exposure is.
+        (one,) = shining
+        stops = one.lighting.exposure + float(np.log2(one.weight))
+        return replace(one.lighting, exposure=stops)
+
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
-        relighter, view = shown.relighter, self.view
-        relighter.form = self.form
-        if view is not None and shown.has_light(self.key):
-            return (yield from relighter.view_steps(view, pace, self.every))
-        radiance = yield from relighter.steps(self.lighting, pace, view=view)
-        if view is not None:
-            shown.note_light(self.key)
+        shown.blend.form = self.form
+        radiance = yield from shown.blend.steps(self.lights, pace, self.view, self.every)
+        shown.received = shown.blend.received
         return radiance
+
+    def sky(self, shown):
+        """What is behind the scene, as a function of directions; None where nothing is."""
+        return shown.blend.sky(self.lights)
+
+    def each(self):
+        """(name, `Request`) of each light alone, at weight 1."""
+        for light in self.lights:
+            yield light.name, self.of([replace(light, weight=1.0)], self.form, self.view)
 
     def seen_from(self, view, every=1):
         """The same light seen from elsewhere."""
@@ -66,7 +104,7 @@ class Request:
         return one == two
 
 
-def request(scene, samples=None, depsgraph=None, rendered=False):
+def request(scene, samples=None, depsgraph=None, rendered=False, shown=None):
     """The `Request` of a scene's light as it is now.
 
     Parameters
@@ -78,6 +116,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         Where a frame that renders is evaluated: what is animated is only there.
     rendered : bool
         Whether gloss is seen through the camera, whatever the panel says.
+    shown : preview.Preview, optional
+        What is asked; default: the bake in memory.
 
     Raises
     ------
@@ -85,26 +125,54 @@ def request(scene, samples=None, depsgraph=None, rendered=False):
         The world has a node that is not understood, a file is missing, or gloss is seen from a
         camera that is not there.
     """
-    view = view_of(scene, rendered, depsgraph if rendered else None)
+    shown = shown or preview.held()
+    view = view_of(scene, rendered, depsgraph if rendered else None, shown)
     scene = scene if depsgraph is None else scene.evaluated_get(depsgraph)
     settings = scene.prt
-    light, rotation, strength, suns = _environment(scene)
-    lighting = Lighting(
-        light,
-        rotation=None if light is None else rotation,
+    sets = [("", 1.0, settings)]
+    if settings.sets:
+        sets = [(each.name, each.weight, each) for each in settings.sets]
+    lamps = []
+    if any(light.use_lamps for _, _, light in sets):
+        lamps = read_lamps(scene, depsgraph=depsgraph)
+    lights = [
+        WeightedLight(name, _lighting(scene, light, lamps, samples, shown), weight)
+        for name, weight, light in sets
+    ]
+    return Request.of(lights, "auto" if settings.use_compressed else "exact", view)
+
+
+def _lighting(scene, light, lamps, samples, shown):
+    """The `Lighting` of the panel's own light, or of a set; `lamps` are those of the scene."""
+    environment, rotation, strength, suns = _environment(scene, light)
+    return Lighting(
+        environment,
+        rotation=None if environment is None else rotation,
         strength=strength,
-        sharp_sun=settings.sharp_sun and light is not None,
-        lamps=suns + (read_lamps(scene, depsgraph=depsgraph) if settings.use_lamps else []),
+        sharp_sun=light.sharp_sun and environment is not None,
+        lamps=suns + (_dimmed(lamps, light) if light.use_lamps else []),
         lamp_strength=1.0,
-        lamp_samples=samples or settings.lamp_samples,
-        exposure=settings.exposure,
-        emission=_emission(settings),
+        lamp_samples=samples or light.lamp_samples,
+        exposure=scene.prt.exposure,
+        emission=_emission(light, shown),
     )
-    form = "auto" if settings.use_compressed else "exact"
-    return Request(lighting, form, (form, view is not None, *lighting.key), view)
 
 
-def view_of(scene, rendered=False, depsgraph=None):
+def _dimmed(lamps, light):
+    """The scene's lamps as a set has them; those that are off are left out."""
+    dimmed = []
+    for lamp in lamps:
+        how = light.lamps.get(lamp.name) if hasattr(light, "lamps") else None
+        factor = 1.0 if how is None else how.strength
+        power = np.asarray(lamp.power, np.float64) * factor
+        if how is not None and how.recolour:
+            power = np.max(power) * np.array(how.colour)
+        if factor > 0:
+            dimmed.append(lamp if how is None else replace(lamp, power=power))
+    return dimmed
+
+
+def view_of(scene, rendered=False, depsgraph=None, shown=None):
     """The `View` from where the gloss of the bake in memory is seen; None where it is not shown.
 
     Parameters
@@ -114,26 +182,27 @@ def view_of(scene, rendered=False, depsgraph=None):
         Whether it is seen through the camera, whatever the panel says.
     depsgraph : bpy.types.Depsgraph, optional
         Where a frame that renders is evaluated.
+    shown : preview.Preview, optional
+        What is seen; default: the bake in memory.
     """
-    held = preview.held()
-    if held is None or not scene.prt.show_gloss or preview.no_gloss(held):
+    shown = shown or preview.held()
+    if shown is None or not scene.prt.show_gloss or preview.no_gloss(shown):
         return None
     return viewport.view_of(scene, scene.prt.seen_from, rendered, depsgraph)
 
 
-def _emission(settings):
-    """How the emitters of the bake in memory shine that the panel has changed."""
-    names = preview.emitters(preview.held())
+def _emission(light, shown):
+    """How the emitters of a `Preview`, or None, shine that the panel, or a set, has changed."""
+    names = preview.emitters(shown)
     return {
         item.name: (tuple(item.colour) if item.recolour else None, item.strength)
-        for item in settings.emitters
+        for item in light.emitters
         if item.name in names and (item.recolour or item.strength != 1)
     }
 
 
-def _environment(scene):
+def _environment(scene, settings):
     """The environment that the panel names, its rotation, its strength and its own suns."""
-    settings = scene.prt
     rotation = rotation_matrix(float(np.degrees(settings.rotation)))
     if settings.light == "WORLD":
         world = read_environment(scene)
@@ -141,12 +210,23 @@ def _environment(scene):
             return None, rotation, settings.strength, []
         suns = world.turned_suns(rotation, settings.strength)
         return world.map, rotation @ world.rotation, settings.strength * world.strength, suns
-    if settings.light == "FILE":
-        expect(settings.file, "light: choose an .exr or .hdr image")
-        light = Path(bpy.path.abspath(settings.file))
+    return image_of(settings), rotation, settings.strength, []
+
+
+def image_of(light):
+    """The path of the image that the panel's light, or a set, names.
+
+    Raises
+    ------
+    PRTError
+        It names none that is one.
+    """
+    if light.light == "FILE":
+        expect(light.file, "light: choose an .exr or .hdr image")
+        path = Path(bpy.path.abspath(light.file))
     else:
-        expect(settings.studio, "light: Blender has no studio lights here; choose an image")
-        light = Path(studio_lights().get(settings.studio, ""))
-    if light.suffix.lower() not in {".exr", ".hdr"}:
-        raise PRTError(f"{light}: expected an .exr or .hdr image")
-    return light, rotation, settings.strength, []
+        expect(light.studio, "light: Blender has no studio lights here; choose an image")
+        path = Path(studio_lights().get(light.studio, ""))
+    if path.suffix.lower() not in {".exr", ".hdr"}:
+        raise PRTError(f"{path}: expected an .exr or .hdr image")
+    return path

@@ -30,7 +30,7 @@ def view_of(scene, follow, rendered=False, depsgraph=None):
     ----------
     scene : bpy.types.Scene
     follow : {"VIEW", "CAMERA"}
-        What the panel says: the 3D view, or the scene's camera.
+        What the panel says: the 3D view, or a camera; the scene's own where none is named.
     rendered : bool
         Whether a render wants it, which looks through the camera.
     depsgraph : bpy.types.Depsgraph, optional
@@ -48,6 +48,10 @@ def view_of(scene, follow, rendered=False, depsgraph=None):
             return _from(matrix, space.region_3d.is_perspective)
         if space is not None and space.use_local_camera and space.camera is not None:
             return _through(space.camera)
+    chosen = None if rendered or follow == "VIEW" else scene.prt.seen_by
+    # One that was deleted, or moved to another scene, is not looked through.
+    if chosen is not None and chosen.name in scene.objects:
+        return _through(chosen)
     if scene.camera is None:
         raise PRTError(
             f"view: the scene '{scene.name}' has no camera to look through; add one, or choose "

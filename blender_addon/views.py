@@ -40,6 +40,11 @@ def restore():
     return changed
 
 
+def in_solid():
+    """Whether a view is in Solid mode, which knows no view transform."""
+    return any(shading.type in {"SOLID", "WIREFRAME"} for *_, shading in _solid_views())
+
+
 def shown():
     """Whether a view of these windows was changed by `show`."""
     return any(_KEPT in window.screen for window in bpy.context.window_manager.windows)

@@ -32,6 +32,14 @@ def say(message, failed=False, notes=()):
     redraw()
 
 
+def note(message):
+    """Show a line in the panel while the work goes on."""
+    state = status()
+    if state.message != message:
+        state.message, state.failed = message, False
+        redraw()
+
+
 def redraw():
     """Draw the panel anew, but not the 3D view: that can take longer than the work."""
     for window in bpy.context.window_manager.windows:

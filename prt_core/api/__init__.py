@@ -1,14 +1,22 @@
 """The calls most people need: bake a .blend, relight a bake, capture a light field."""
 
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
+from prt_core.api.export import export_glb as export_glb
+from prt_core.api.export import export_glb_steps as export_glb_steps
+from prt_core.api.export_web import export_web as export_web
+from prt_core.api.export_web import export_web_steps as export_web_steps
 from prt_core.api.light_field import light_field as light_field
 from prt_core.api.light_field import light_field_steps as light_field_steps
+from prt_core.api.occlusion import occlusion as occlusion
 from prt_core.bake import Bake, BakeSettings, bake_steps
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.load import load
+from prt_core.bake.pictures import Pictures, handed_out
+from prt_core.bake.refine import refine_meshes_steps, refine_settings
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend, studio_lights
 from prt_core.errors import (
@@ -18,6 +26,7 @@ from prt_core.errors import (
     expect_flag,
     expect_kind,
     expect_path,
+    shown,
 )
 from prt_core.light.environment import named_images
 from prt_core.relight.environments import Environments
@@ -27,9 +36,11 @@ from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
+from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
 from prt_core.store import BakeStore, remove_compressed
+from prt_core.transport import View
 
 
 def bake(
@@ -40,10 +51,18 @@ def bake(
     two_sided=(),
     restart=False,
     report=None,
+    on_picture=None,
     camera_pixels=None,
     pixel_samples=2,
     geometry_image=None,
     parametrisation="auto",
+    refine=False,
+    refine_tolerance=None,
+    refine_vertices=None,
+    atlas=None,
+    atlas_objects=None,
+    atlas_uv="new",
+    atlas_margin=4,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -61,6 +80,10 @@ def bake(
     restart : bool or "changed"
         Begin anew whatever `output` holds; or only where that is of another scene or settings.
     report : callable(Progress), optional
+    on_picture : callable(PartialBake), optional
+        Called whenever the bake under way knows enough more to be shown: with a `Bake` that
+        relights as any does, its `known_percent` and `error`; the last one is the finished bake.
+        The bake waits for it; what it raises ends the bake, which goes on when called again.
     camera_pixels : (int, int), optional
         Bake what the scene's camera sees as well, width x height pixels.
     pixel_samples : int
@@ -70,6 +93,23 @@ def bake(
     parametrisation : {"auto", "uv", "sphere"}
         How that surface becomes a square: by its UV map, or, where it is closed and has no
         handles, over the sphere. `auto`: the UV map where there is one.
+    refine : bool
+        Split edges of the meshes where vertices are too few for shadows; the bake is then of the
+        finer meshes, which stand in for the objects where colours are shown or kept.
+    refine_tolerance : float, optional
+        Relative error that drawing between vertices may make (0.02).
+    refine_vertices : int or str, optional
+        Vertices of all objects that receive, at most: a number, or as "1.5x" of those there are,
+        which is the default.
+    atlas : (int, int), optional
+        Bake one image of the surfaces of several objects as well, a lightmap: width x height.
+    atlas_objects : sequence of str, optional
+        Which; default: all that receive.
+    atlas_uv : {"new", "packed", "own"}
+        Unwrap them anew; or take their own charts, scaled by area and packed apart; or their UV
+        maps as they are.
+    atlas_margin : int
+        Texels between packed charts.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -88,9 +128,20 @@ def bake(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
     output = expect_output("output", output, ".prt", folder=True, create=True)
-    image = ImageSettings(camera_pixels, pixel_samples, geometry_image, parametrisation)
-    steps = bake_blend_steps(blend, output, settings, objects, two_sided, restart, image=image)
-    return run(steps, report)
+    image = ImageSettings(
+        camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
+        atlas_uv, atlas_margin,
+    )  # fmt: skip
+    refined = refine_settings(refine, refine_tolerance, refine_vertices)
+    pictures = None
+    if on_picture is not None:
+        expect(callable(on_picture), f"on_picture: expected a function, got {shown(on_picture)}")
+        pictures = Pictures()
+    steps = bake_blend_steps(
+        blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures,
+        refine=refined,
+    )  # fmt: skip
+    return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 
 
 def bake_blend_steps(
@@ -104,6 +155,8 @@ def bake_blend_steps(
     scene=None,
     strict=True,
     image=None,
+    pictures=None,
+    refine=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -116,6 +169,10 @@ def bake_blend_steps(
     strict : bool
         Whether a name that renders nothing is an error.
     image : ImageSettings, optional
+    pictures : Pictures, optional
+        See `bake_steps`.
+    refine : RefineSettings, optional
+        Default: meshes are baked as they are.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
@@ -123,23 +180,31 @@ def bake_blend_steps(
     if restart != "changed":
         expect_flag("restart", restart)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
+    if refine is not None:
+        expect_kind("refine", refine, RefineSettings)
+        expect(
+            image.atlas is None,
+            "refine: the UV maps of a lightmap belong to the meshes as they are; bake it by itself",
+        )
     messages = []
     if blend is None:
         import_bpy()
     else:
         messages += open_blend(blend)
-    from prt_core.blender.camera import read_camera
+    from prt_core.blender.camera import read_camera, read_cameras
     from prt_core.blender.depsgraph import read_meshes_steps
     from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
+    from prt_core.blender.unwrap import lightmap_uvs
     from prt_core.blender.world import read_environment, world_on_texels_steps
     from prt_core.sphere import CubeMap
 
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
     camera, seen = read_camera(scene, messages), []
+    cameras = read_cameras(scene)
 
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
@@ -150,32 +215,34 @@ def bake_blend_steps(
     scene = scene_of(uid)
     lamps = [lamp_seen(each, scene, messages) for each in seen]
     messages += world_left_out(lamps)
+    world = sky = None
     try:
         light = read_environment(scene, messages)
         suns = [lamp for lamp in lamps if lamp.is_on_texels]
         world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        if refine is not None:
+            sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
-        world = None
     say_copies(meshes, messages)
-    cube_map = CubeMap(settings.resolution)
-
-    def certified(n_points):
-        # Small scenes, of which every entry is traced, need no lights to be certified under.
-        return chosen_method(settings.method, n_points, cube_map.n_directions) != "exhaustive"
-
-    calls = [(Scene.from_meshes, meshes), (mesh_digests, meshes)]
-    if certified(sum(len(mesh.vertices) for mesh in meshes)):
-        calls.append((studio_lights, studio_images(), cube_map))
-    built, source, *probes = yield from each_in_thread("scene", *calls)
+    # A bake is fresh while the meshes that were refined are as they were.
+    cube_map, digests = CubeMap(settings.resolution), (mesh_digests, meshes)
+    if refine is not None:
+        asked = meshes, lamps, sky, refine, settings.caster, pace
+        meshes, refinement = yield from refine_meshes_steps(*asked)
+        messages.append(str(refinement))
+    built, source = yield from each_in_thread("scene", (Scene.from_meshes, meshes), digests)
     built.messages[:] = grouped([*messages, *built.messages], meshes)
-    built = yield from image_steps(built, meshes, camera, settings.caster, image)
-    if not probes and certified(len(built.points)):
-        probes = yield from each_in_thread("scene", (studio_lights, studio_images(), cube_map))
+    built = yield from image_steps(built, meshes, camera, settings.caster, image, lightmap_uvs)
+    lights = None
+    method = chosen_method(settings.method, len(built.points), cube_map.n_directions)
+    if settings.gloss or method != "exhaustive":
+        # Where they are Blender tells here; they are read when the certificate asks for them.
+        lights = partial(studio_lights, studio_images(), cube_map)
     result = yield from bake_steps(
-        built, output, settings, lamps, world, camera, source, restart, pace,
-        probes[0] if probes else None, origin,
+        built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
+        cameras, pictures,
     )  # fmt: skip
     return result
 
@@ -288,8 +355,9 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
     form : {"auto", "exact", "compressed"}
         Whether light from far away is relit from the compressed form; `auto`: where the bake has
         one that is its own (see `compress`). Lamps and sharp suns are exact.
-    view : View, optional
-        From where a bake with gloss is looked at; default: only what leaves evenly to all sides.
+    view : View or str, optional
+        From where a bake with gloss is looked at, or the name of a camera of its scene ("camera":
+        its own); default: only what leaves evenly to all sides.
     **keywords
         The other fields of `Lighting`: rotation, strength, sharp_sun, lamps, lamp_strength,
         lamp_samples, bounces, exposure, emission.
@@ -307,12 +375,22 @@ def relight(bake, light=None, *, caster="auto", form="auto", view=None, **keywor
 @renamed_keyword(transport="form")
 def relight_points(bake, light=None, *, caster="auto", form="auto", view=None, **keywords):
     """As `relight`, the radiance of all points, (n_points, 3) float32."""
-    lighting = lighting_of(light, **keywords)
-    relighter = Relighter(_loaded(bake), caster, form)
+    lighting, bake = lighting_of(light, **keywords), _loaded(bake)
+    relighter = Relighter(bake, caster, form)
     try:
-        return run(relighter.steps(lighting, view=view))
+        return run(relighter.steps(lighting, view=_view_of(bake, view)))
     finally:
         relighter.close()
+
+
+def _view_of(bake, view):
+    """A `View` as it is; that of a camera of the baked scene by its name."""
+    if not isinstance(view, str):
+        return view
+    try:
+        return View.of_camera(bake.camera_named(view))
+    except PRTError as error:
+        raise PRTError(f"view: {str(error).partition(': ')[2]}") from error
 
 
 def _loaded(bake):

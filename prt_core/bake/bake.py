@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake.emission import Emission
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect, expect_array, expect_kind
 from prt_core.scene import Camera, Scene
 from prt_core.transport import Transport
 
@@ -37,6 +37,8 @@ class Bake:
         What points receive of surfaces that emit light, where there are such.
     reflections : tuple of Reflections
         What glossy points see, where it was baked; one for each size of blocks.
+    cameras : dict of str -> Camera
+        All cameras of the scene whose lens is followed.
     """
 
     scene: Scene
@@ -52,11 +54,41 @@ class Bake:
     dense: np.ndarray | None = None
     emission: Emission | None = None
     reflections: tuple = ()
+    cameras: dict = field(default_factory=dict)
 
     @property
     def cube_map(self):
         """`CubeMap`: the directions that were baked."""
         return self.transport.cube_map
+
+    def camera_named(self, name):
+        """A camera of the baked scene.
+
+        Parameters
+        ----------
+        name : str
+            Of one of its `cameras`; "camera" is the scene's own.
+
+        Returns
+        -------
+        Camera
+
+        Raises
+        ------
+        PRTError
+            There is none of that name: the message says which there are.
+        """
+        expect_kind("camera", name, str, "the name of one")
+        if name == "camera" and self.camera is not None:
+            return self.camera
+        known = ", ".join(f"'{each}'" for each in sorted(self.cameras))
+        expect(
+            name in self.cameras,
+            f"camera: the baked scene has none called '{name}' whose lens is followed; "
+            + (f"it has {known}" if known else "it has none by name")
+            + (" and 'camera', its own" if self.camera is not None else ""),
+        )
+        return self.cameras[name]
 
     def make_caster(self, name="auto", rays="diffuse"):
         """A ray caster over the bake's triangles that rays of a kind meet.
@@ -105,9 +137,10 @@ class Bake:
         """
         expect(
             self.scene.image is not None,
-            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+            "image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
         )
-        return self.scene.image.pixels(self._radiance(radiance))
+        image = self.scene.image
+        return image.finished(image.pixels(self._radiance(radiance)))
 
     def _radiance(self, radiance):
         shape = self.transport.n_points, 3

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from prt_core.bake import visibility
+from prt_core.bake.coarse import probe_skies
 from prt_core.bake.gather import read_gather
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.runtime.progress import Progress
@@ -56,7 +57,7 @@ class Bounced:
     skipped: dict = field(default_factory=dict)
 
 
-def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None):
+def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None, pictures=None):
     """Gather rays of a scene into a store; yields `Progress`.
 
     Parameters
@@ -70,6 +71,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
         By stage; added to.
     emitted : (n_points, k) float32, optional
         Directly received light of emitters, under which the error is measured as well.
+    pictures : Pictures, optional
+        Is told of K while more rays are needed.
 
     Returns
     -------
@@ -137,6 +140,9 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
             error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
+        goes_on = rounds < most and error > settings.tolerance
+        if pictures is not None and goes_on and pictures.is_due:
+            pictures.bounced(read_gather(hits, range(rounds), blocked), float(error))
     # What is left of rounds that were not needed goes, so that both arrays are whole.
     store.create("gather", (n_points, rounds * ROUND), "int32", chunks)
     store.create("gather_rays", (rounds, *table[1:]), "int64", (1, 1, table[2]))
@@ -151,6 +157,15 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
 def most_rounds(n_points):
     """Rounds of rays that the bounces may take."""
     return min(MOST_ROUNDS, max(2, _MOST_RAYS // (max(n_points, 1) * ROUND) // 2 * 2))
+
+
+def gather_so_far(store, rounds):
+    """K (CSR float32) of so many rounds of a bake under way; None where there are none."""
+    if not rounds:
+        return None
+    n_points = store.array("gather").shape[0]
+    blocked = store.read("blocked", (n_points,), "float32")
+    return read_gather(store.array("gather"), range(rounds), blocked)
 
 
 def _next_rounds(rounds, error, tolerance, most):
@@ -208,10 +223,7 @@ def _most_bounced(albedo, probes, spared):
 
 def _probe_light(store, scene, cube_map, parts):
     """(n_points, 3) received light of an even sky, a low and a high lamp-like sky."""
-    directions = cube_map.directions
-    towards = np.array([[0.8, 0.3, 0.52], [-0.5, -0.7, 0.51]])
-    light = np.ones((cube_map.n_directions, 3), np.float32)
-    light[:, 1:] = np.exp(12 * (directions @ towards.T - 1))
+    light = probe_skies(cube_map)
     bits = store.array("visibility")
     received = []
     for block in parts:

@@ -2,10 +2,17 @@
 
 import platform
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from prt_core.bake.compress_gloss import (
+    GLOSS_METHODS,
+    WIDE,
+    compress_gloss_steps,
+    expect_gloss_method,
+    widest_needed,
+)
 from prt_core.bake.measure import measure_steps, met, new_lights, standing_lights
 from prt_core.compress import (
     Limits,
@@ -22,6 +29,8 @@ from prt_core.compress.choice.choose import (
     reason_of,
 )
 from prt_core.compress.choice.methods import describe, settings_of
+from prt_core.compress.gloss_transfer import GlossTransfer
+from prt_core.compress.subject import Subject
 from prt_core.errors import (
     PRTError,
     expect,
@@ -34,7 +43,9 @@ from prt_core.errors import (
     system_errors,
 )
 from prt_core.light import EnvironmentMap, TurningLight
+from prt_core.relight.fixed_view import FixedView
 from prt_core.relight.forms import CompressedForm
+from prt_core.relight.relighter import Relighter
 from prt_core.runtime.machine import peak_bytes
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import Progress
@@ -53,7 +64,8 @@ class CompressSettings:
     Parameters
     ----------
     method : str
-        `auto`, or a registered method (`compress.method_names()`); settings of its own that are
+        `auto`, or a registered method (`compress.method_names()`), or one of `GLOSS_METHODS` for
+        what views show of gloss; settings of its own that are
         to be the same at all its budgets as NAME:key=value,key=value.
     tolerance : float, optional
         Relative L2 error of relit colours: in the mean over lights, and twice that under the
@@ -79,14 +91,23 @@ class CompressSettings:
         expect_one_of("of", self.of, ("auto", "points", "image"))
         good = isinstance(self.method, str)
         name, names = self.method.partition(":")[0] if good else None, method_names()
+        expect_gloss_method(name)
+        names = [*names, *GLOSS_METHODS]
         expect(
             good and (self.method == "auto" or name in names),
             f"method: expected auto, {', '.join(names)} or none, got {shown(self.method)}",
         )
-        if name != "auto":
+        if self.of_gloss:
+            GlossTransfer.from_text(self.method)
+        elif name != "auto":
             method_from_text(self.method)
         expect_seed(self.seed)
         self.limits  # noqa: B018  (checks them)
+
+    @property
+    def of_gloss(self):
+        """Whether it is what views show of gloss that is compressed."""
+        return self.method.partition(":")[0] in GLOSS_METHODS
 
     @property
     def limits(self):
@@ -113,14 +134,24 @@ def compress_steps(bake, settings=None, lights=None):
         The attributes that are stored: method, of ("points" or "image"), settings, why, trials,
         bytes, bits_a_coefficient, seconds, milliseconds, milliseconds_worst, error, worst,
         worst_light, lights, tolerance, tolerance_met, matrix_l2, seam, peak_bytes, fingerprint,
-        versions.
+        versions; rows_error where pixels show gloss.
     """
     settings = CompressSettings() if settings is None else settings
     expect_kind("settings", settings, CompressSettings)
     expect_offers("bake", bake, ("scene", "transport", "path"), "what `load` returns")
     lights = _expect_lights(lights)
     with system_errors(bake.path):
-        return (yield from _compress(bake, settings, lights))
+        expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
+        if settings.of_gloss:
+            return (yield from compress_gloss_steps(bake, settings, lights))
+        report = yield from _compress(bake, settings, lights)
+        tries = settings.method == "auto" and report["of"] == "points" and bake.reflections
+        if not tries or widest_needed(bake) < WIDE:
+            return report
+        # What moves beside the light is the view: harmonics where they are near enough.
+        wanted = replace(settings, method=GLOSS_METHODS[0])
+        gloss = yield from compress_gloss_steps(bake, wanted, lights, only_within=True)
+        return {**report, "gloss": gloss}
 
 
 def _expect_lights(lights):
@@ -133,7 +164,6 @@ def _expect_lights(lights):
 
 
 def _compress(bake, settings, lights):
-    expect(bake.path is not None, "bake: is not on disk; load it from its folder NAME.prt")
     began = time.perf_counter()
     task = _task(bake, settings)
     names = candidate_names() if settings.method == "auto" else [settings.method]
@@ -145,7 +175,12 @@ def _compress(bake, settings, lights):
     few = {name: light.at(_CHOICE) for name, light in few}
     limits = settings.limits
     ranked, trials = yield from choose_steps(task, names, limits, few)
-    new = yield from new_lights(task, turning, lights)
+    relighter = Relighter(bake, form="exact") if task.subject.shows_gloss else None
+    try:
+        new = yield from new_lights(task, turning, lights, relighter)
+    finally:
+        if relighter is not None:
+            relighter.close()
     methods = {method.name: method for method in map(method_from_text, names)}
     form, measured, why = yield from _fit_best(task, methods, ranked, trials, limits, new)
     spent = time.perf_counter() - began
@@ -180,11 +215,15 @@ def _task(bake, settings):
     image = bake.scene.image
     expect(
         image is not None or settings.of != "image",
-        "of: this bake holds no image; bake with --camera-pixels or --geometry-image",
+        "of: this bake holds no image; bake with --camera-pixels, --geometry-image or --atlas",
     )
     if image is None or settings.of == "points":
         return Task.of(bake.transport, bake.scene.points, settings.seed, bake.dense)
-    return Task.of_image(bake.transport, image, settings.seed)
+    subject = Subject.of_bake(bake, "image")
+    if not subject.shows_gloss:
+        return Task.of_image(bake.transport, image, settings.seed)
+    seen = subject.reflections, FixedView(bake).weights()
+    return Task.of_image(bake.transport, image, settings.seed, *seen)
 
 
 def _fit_best(task, methods, ranked, trials, limits, lights):

@@ -131,6 +131,11 @@ def emission_steps(store, scene, caster, settings, seconds):
     )
 
 
+def read_direct(store):
+    """(n_emitters, n_points, 4) float32 of a bake under way: see `Emission.direct`."""
+    return store.array(_DIRECT)[...]
+
+
 def _probes(direct):
     """(n_points, k) float32: the strongest emitters alone, and all others together."""
     # Each as bright as the others: a weak one may be turned up when relighting.

@@ -23,7 +23,7 @@ _POINT_BYTES = 400
 
 
 def expect_bake_input(
-    scene, path, cube_map, lamps, world, camera, source, restart, pace, lights, origin
+    scene, path, cube_map, lamps, world, camera, source, restart, pace, lights, origin, cameras=None
 ):
     """Raise `PRTError` unless `bake_steps` can bake this, and `load` will read it.
 
@@ -32,7 +32,7 @@ def expect_bake_input(
     scene, path
         See `bake_steps`.
     cube_map : CubeMap
-    lamps, world, camera, source, restart, pace, lights, origin
+    lamps, world, camera, source, restart, pace, lights, origin, cameras
         See `bake_steps`.
 
     Returns
@@ -48,10 +48,12 @@ def expect_bake_input(
     expect_all("lamps", lamps, Lamp, "lamps")
     if camera is not None:
         expect_kind("camera", camera, Camera)
+    if cameras is not None:
+        expect_named("cameras", cameras, Camera, "cameras")
     for name, given, what in (("source", source, "digests"), ("origin", origin, "names")):
         if given is not None:
             expect_named(name, given, str, what)
-    if lights is not None:
+    if lights is not None and not callable(lights):
         expect(expect_named("lights", lights, object, "lights"), "lights: expected at least one")
         for name, light in lights.items():
             expect_radiance(f"light '{name}'", light, cube_map)

@@ -15,12 +15,12 @@ from prt_core.store import damage_as_error
 _WORLD = "world"
 
 
-def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None):
-    """What `keep_lights` takes: attributes of lamps, camera and source, and the world's light.
+def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None, cameras=None):
+    """What `keep_lights` takes: attributes of lamps, cameras and source, and the world's light.
 
     Parameters
     ----------
-    lamps, world, camera, source, origin
+    lamps, world, camera, source, origin, cameras
         See `bake_steps`.
 
     Returns
@@ -33,6 +33,7 @@ def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None
         "camera": camera and camera.to_dict(),
         "source": source or {},
         "origin": origin or {},
+        "cameras": {name: each.to_dict() for name, each in (cameras or {}).items()},
     }
     return attributes, world
 
@@ -61,7 +62,7 @@ def keep_lights(store, attributes, world):
 
 
 def read_lights(store, cube_map):
-    """Lamps, world, camera, source and origin of a store, as `Bake` has them.
+    """Lamps, world, camera, source, origin and cameras of a store, as `Bake` has them.
 
     Raises
     ------
@@ -74,6 +75,9 @@ def read_lights(store, cube_map):
         camera, source, name = attributes["camera"], attributes["source"], attributes["world"]
         if camera is not None:
             camera = Camera(**camera)
+        # Bakes before there were views by name have none.
+        cameras = expect_named("cameras", attributes.get("cameras") or {}, dict, "cameras")
+        cameras = {name: Camera(**each) for name, each in cameras.items()}
         expect_named("source", source, str, "digests")
         origin = expect_named("origin", attributes["origin"], str, "names")
         expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
@@ -81,7 +85,7 @@ def read_lights(store, cube_map):
         if name is not None:
             shape = cube_map.n_directions, 3
             world = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
-    return lamps, world, camera, source, origin
+    return lamps, world, camera, source, origin, cameras
 
 
 def _is_same(store, name, world):

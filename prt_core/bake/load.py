@@ -52,7 +52,7 @@ def load(path):
             type(rounds) is int and 0 <= rounds <= MOST_ROUNDS and isinstance(report, dict),
             "the number of its rounds or its report is damaged",
         )
-    lamps, world, camera, source, origin = read_lights(store, cube_map)
+    lamps, world, camera, source, origin, cameras = read_lights(store, cube_map)
     points = scene.points
     n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
     bits = store.read("visibility", (n_points, n_bytes), "uint8")
@@ -70,7 +70,8 @@ def load(path):
     parts = lamps, world, camera, settings.stored(), report, source, path, origin
     emission = read_emission(store, scene, rounds, transport.bounced_albedo)
     reflections = read_reflections(store, scene, cube_map)
-    return Bake(scene, transport, *parts, _read_dense(store, n_points), emission, reflections)
+    more = _read_dense(store, n_points), emission, reflections, cameras
+    return Bake(scene, transport, *parts, *more)
 
 
 def _read_dense(store, n_points):

@@ -8,6 +8,7 @@ from prt_core.compress import border_pairs, neighbour_pairs, seam
 from prt_core.compress.choice.choose import WORST, radiance_of, relative_l2
 from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
+from prt_core.relight.lighting import Lighting
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import Progress
 
@@ -15,7 +16,7 @@ from prt_core.runtime.progress import Progress
 _ROTATIONS = 65.0, 185.0, 305.0
 
 
-def new_lights(task, turning, lights):
+def new_lights(task, turning, lights, relighter=None):
     """Lights that no method was chosen under, and the exact colours; a generator of `Progress`.
 
     Parameters
@@ -23,12 +24,24 @@ def new_lights(task, turning, lights):
     task : Task
     turning : dict of str -> TurningLight
     lights : dict of str -> EnvironmentMap
+    relighter : Relighter, optional
+        That relights exactly: where pixels show gloss, which takes long enough for each light to
+        be turned but once.
 
     Returns
     -------
     dict of str -> (TurningLight, float, (n_points, 3) float32)
         See `measure_steps`.
     """
+    if relighter is not None:
+        result = {}
+        for index, (name, image) in enumerate(lights.items()):
+            turn = _ROTATIONS[index % len(_ROTATIONS)]
+            steps = relighter.steps(Lighting(image, rotation=turn, emission="none"), of="image")
+            pixels = yield from steps
+            result[f"{name} at {turn:g}°"] = turning[name], turn, pixels.reshape(-1, 3)
+            yield Progress("measure", index + 1, len(lights))
+        return result
     lights_at = {}
     for name, image in lights.items():
         for turn in _ROTATIONS:
@@ -55,7 +68,8 @@ def measure_steps(task, form, lights):
     -------
     dict
         bytes, bits_a_coefficient, milliseconds (median), milliseconds_worst, error (mean), worst,
-        worst_light, lights (how many), matrix_l2 (None where the method does not know), seam.
+        worst_light, lights (how many), matrix_l2 (None where the method does not know), seam; with
+        gloss rows_error, which rows have that are not compressed.
     """
     subject, n_directions = task.subject, task.transport.n_directions
     evaluator = yield from in_thread("measure", form.evaluator, subject)
@@ -64,7 +78,7 @@ def measure_steps(task, form, lights):
     if labels is not None:
         pairs = neighbour_pairs(task.positions, task.normals, task.groups)
         border = border_pairs(labels, pairs)
-    errors, spent, seams = {}, [], [0.0]
+    errors, spent, seams, of_rows = {}, [], [0.0], []
 
     def one(name, turning, turn, truth):
         light = turning.at(turn)
@@ -72,6 +86,8 @@ def measure_steps(task, form, lights):
         radiance = radiance_of(evaluator, subject, light)
         spent.append(time.perf_counter() - start)
         errors[name] = relative_l2(radiance, truth)
+        if subject.shows_gloss:
+            of_rows.append(relative_l2(task.rows.product(light), truth))
         if border is not None:
             seams.append(seam(radiance, truth, border)["largest"])
 
@@ -97,6 +113,7 @@ def measure_steps(task, form, lights):
         "lights": len(lights),
         "matrix_l2": getattr(model, "matrix_error_", None),
         "seam": max(seams),
+        **({"rows_error": float(np.mean(of_rows))} if of_rows else {}),
     }
 
 

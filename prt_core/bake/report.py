@@ -2,6 +2,7 @@
 
 import os
 import platform
+from dataclasses import asdict
 
 import numpy as np
 
@@ -13,11 +14,29 @@ from prt_core.version import __version__
 
 # Share of the bounce rays that may meet places without a bake point before it is said.
 _MANY_HIDDEN = 0.005
-_RAY_STAGES = "details", "visibility", "certificate", "reflections", "emission", "gather"
+_RAY_STAGES = (
+    "details",
+    "visibility",
+    "certificate",
+    "reflections",
+    "gloss certificate",
+    "emission",
+    "gather",
+)
 
 
 def bake_report(
-    scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
+    scene,
+    cube_map,
+    caster,
+    settings,
+    seen,
+    emitted,
+    bounced,
+    seconds,
+    store,
+    reflected,
+    certified=None,
 ):
     """What a finished bake says of itself (see `bake_steps`).
 
@@ -35,6 +54,7 @@ def bake_report(
         By stage.
     store : BakeStore
     reflected : ReflectionResult
+    certified : GlossError, optional
 
     Returns
     -------
@@ -42,7 +62,7 @@ def bake_report(
     """
     rounds, error = bounced.rounds, bounced.error
     # The gravest first: of many lines a panel shows only the first ones.
-    messages = [*_missed(seen, emitted, bounced, settings.tolerance), *scene.messages]
+    messages = [*_missed(seen, emitted, bounced, certified, settings.tolerance), *scene.messages]
     too_deep = getattr(caster, "too_deep", 0)
     if too_deep:
         messages.append(
@@ -60,9 +80,14 @@ def bake_report(
         by_kind["rays_emission"] = emitted.rays
     if reflected.points:
         by_kind["rays_reflections"] = reflected.rays + reflected.short_rays
+    if certified is not None:
+        by_kind["rays_gloss_certificate"] = certified.rays
     rays = sum(by_kind.values())
-    within = [value is None or value <= settings.tolerance for value in (error, emitted.error)]
+    gloss = None if certified is None else certified.worst[1]
+    errors = error, emitted.error, gloss
+    within = [value is None or value <= settings.tolerance for value in errors]
     met = seen["tolerance_met"] and all(within)
+    refined = _refined(scene)
     return {
         "points": len(scene.points),
         "hidden_points": int((~scene.points.visible).sum()),
@@ -80,7 +105,9 @@ def bake_report(
         "hidden_hits": bounced.hidden,
         "back_points": len(np.unique(scene.lattice_back[scene.lattice_back >= 0])),
         "dark_backs": bounced.dark_backs,
+        **({"refined": refined} if refined else {}),
         **({"glossy_points": reflected.points} if reflected.points else {}),
+        **({} if certified is None else {"gloss_error": asdict(certified)}),
         **({"emitters": emitted.emitters} if emitted.emitters else {}),
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
         "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
@@ -97,6 +124,12 @@ def bake_report(
     }
 
 
+def _refined(scene):
+    """Name -> new vertices of each object whose edges were split."""
+    refined = {item.name: item.refined for item in scene.objects if item.refined is not None}
+    return {name: int((each.vertex_round > 0).sum()) for name, each in refined.items()}
+
+
 def _spared(scene, cube_map, seen):
     """What was not done because the scene does not need it."""
     skipped = {}
@@ -110,12 +143,18 @@ def _spared(scene, cube_map, seen):
     return skipped
 
 
-def _missed(seen, emitted, bounced, tolerance):
+def _missed(seen, emitted, bounced, certified, tolerance):
     """What is not as it was asked for, in a line each."""
     if not seen["tolerance_met"]:
         yield (
             f"the visibility may be {seen['visibility_error']:.2%} off in relit colours, more "
             f"than the tolerance of {tolerance:.2%}; bake with --method exhaustive"
+        )
+    if certified is not None and certified.worst[1] > tolerance:
+        light, error = certified.worst
+        yield (
+            f"what views show of gloss may be {error:.2%} off ('{light}'), more than the tolerance "
+            f"of {tolerance:.2%}; bake with a higher --resolution, or ask for less"
         )
     for item in emitted.emitters:
         if item["error"] > tolerance:

@@ -62,6 +62,15 @@ def _errors(report):
     for item in report.get("emitters", ()):
         error = item["error"]
         yield f"{error:.2%} of the direct light of '{item['name']}', {_met(report, error)}"
+    gloss = report.get("gloss_error")
+    if gloss:
+        light, error = max(gloss["errors"].items(), key=lambda item: item[1])
+        mean = sum(gloss["errors"].values()) / len(gloss["errors"])
+        yield (
+            f"{mean:.2%} of what {gloss['views']} views show of {gloss['points']:,} glossy points, "
+            f"{error:.2%} under '{light}', {_met(report, error)}; by "
+            f"{gloss['rays'] / 1e6:.1f} M rays of their own"
+        )
     error = report["error"]
     if error is not None:
         rays = report["rays_a_point"]
@@ -142,12 +151,20 @@ def compressed_lines(report):
     settings = ", ".join(f"{k} {v}" for k, v in report["settings"].items() if v is not None)
     settings = f" ({settings})" if settings else ""
     of = ", of the image" if report.get("of") == "image" else ""
+    of += " with gloss" if "rows_error" in report else ""
+    of = ", of what views show of gloss" if report.get("of") == "gloss" else of
     yield f"  method  {report['method']}{settings}{of}, {report['seconds']:.1f} s"
     yield (
         f"  error   {report['error']:.2%} of relit colours in the mean over {report['lights']} "
-        f"lights it was not chosen under, {report['worst']:.2%} under {report['worst_light']}"
+        f"lights{_and_views(report)} it was not chosen under, {report['worst']:.2%} under "
+        f"{report['worst_light']}"
         f"{', within the tolerance' if report['tolerance_met'] else ''}"
     )
+    if "rows_error" in report:
+        yield (
+            f"          {report['rows_error']:.2%} of these without any compression: lobes meet "
+            "light in texels here, in finer detail on the exact way"
+        )
     yield (
         f"  size    {report['bytes'] / 1e6:.1f} MB, {report['bits_a_coefficient']:.2f} bits a "
         "coefficient"
@@ -155,9 +172,26 @@ def compressed_lines(report):
     yield (
         f"  speed   {report['milliseconds']:.1f} ms a light in the median, "
         f"{report['milliseconds_worst']:.1f} ms the slowest"
+        + (f"; {report['view_milliseconds']:.1f} ms a view" if "views" in report else "")
     )
     yield from (f"  note    {note}" for note in report.get("notes", ()))
     yield from (f"  MISSED  {line}" for line in missed(report))
+
+
+def _and_views(report):
+    return f" and {report['views']} views" if "views" in report else ""
+
+
+def gloss_lines(report):
+    """Lines on what `auto` made of a bake's gloss: its form, or why there is none."""
+    if report.get("stored"):
+        yield "gloss:"
+        yield from compressed_lines(report)
+    else:
+        yield (
+            f"gloss: by the field of incoming light; {report['method']} would be "
+            f"{report['error']:.2%} off, {report['worst']:.2%} under {report['worst_light']}"
+        )
 
 
 def missed(report):

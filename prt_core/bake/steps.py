@@ -2,14 +2,16 @@
 
 import time
 
-from prt_core.bake.bounces import Bounced, bounce_steps
-from prt_core.bake.emission import bounced_emission_steps, emission_steps
+from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
+from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
+from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
+from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
 from prt_core.bake.settings import BakeSettings
-from prt_core.bake.visibility import visibility_steps
+from prt_core.bake.visibility import chosen_method, visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
@@ -40,6 +42,8 @@ def bake_steps(
     pace=None,
     lights=None,
     origin=None,
+    cameras=None,
+    pictures=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -65,11 +69,15 @@ def bake_steps(
         Seconds a step may take, for a user interface; then the work is done beside the caller, in
         a thread, but for rays that only the caller may cast. Default: whole blocks. The result is
         the same.
-    lights : dict of str -> (n_directions, 3) float32, optional
-        Under which the sampled visibility must be within the tolerance; default: an even sky and
-        two soft suns.
+    lights : dict of str -> (n_directions, 3) float32, or callable() -> dict, optional
+        Under which the sampled visibility must be within the tolerance; asked for when they are
+        needed. Default: an even sky and two soft suns.
     origin : dict of str -> str, optional
         Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
+    cameras : dict of str -> Camera, optional
+        Kept with the bake: all cameras of the scene by name, for views.
+    pictures : Pictures, optional
+        Is told what is known while the bake runs, and hands it out; the bake is the same.
 
     Returns
     -------
@@ -87,19 +95,22 @@ def bake_steps(
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
     camera = None if camera is None else expect_camera(camera)
-    given = lamps, world, camera, source, restart, pace, lights, origin
+    given = lamps, world, camera, source, restart, pace, lights, origin, cameras
     world = expect_bake_input(scene, path, cube_map, *given)
+    if pictures is not None:
+        expect_kind("pictures", pictures, Pictures)
     casters = []
 
     def caster():
         casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
-    parts = (lamps, world, camera, source, origin)
+    parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
+            given = scene, path, settings, parts, restart, lights, pictures
             if pace is None:
-                return (yield from _bake(scene, path, settings, parts, restart, lights, caster))
+                return (yield from _bake(*given, caster))
             calls = MainThreadCalls()
 
             def relayed():
@@ -107,14 +118,13 @@ def bake_steps(
                 plain = calls.call(caster)
                 return plain if plain.threads > 1 else RelayCaster(plain, calls, pace)
 
-            work = _bake(scene, path, settings, parts, restart, lights, relayed, STOP)
-            return (yield from steps_in_thread(work, calls, "scene"))
+            return (yield from steps_in_thread(_bake(*given, relayed, STOP), calls, "scene"))
     finally:
         for item in casters:
             item.close()
 
 
-def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
+def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
@@ -143,22 +153,48 @@ def _bake(scene, path, settings, parts, restart, lights, new_caster, pace=None):
             stage: expect_number(f"seconds of {stage}", value, least=0)
             for stage, value in store.attributes.get("seconds", {}).items()
         }
+    if pictures is not None:
+        method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
+        parts = parts[0], world, *parts[2:]
+        pictures.begin(scene, cube_map, settings, caster, parts, method == "exhaustive")
+        yield Progress("scene", 0, 0)
     scene = yield from _detailed(store, scene, caster, settings, parts, seconds)
+    if pictures is not None:
+        pictures.detailed(scene)
     keep_lights(store, attributes, world)
     yield Progress("scene", 0, 0)
     seen = yield from visibility_steps(
-        store, scene, cube_map, caster, settings, lights, seconds, pace
+        store, scene, cube_map, caster, settings, lights, seconds, pace, pictures
     )
     reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
     emitted = yield from emission_steps(store, scene, caster, settings, seconds)
+    certified = yield from gloss_certificate_steps(
+        store, scene, cube_map, caster, settings, lights, seconds
+    )
+    if pictures is not None and scene.emitters:
+        pictures.emitted(read_direct(store))
     bounced = Bounced()
     if settings.bounces != 0:
-        work = store, scene, cube_map, caster, settings, seconds, emitted.probes
+        work = store, scene, cube_map, caster, settings, seconds, emitted.probes, pictures
         bounced = yield from bounce_steps(*work)
+    if pictures is not None and pictures.to_the_end:
+        with damage_as_error(path):
+            gather = gather_so_far(store, bounced.rounds)
+            pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
     with damage_as_error(path):
         report = bake_report(
-            scene, cube_map, caster, settings, seen, emitted, bounced, seconds, store, reflected
+            scene,
+            cube_map,
+            caster,
+            settings,
+            seen,
+            emitted,
+            bounced,
+            seconds,
+            store,
+            reflected,
+            certified,
         )
     if resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")

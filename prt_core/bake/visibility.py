@@ -10,6 +10,7 @@ from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling import (
     AgreementSettings,
     CertificateSettings,
+    LevelDone,
     certificate_steps,
     certified_together,
     probe_lights,
@@ -69,8 +70,10 @@ def add_seconds(seconds, stage, spent):
     seconds[stage] = seconds.get(stage, 0.0) + spent
 
 
-def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, pace):
-    """Visibility of a scene into a store; yields `Progress`.
+def visibility_steps(
+    store, scene, cube_map, caster, settings, lights, seconds, pace, pictures=None
+):
+    """Visibility of a scene into a store; yields `Progress`; `pictures` are told of it.
 
     Returns
     -------
@@ -80,8 +83,9 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
     """
     method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
     if method == "exhaustive":
-        rays = yield from _exhaustive(store, scene, cube_map, caster, seconds, pace)
+        rays = yield from _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures)
         store.update(seconds=seconds)
+        _show_all(store, pictures)
         entries = len(scene.points) * cube_map.n_directions
         return {
             "method": method,
@@ -104,14 +108,21 @@ def visibility_steps(store, scene, cube_map, caster, settings, lights, seconds, 
         journal = RayJournal(caster, store)
         try:
             attributes = yield from _sampled(
-                store, scene, cube_map, journal, method, settings, lights, seconds, pace
+                store, scene, cube_map, journal, method, settings, lights, seconds, pace, pictures
             )
         except JournalMismatch:
             # Written by another version, or on a machine that rounds otherwise: begin anew.
             continue
         store.update(sampled=attributes, seconds=seconds)
     RayJournal.clear(store)
+    _show_all(store, pictures)
     return attributes
+
+
+def _show_all(store, pictures):
+    if pictures is not None:
+        bits = store.array("visibility")
+        pictures.visible(bits.shape[0] * bits.shape[1], lambda: bits[...])
 
 
 def _sample_arrays(store, shape):
@@ -130,7 +141,7 @@ def _holds_dense(store, attributes):
         return False
 
 
-def _exhaustive(store, scene, cube_map, caster, seconds, pace):
+def _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures):
     n_points = len(scene.points)
     n_bytes = -(-cube_map.n_directions // 8)
     parts = blocks(n_points)
@@ -150,11 +161,13 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace):
             counts[index] = sum(tally)
             bits[block] = traced
             add_seconds(seconds, "visibility", time.perf_counter() - start)
+            if pictures is not None:
+                pictures.block(block, traced)
         yield Progress("visibility", block.stop, n_points)
     return int(counts[...].sum())
 
 
-def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace):
+def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace, pictures):
     """Sample, certify, and ask again until the tolerance is met; then store."""
     start = time.perf_counter()
     rays = Pace(pace, 1 << 15)
@@ -163,10 +176,11 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     if kind is AgreementSettings:
         more["most_wrong"] = _HOPELESS * settings.tolerance
     wanted = kind(seed=settings.seed, **more)
-    sampled = yield from sampler(scene, cube_map, caster, wanted, pace=rays)
+    steps = sampler(scene, cube_map, caster, wanted, pace=rays)
+    sampled = yield from (steps if pictures is None else _shown(steps, pictures))
     dense = getattr(sampled, "dense", None)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
-    lights = lights or probe_lights(cube_map)
+    lights = (lights() if callable(lights) else lights) or probe_lights(cube_map)
     groups = certified_together(scene)
     small = _small_groups(groups[0], cube_map)
     if small.any():
@@ -214,6 +228,18 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
         scene, cube_map, method, sampled, list(errors.values()), turn, settings
     )
     return attributes if dense is None else {**attributes, "dense": len(dense.points)}
+
+
+def _shown(steps, pictures):
+    """The steps of a sampler, whose levels are shown."""
+    while True:
+        try:
+            progress = next(steps)
+        except StopIteration as end:
+            return end.value
+        if isinstance(progress, LevelDone):
+            pictures.level(progress.points, progress.bits)
+        yield progress
 
 
 def _small_groups(group, cube_map):

@@ -13,13 +13,41 @@ from prt_core.runtime.files import written
 
 # Custom property of meshes whose active colours changed: what they were.
 ACTIVE_BEFORE = "prt_active_before"
+# Of those that show a preview: the colour attribute that it is of.
+PREVIEW_COLOURS = "prt_preview_colours"
+# And of meshes with kept colours: which are those for renders, where exporters look for them.
+KEPT_COLOURS = "prt_kept_colours"
 CHANNELS = "RGB"
+_ALL_CHANNELS = "RGBA"
 # A whole compressed .blend ends so: the magic number of Zstandard's seek table.
 _LAST_BYTES = b"\xb1\xea\x92\x8f"
 
 
+def solid_name(attribute):
+    """Name of the colour attribute that Solid mode shows, of the preview of an attribute."""
+    return f"{attribute} Solid"
+
+
+def light_name(attribute):
+    """Name of the colour attribute of the light on the user's own materials."""
+    return f"{attribute} Light"
+
+
+def names_of_preview(attribute):
+    """Names of all colour attributes that the preview of an attribute may write."""
+    return attribute, solid_name(attribute), light_name(attribute)
+
+
 def write_colours(
-    target, colours, name="PRT", domain="CORNER", *, byte=False, channels=CHANNELS, active=True
+    target,
+    colours,
+    name="PRT",
+    domain="CORNER",
+    *,
+    byte=False,
+    channels=CHANNELS,
+    active=True,
+    vector=False,
 ):
     """Store linear colours in a colour attribute.
 
@@ -27,17 +55,20 @@ def write_colours(
     ----------
     target : bpy.types.Object
         Of type mesh, in Object Mode.
-    colours : (n_corners, 3) float32
-        In loop order.
+    colours : (n_corners, 3) or (n_corners, 4) float32
+        In loop order; with alpha where that is written.
     name : str
     domain : {"CORNER", "POINT"}
         POINT stores the mean of each vertex's corners.
     byte : bool
         8 bits a channel (0 to 1, sRGB) instead of float.
     channels : str
-        Those of R, G and B to write; the others of an attribute that is there stay.
+        Those of R, G, B and A to write. The others of an attribute that is there stay, and so
+        does what it is: of which domain and type. Without A alpha is 1.
     active : bool
         Make it the active and render colour; `restore` gives that back.
+    vector : bool
+        Store vectors, not colours.
 
     Raises
     ------
@@ -49,8 +80,8 @@ def write_colours(
     expect(domain in {"CORNER", "POINT"}, f"domain: expected 'CORNER' or 'POINT', got '{domain}'")
     expect(name.strip(), "attribute: expected a name, got an empty one")
     expect(
-        channels and set(channels) <= set(CHANNELS),
-        f"channels: expected some of R, G and B, got '{channels}'",
+        channels and set(channels) <= set(_ALL_CHANNELS),
+        f"channels: expected some of R, G, B and A, got '{channels}'",
     )
     expect(target.mode != "EDIT", f"{target.name}: leave Edit Mode before colours are written")
     expect(
@@ -58,32 +89,62 @@ def write_colours(
         f"{target.name}: has {len(mesh.loops)} corners, the bake {len(colours)}; the mesh was "
         "changed after the bake, bake again",
     )
-    colours = expect_array(f"{target.name}: colours", colours, (None, 3), np.float32)
+    width = 4 if "A" in channels else 3
+    colours = expect_array(f"{target.name}: colours", colours, (None, width), np.float32)
+    partly, kind = not set(CHANNELS) <= set(channels), "BYTE_COLOR" if byte else "FLOAT_COLOR"
+    existing = mesh.color_attributes.get(name)
+    if partly and existing is not None:
+        domain, kind = existing.domain, existing.data_type
     if domain == "POINT":
         corner_vertex = np.empty(len(mesh.loops), np.int32)
         mesh.loops.foreach_get("vertex_index", corner_vertex)
         colours = corners_to_vertices(colours, corner_vertex, len(mesh.vertices))
-    before = mesh.color_attributes.active_color_name
-    attribute = _colour_attribute(target, name, domain, "BYTE_COLOR" if byte else "FLOAT_COLOR")
+    if vector:
+        _vector_attribute(target, name, domain).data.foreach_set("vector", colours.ravel())
+        mesh.update()
+        return
+    before, rendered = mesh.color_attributes.active_color_name, _rendered(mesh)
+    attribute = _colour_attribute(target, name, domain, kind)
     values = np.ones((len(colours), 4), np.float32)
-    if set(channels) != set(CHANNELS):
+    if partly:
         attribute.data.foreach_get("color", values.ravel())
     for channel in channels:
-        values[:, CHANNELS.index(channel)] = colours[:, CHANNELS.index(channel)]
+        place = _ALL_CHANNELS.index(channel)
+        values[:, place] = colours[:, place]
     attribute.data.foreach_set("color", values.ravel())
     if active and before != name and ACTIVE_BEFORE not in mesh:
         mesh[ACTIVE_BEFORE] = before
-    activate(mesh, name if active else before)
+    if active:
+        mesh[PREVIEW_COLOURS] = name
+    activate(mesh, *((name, name) if active else (before, rendered)))
     mesh.update()
 
 
-def activate(mesh, name):
-    """Make a colour attribute the active and the render colour, where it is there."""
-    names = list(mesh.color_attributes.keys())
-    index = names.index(name) if name in names else -1
-    if index >= 0 and mesh.color_attributes.active_color_index != index:
-        mesh.color_attributes.active_color_index = index
-        mesh.color_attributes.render_color_index = index
+def activate(mesh, name, rendered=None):
+    """Make a colour attribute the active and the render colour, where it is there.
+
+    The render colour of a mesh with kept colours is these.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+    name : str
+    rendered : str, optional
+        The render colour, where that is another.
+    """
+    attributes = mesh.color_attributes
+    index, kept = attributes.find(name), attributes.find(mesh.get(KEPT_COLOURS) or "")
+    render = kept if kept >= 0 else attributes.find(rendered or name)
+    if index >= 0 and attributes.active_color_index != index:
+        attributes.active_color_index = index
+    if render >= 0 and attributes.render_color_index != render:
+        attributes.render_color_index = render
+
+
+def _rendered(mesh):
+    """Name of the render colour of a mesh, empty where it has none."""
+    index, attributes = mesh.color_attributes.render_color_index, mesh.color_attributes
+    return attributes[index].name if 0 <= index < len(attributes) else ""
 
 
 def _colour_attribute(target, name, domain, kind):
@@ -106,8 +167,27 @@ def _colour_attribute(target, name, domain, kind):
     return colours[name]
 
 
+def _vector_attribute(target, name, domain):
+    """The vector attribute of that name; one of another domain is replaced."""
+    attributes = target.data.attributes
+    existing = attributes.get(name)
+    if existing is not None:
+        expect(
+            existing.data_type == "FLOAT_VECTOR" and not existing.is_required,
+            f"{target.name}: '{name}' is an attribute that holds no vectors of yours; use another "
+            "name",
+        )
+        if existing.domain != domain:
+            attributes.remove(existing)
+            existing = None
+    if existing is None:
+        attributes.new(name, "FLOAT_VECTOR", domain)
+    expect(name in attributes, f"{target.name}: cannot make an attribute called '{name}'")
+    return attributes[name]
+
+
 def corners_to_vertices(colours, corner_vertex, n_vertices):
-    """(n_vertices, 3) float32 means of (n_corners, 3) colours; 0 for a loose vertex."""
+    """(n_vertices, n) float32 means of (n_corners, n) colours; 0 for a loose vertex."""
     count = np.maximum(np.bincount(corner_vertex, minlength=n_vertices), 1)[:, None]
     sums = [np.bincount(corner_vertex, column, n_vertices) for column in colours.T]
     return (np.stack(sums, axis=1) / count).astype(np.float32)
@@ -122,6 +202,8 @@ def write_all(
     places=None,
     target=None,
     others=(),
+    layers=None,
+    solid=None,
     **options,
 ):
     """Colours of a bake onto the open Blender scene.
@@ -144,8 +226,12 @@ def write_all(
         Where copies go; default: the current one.
     others : sequence of str
         Colour attributes of other previews of the scene, whose copies stay.
+    layers : dict of str -> dict, optional
+        More attributes by their names, each of colours of the same objects.
+    solid : str, optional
+        Which of them 3D views show in Solid mode; default: the attribute itself. Renders use that.
     **options
-        Of `write_colours`: byte, channels, active.
+        Of `write_colours`: byte, channels, active, vector.
 
     Returns
     -------
@@ -159,11 +245,18 @@ def write_all(
     copies = [name for name in colours if name not in own]
     built = copies_there(scene, copies, target, others)
     if copies and built is None:
-        built = build_objects(scene, copies, attribute=attribute, target=target, others=others)
-    for name, present in own.items():
+        originals = {name: objects.get(places[name]) for name in copies}
+        built = build_objects(
+            scene, copies, attribute=attribute, target=target, others=others, originals=originals
+        )
+    for name, present in (own | {name: built[name] for name in copies}).items():
         write_colours(present, colours[name], attribute, domain, **options)
+        for layer, values in (layers or {}).items():
+            write_colours(present, values[name], layer, domain, active=False)
+        if solid is not None:
+            attributes = present.data.color_attributes
+            attributes.active_color_index = attributes.find(solid)
     for name in copies:
-        write_colours(built[name], colours[name], attribute, domain, **options)
         stand_in_for(built[name], objects.get(places[name]))
     if copies:
         arrange(target)
@@ -172,7 +265,7 @@ def write_all(
 
 def keep_all(
     scene, colours, attribute, domain="CORNER", places=None, target=None, byte=False,
-    channels=CHANNELS,
+    channels=CHANNELS, vector=False,
 ):  # fmt: skip
     """Colours of a bake as an attribute that stays when the preview goes.
 
@@ -188,7 +281,7 @@ def keep_all(
     """
     target = target or bpy.context.scene
     places = places_of(scene, places)
-    options = {"byte": byte, "channels": channels, "active": False}
+    options = {"byte": byte, "channels": channels, "active": False, "vector": vector}
     objects = objects_by_place()
     own = _own(scene, colours, places, objects)
     realised = [name for name in colours if name not in own]

@@ -2,17 +2,30 @@
 
 It changes nothing that `restore` cannot take back: materials stay on their objects and are covered
 by a Set Material modifier; what realised copies stand in for is hidden and marked.
+
+Beside the attribute of the colours there are two more: what Solid mode shows, which knows no view
+transform, and the light that the user's own materials are shown in.
 """
 
 import bpy
 
-from prt_core.blender.colours import ACTIVE_BEFORE, activate, places_of
+from prt_core.blender.colours import (
+    ACTIVE_BEFORE,
+    PREVIEW_COLOURS,
+    activate,
+    light_name,
+    names_of_preview,
+    places_of,
+)
 from prt_core.blender.identity import objects_by_place
+from prt_core.blender.own_materials import forget_copies, relit_material
 from prt_core.blender.realised import PREVIEW, holds, preview_material, remove_copies
 from prt_core.blender.stand_ins import COPY, arrange, is_copy
 
+LOOKS = ("COLOURS", "MATERIALS", "SOLID")
 
-def show_colours(scene, attribute="PRT", material=True, places=None, names=None):
+
+def show_colours(scene, attribute="PRT", look="COLOURS", places=None, names=None):
     """Show the colours of a bake in every shading mode: cover the materials of its objects.
 
     Parameters
@@ -20,20 +33,27 @@ def show_colours(scene, attribute="PRT", material=True, places=None, names=None)
     scene : Scene
         Whose colours `write_all` has written.
     attribute : str
-    material : bool
-        Show them as emission in Material Preview and renders as well.
+    look : {"COLOURS", "MATERIALS", "SOLID"}
+        In Material Preview and renders: the colours as emission, the light of `light_name` on
+        the objects' own materials, or nothing: then only Solid mode shows them. Realised copies
+        have no materials but the colours.
     places : dict of str -> (str, str), optional
         As `write_all` takes it.
     names : collection of str, optional
         Of the baked objects that are meant; default: all that receive.
     """
-    group = _shading_group(attribute) if material else None
+    group = _shading_group(attribute, [preview_material(attribute)]) if look == "COLOURS" else None
     places, objects = places_of(scene, places), objects_by_place()
     for item in scene.objects:
         meant = item.receives if names is None else item.name in names
         present = objects.get(places[item.name]) if item.own_mesh and meant else None
         if present is not None:
-            _shade(present, group)
+            _shade(present, _own_group(present, attribute) if look == "MATERIALS" else group)
+
+
+def materials_changed(attribute):
+    """The user's materials are not as they were: their copies are made again when next shown."""
+    forget_copies(light_name(attribute))
 
 
 def held_by(scene, attribute, target, places=None):
@@ -87,7 +107,8 @@ def restore(target=None, attributes=(), of=None):
             changed += _restore_mesh(item.data, attributes) or shaded is not None
     remove_copies(target, of)
     changed += arrange(target)
-    for kind in (bpy.data.node_groups, bpy.data.materials):
+    # Groups of shaders go with the last material that has them.
+    for kind in (bpy.data.node_groups, bpy.data.materials, bpy.data.node_groups):
         for block in [b for b in kind if b.get(PREVIEW) and not b.users]:
             kind.remove(block)
     return changed
@@ -101,11 +122,13 @@ def is_shaded(item):
 def _restore_mesh(mesh, attributes):
     colours = mesh.color_attributes
     before = mesh.get(ACTIVE_BEFORE)
-    removed = [name for name in attributes if name in colours] if before is not None else []
+    ours = [each for name in attributes for each in names_of_preview(name)]
+    removed = [name for name in ours if name in colours] if before is not None else []
     for name in removed:
         colours.remove(colours[name])
     if before is not None:
         del mesh[ACTIVE_BEFORE]
+        mesh.pop(PREVIEW_COLOURS, None)
         activate(mesh, before)
     return before is not None
 
@@ -124,19 +147,50 @@ def _shade(item, group):
         modifier.node_group = group
 
 
-def _shading_group(attribute):
-    """Geometry nodes that put the emission material on everything."""
+def _own_group(item, attribute):
+    """The group that puts the relit copy of each material of an object in its place."""
+    light, slots = light_name(attribute), [slot.material for slot in item.material_slots] or [None]
+    return _shading_group(attribute, [relit_material(material, light) for material in slots])
+
+
+def _shading_group(attribute, materials):
+    """Geometry nodes that put a material on the faces of each slot, the last on all beyond."""
     for group in bpy.data.node_groups:
-        if group.library is None and group.get(PREVIEW) == attribute:
+        ours = group.library is None and group.get(PREVIEW) == attribute
+        if ours and group.bl_idname == "GeometryNodeTree" and _materials_of(group) == materials:
             return group
     group = bpy.data.node_groups.new(f"{attribute} preview", "GeometryNodeTree")
     group[PREVIEW] = attribute
     for way in ("INPUT", "OUTPUT"):
         group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
     nodes, links = group.nodes, group.links
-    start, end = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
-    put = nodes.new("GeometryNodeSetMaterial")
-    put.inputs["Material"].default_value = preview_material(attribute)
-    links.new(start.outputs[0], put.inputs["Geometry"])
-    links.new(put.outputs[0], end.inputs[0])
+    geometry = nodes.new("NodeGroupInput").outputs[0]
+    # The last first: what has its new material lies beyond all slots.
+    for slot in reversed(range(len(materials))):
+        put = nodes.new("GeometryNodeSetMaterial")
+        put.name, put.inputs["Material"].default_value = f"{slot:03d}", materials[slot]
+        links.new(geometry, put.inputs["Geometry"])
+        if slot > 0 or len(materials) > 1:
+            is_last = slot == len(materials) - 1
+            chosen = _compared(group, "GREATER_EQUAL" if is_last else "EQUAL", slot)
+            links.new(chosen, put.inputs["Selection"])
+        geometry = put.outputs[0]
+    links.new(geometry, nodes.new("NodeGroupOutput").inputs[0])
     return group
+
+
+def _compared(group, operation, slot):
+    """A socket that says of which faces the number of their slot is this, or at least this."""
+    compare = group.nodes.new("FunctionNodeCompare")
+    compare.data_type, compare.operation = "INT", operation
+    by_name = {socket.identifier: socket for socket in compare.inputs}
+    by_name["B_INT"].default_value = slot
+    index = group.nodes.new("GeometryNodeInputMaterialIndex")
+    group.links.new(index.outputs[0], by_name["A_INT"])
+    return compare.outputs[0]
+
+
+def _materials_of(group):
+    """The materials that a group of ours puts, by slot."""
+    puts = [node for node in group.nodes if node.bl_idname == "GeometryNodeSetMaterial"]
+    return [p.inputs["Material"].default_value for p in sorted(puts, key=lambda p: p.name)]

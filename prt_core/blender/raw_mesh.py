@@ -149,4 +149,5 @@ class RawMesh:
             corner_uv=self.corner_uv,
             paint=self.paint,
             material_names=self.material_names,
+            matrix=matrix if np.isfinite(matrix).all() else None,
         )

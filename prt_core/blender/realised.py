@@ -6,6 +6,7 @@ from itertools import chain
 import bpy
 import numpy as np
 
+from prt_core.blender.carried_over import carry_over, note_rounds
 from prt_core.blender.stand_ins import COPY, KEPT, ORIGINAL, is_copy, is_kept, let_go
 
 COLLECTION, KEPT_COLLECTION = "PRT", "PRT Kept"
@@ -18,8 +19,9 @@ _SAME = 1e-6
 
 
 def build_objects(
-    scene, names=None, collection=COLLECTION, attribute="PRT", target=None, others=()
-):
+    scene, names=None, collection=COLLECTION, attribute="PRT", target=None, others=(),
+    originals=None,
+):  # fmt: skip
     """Realised copies of baked objects, in a collection of their own, in world space.
 
     Parameters
@@ -34,6 +36,8 @@ def build_objects(
         Where a new collection goes; default: the current one.
     others : sequence of str
         Colour attributes of other previews, whose copies stay.
+    originals : dict of str -> bpy.types.Object or None, optional
+        What each mesh of the bake belongs to: what was refined takes over UV maps and attributes.
 
     Returns
     -------
@@ -47,6 +51,8 @@ def build_objects(
     for item, mesh, mirrored in _meshes(scene, names):
         built[item.name] = _object(item.name, mesh, mirrored, material, home)
         built[item.name][COPY] = item.name
+        if item.refined is not None and originals:
+            carry_over(mesh, item.refined, originals.get(item.name))
     return built
 
 
@@ -102,6 +108,8 @@ def kept_objects(scene, originals, attribute, target):
                 let_go(namesake)
             _set_normals(mesh, scene.points.normals[item.corner_point], mirrored)
             same = _object(f"{item.name} kept", mesh, mirrored, material, home)
+            if item.refined is not None:
+                carry_over(mesh, item.refined, original)
         else:
             bpy.data.meshes.remove(mesh)
             slots = same.data.materials
@@ -200,6 +208,8 @@ def _mesh(item, vertices):
     start = np.concatenate([[0], np.cumsum(item.face_sizes)[:-1]]).astype(np.int32)
     mesh.polygons.foreach_set("loop_start", start)
     mesh.update(calc_edges=True)
+    if item.refined is not None:
+        note_rounds(mesh, item.refined)
     return mesh
 
 

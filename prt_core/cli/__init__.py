@@ -1,4 +1,7 @@
-"""`prt bake | relight | compress | info | lightfield | bench`; also `python -m prt_core`."""
+"""`prt bake | relight | occlusion | compress | export | info | lightfield | bench`.
+
+Also `python -m prt_core`.
+"""
 
 import argparse
 import os
@@ -7,8 +10,10 @@ import sys
 from prt_core.cli.bake import add_bake
 from prt_core.cli.bench import add_bench
 from prt_core.cli.compress import add_compress
+from prt_core.cli.export import add_export
 from prt_core.cli.info import add_info
 from prt_core.cli.lightfield import add_lightfield
+from prt_core.cli.occlusion import add_occlusion
 from prt_core.cli.relight import add_relight
 from prt_core.errors import PRTError, system_errors
 from prt_core.version import __version__
@@ -72,8 +77,10 @@ def _parser(in_blender):
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     add_bake(commands, in_blender)
     add_relight(commands, in_blender)
+    add_occlusion(commands, in_blender)
     add_info(commands)
     add_compress(commands)
+    add_export(commands)
     add_lightfield(commands, in_blender)
     add_bench(commands, in_blender)
     return parser

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 
 from prt_core.compress import candidate_names, method_names
-from prt_core.errors import expect
+from prt_core.errors import PRTError, expect
 from prt_core.transport import View
 
 _IN_BLENDER = "the scene that is open"
@@ -103,22 +103,44 @@ def size(text):
     return int(width), int(height)
 
 
+def vertices(text):
+    """A number of vertices, or a text as 1.5x: so many times those there are."""
+    return int(text) if text.isdecimal() else text
+
+
 def view_named(text, baked):
-    """The `View` of 'camera' or x,y,z, where `baked` has the camera; None of None."""
-    if text is None:
+    """The `View` of 'camera', a camera of the scene by name, or x,y,z; None of None."""
+    camera = camera_named(text, baked)
+    if camera is not None:
+        return View.of_camera(camera)
+    return None if text is None else View(_place(text))
+
+
+def camera_named(text, baked):
+    """The `Camera` of `--view`: 'camera', or a name; None of None, and of a place as x,y,z."""
+    if text is None or (text not in baked.cameras and _place(text) is not None):
         return None
-    if text == "camera":
-        expect(
-            baked.camera is not None,
-            "--view camera: the baked scene has no camera whose lens is followed; give x,y,z",
-        )
-        return View.of_camera(baked.camera)
-    try:
-        place = [float(part) for part in text.split(",")]
-    except ValueError:
-        place = []
     expect(
-        len(place) == 3 and np.isfinite(place).all(),
-        f"--view: expected 'camera' or a place as x,y,z, got '{text}'",
+        text != "camera" or baked.camera is not None or text in baked.cameras,
+        "--view camera: the baked scene has no camera whose lens is followed; give x,y,z",
     )
-    return View(np.array(place))
+    try:
+        return baked.camera_named(text)
+    except PRTError as error:
+        raise PRTError(
+            f"--view: {str(error).partition(': ')[2]}, or give a place as x,y,z"
+        ) from error
+
+
+def is_place(text):
+    """Whether a text is a place as x,y,z."""
+    return _place(text) is not None
+
+
+def _place(text):
+    """(3,) float64 of x,y,z; None of other texts."""
+    try:
+        place = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        return None
+    return place if len(place) == 3 and np.isfinite(place).all() else None

@@ -1,9 +1,11 @@
 """`prt bake`: a .blend file into NAME.prt."""
 
 import json
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import prt_core
+from prt_core.bake.images import ATLAS_UV
 from prt_core.bake.report_lines import report_lines
 from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import (
@@ -13,9 +15,12 @@ from prt_core.cli.arguments import (
     quiet_arguments,
     scene_argument,
     size,
+    vertices,
 )
+from prt_core.cli.bake_pictures import BakePictures
 from prt_core.cli.show import working
 from prt_core.errors import expect
+from prt_core.light import EnvironmentMap
 from prt_core.runtime.files import expect_output
 from prt_core.scene import PARAMETRISATIONS
 
@@ -58,6 +63,42 @@ def add_bake(commands, in_blender):
         "--parametrisation", choices=PARAMETRISATIONS,
         help="of that surface: its UV map, or the sphere for closed ones; auto: UV where there is",
     )  # fmt: skip
+    bake.add_argument(
+        "--refine", action="store_true",
+        help="split edges where vertices are too few for shadows, and bake the finer meshes",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine-tolerance", type=float, metavar="T",
+        help="relative error that drawing between vertices may make (0.02)",
+    )  # fmt: skip
+    bake.add_argument(
+        "--refine-vertices", type=vertices, metavar="N|1.5x",
+        help="of objects that receive, at most: a number, or so many times those there are (1.5x)",
+    )  # fmt: skip
+    bake.add_argument(
+        "--atlas", type=_atlas, metavar="N|WxH",
+        help="bake a lightmap: one image of the surfaces of several objects",
+    )  # fmt: skip
+    bake.add_argument(
+        "--atlas-objects",
+        nargs="+",
+        metavar="NAME",
+        help="that are in it; default all that receive",
+    )
+    bake.add_argument(
+        "--atlas-uv", choices=ATLAS_UV,
+        help="new: unwrap them (default); packed: their own charts, scaled by area and packed "
+        "apart; own: their UV maps as they are",
+    )  # fmt: skip
+    bake.add_argument("--atlas-margin", type=int, help="texels between packed charts (4)")
+    bake.add_argument(
+        "--show-png", metavar="PNG",
+        help="a picture from the scene's camera, written anew as the bake comes nearer",
+    )  # fmt: skip
+    bake.add_argument(
+        "--show-light", metavar="IMAGE",
+        help="of that picture: .exr or .hdr, or 'world' (all that shines in the scene)",
+    )  # fmt: skip
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -74,9 +115,18 @@ def _geometry_image(words):
     return name, int(size)
 
 
+def _atlas(text):
+    """(width, height) of N or WxH."""
+    return size(f"{text}x{text}" if text.isdecimal() else text)
+
+
 _NEEDED = {
+    **{f"atlas_{name}": (("atlas",), "--atlas") for name in ("objects", "uv", "margin")},
     "pixel_samples": (("camera_pixels",), "--camera-pixels"),
     "parametrisation": (("geometry_image",), "--geometry-image"),
+    "refine_tolerance": (("refine",), "--refine"),
+    "refine_vertices": (("refine",), "--refine"),
+    "show_light": (("show_png",), "--show-png"),
 }
 
 
@@ -91,7 +141,14 @@ def _bake(options):
         name = blend
     output = options.output if options.output is not None else Path(name).with_suffix(".prt")
     output = expect_output("--output", output, ".prt", folder=True)
-    with working(options.quiet or options.json) as bar:
+    silent, pictures = options.quiet or options.json, None
+    if options.show_png is not None:
+        path = expect_output("--show-png", options.show_png, ".png")
+        if options.show_light not in (None, "world"):
+            # What is wrong with it is said before the bake.
+            EnvironmentMap.read(options.show_light)
+        pictures = BakePictures(path, options.show_light, options.caster, silent)
+    with closing(pictures or ExitStack()), working(silent) as bar:
         report = prt_core.bake(
             blend,
             output,
@@ -99,6 +156,7 @@ def _bake(options):
             two_sided=options.two_sided,
             restart=options.restart,
             report=bar,
+            on_picture=pictures,
             resolution=options.resolution,
             bounces=options.bounces,
             tolerance=options.tolerance,
@@ -110,6 +168,13 @@ def _bake(options):
             pixel_samples=samples,
             geometry_image=_geometry_image(options.geometry_image),
             parametrisation=options.parametrisation or "auto",
+            refine=options.refine,
+            refine_tolerance=options.refine_tolerance,
+            refine_vertices=options.refine_vertices,
+            atlas=options.atlas,
+            atlas_objects=options.atlas_objects,
+            atlas_uv=options.atlas_uv or "new",
+            atlas_margin=4 if options.atlas_margin is None else options.atlas_margin,
         )
     if options.json:
         print(json.dumps({"bake": str(output), **report}))

@@ -3,7 +3,7 @@
 import json
 import sys
 
-from prt_core.bake.report_lines import compressed_lines, missed, trial_lines
+from prt_core.bake.report_lines import compressed_lines, gloss_lines, missed, trial_lines
 from prt_core.cli.arguments import methods_help, quiet_arguments
 from prt_core.cli.show import working
 from prt_core.errors import expect
@@ -15,7 +15,8 @@ def add_compress(commands):
     compress.add_argument("bake", help="NAME.prt")
     compress.add_argument(
         "--method", default="auto", metavar="NAME[:key=value,…]",
-        help=f"auto tries on a sample: {methods_help()}; none removes what is there",
+        help=f"auto tries on a sample: {methods_help()}; transfer for what views show of rough "
+        "gloss; none removes what is there",
     )  # fmt: skip
     compress.add_argument(
         "--tolerance", type=float, help="relative error of relit colours (0.01, if nothing else)"
@@ -65,4 +66,6 @@ def _compress(options):
         return 0
     for line in (*trial_lines(report), f"{options.bake}:", *compressed_lines(report)):
         print(line)
+    if "gloss" in report:
+        print(*gloss_lines(report["gloss"]), sep="\n")
     return 0

@@ -3,27 +3,39 @@
 import argparse
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 import prt_core
-from prt_core.blender_access import expect_blend, import_bpy, open_blend
+from prt_core.blender_access import expect_blend, import_bpy
 from prt_core.cli.arguments import (
-    bounces,
     caster_argument,
     expect_used,
     form_argument,
+    is_place,
     size,
-    view_named,
 )
-from prt_core.cli.relight_view import notes_of, wants_points, write_picture
-from prt_core.cli.show import Hushed
-from prt_core.errors import PRTError, expect
+from prt_core.cli.each_light import each_light
+from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
+from prt_core.cli.outputs import (
+    bpy_where_needed,
+    expect_png_bits,
+    image_notes,
+    write_blend,
+    write_pixels,
+)
+from prt_core.cli.relight_lights import add_lights, relight_lights
+from prt_core.cli.relight_view import (
+    asked_view,
+    how_relit,
+    image_of,
+    notes_of,
+    wants_points,
+    write_picture,
+)
+from prt_core.errors import expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
-from prt_core.light import write_image
-from prt_core.relight.lighting import Lighting
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
@@ -32,48 +44,43 @@ _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend":
 _NEEDED = {
     "progressive": (("turn",), "--turn"),
     "size": (("png",), "--png"),
+    "bits": (("image",), "--image"),
     "scene": (("blend",), "--blend"),
     "attribute": (("blend",), "--blend"),
     "domain": (("blend",), "--blend"),
-    "rotate": (("light",), "--light IMAGE"),
-    "sharp_sun": (("light",), "--light IMAGE"),
-    "lamp_samples": (("lamps", "sharp_sun"), "--lamps or --sharp-sun"),
+    **LIGHT_NEEDS,
+    "weights": (("lights",), "--lights JSON"),
+    "each": (("lights",), "--lights JSON"),
 }
-# Flags that are not called as what they fill in of `Lighting`.
-_FLAGS = {"rotation": "rotate"}
 
 
 def add_relight(commands, in_blender):
     """Add `relight` to the commands."""
     relight = commands.add_parser("relight", help="light a bake")
     relight.add_argument("bake", help="NAME.prt")
-    relight.add_argument("--light", metavar="IMAGE", help=".exr or .hdr, or 'world'")
-    relight.add_argument("--rotate", type=float, help="degrees about z")
-    relight.add_argument("--strength", type=float, default=1.0, help="factor on the light (1)")
-    relight.add_argument("--exposure", type=float, default=0.0, help="stops, of every output (0)")
+    lighting_arguments(relight, several=True)
     relight.add_argument(
-        "--sharp-sun", action="store_true", help="cast the shadow rays of the image's sun"
+        "--apart",
+        action="store_true",
+        help="outputs of each light by itself: of each --light, of each lamp, of the emission",
     )
-    relight.add_argument("--lamps", action="store_true", help="add the lamps of the scene")
-    relight.add_argument("--lamp-samples", type=int, help="shadow rays a lamp (256)")
     relight.add_argument(
-        "--emission", nargs="+", metavar="NAME=HOW",
-        help="of materials that emit light: all (default), none, or NAME=2.5, NAME=#ff8800, "
-        "NAME=#ff8800:2 for a factor, a colour or both",
-    )  # fmt: skip
-    relight.add_argument(
-        "--bounces", type=bounces, default="baked", help="default: as baked; 0 is direct light"
+        "--light-only",
+        action="store_true",
+        help="what surfaces receive, irradiance / pi, without their colour: to multiply with it",
     )
     relight.add_argument(
         "--view", metavar="VIEW",
-        help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z (a "
-        "picture is seen from the camera: 'camera' with --png, each pixel by itself)",
+        help="whom gloss is shown to, of a bake with gloss: 'camera', a camera of the scene by its "
+        "name, or a place as x,y,z (--png is seen from the camera, each pixel by itself)",
     )  # fmt: skip
     relight.add_argument("--output", metavar="NPZ", help="colours of each object's corners")
     relight.add_argument("--png", metavar="PNG", help="a picture from the scene's camera")
     relight.add_argument(
-        "--image", metavar="PNG", help="the image that was baked; as .exr in linear radiance"
-    )
+        "--image", metavar="PNG",
+        help="the image or atlas that was baked; as .exr in linear radiance",
+    )  # fmt: skip
+    relight.add_argument("--bits", type=int, choices=(8, 16), help="of a channel of its .png (8)")
     relight.add_argument(
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
@@ -90,6 +97,7 @@ def add_relight(commands, in_blender):
     )
     relight.add_argument("--attribute", help="name of the colour attribute (PRT)")
     relight.add_argument("--domain", choices=("corner", "point"), help="of the colours (corner)")
+    add_lights(relight)
     form_argument(relight)
     caster_argument(relight)
     relight.set_defaults(run=_relight, in_blender=in_blender)
@@ -102,46 +110,58 @@ def _frames(text):
 
 
 def _relight(options):
+    if options.lights:
+        return relight_lights(options)
+    options.light, lights = (options.light or [None])[0], options.light
+    if options.apart or len(lights or ()) > 1:
+        return each_light(options, lights or [], _OUTPUTS, _relight_one, _expect_request)
+    return _relight_one(options)
+
+
+def _relight_one(options):
     lighting = _expect_request(options)
     if options.caster in ("blender", "bvhtree") or options.blend:
         import_bpy()
     baked = prt_core.load(options.bake)
     expect(
         not options.image or baked.scene.image is not None,
-        "--image: this bake holds none; bake with --camera-pixels or --geometry-image",
+        "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
     )
-    options.size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
+    camera, view = asked_view(options, baked)
+    options.size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
-        return _relight_turn(baked, lighting, options)
-    view = view_named(options.view, baked)
+        return _relight_turn(baked, lighting, options, camera, view)
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
     radiance = None
     try:
-        if wants_points(options):
+        if wants_points(options, view):
             radiance = relighter.radiance(lighting, of=of, view=view)
+            radiance = relighter.received if options.light_only else radiance
             spent = time.perf_counter() - start
         if options.png:
-            _bpy_where_needed()
-            pictures = PictureWriter(baked, options.size, options.caster)
+            bpy_where_needed()
+            pictures = PictureWriter(baked, options.size, options.caster, camera)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
             spent = time.perf_counter() - start
-        how, notes = _how(relighter), notes_of(relighter)
+        if options.image:
+            pixels = image_of(baked, relighter, lighting, radiance, of, options.light_only)
+        how, notes = how_relit(relighter), notes_of(relighter)
     finally:
         relighter.close()
+    if options.image:
+        write_pixels(options.image, pixels, options.bits or 8)
+        notes = [*notes, *image_notes(options.image, pixels, baked.scene.image)]
     if of == "image":
-        _write_image(options.image, radiance)
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
         return 0
     if options.output:
         write_npz(options.output, baked.colours(radiance))
-    if options.image:
-        _write_image(options.image, baked.image(radiance))
     if options.blend:
-        _write_blend(baked, baked.colours(radiance), options)
+        write_blend(baked, baked.colours(radiance), options, lambda: _wear(baked, options))
     written = ", ".join(p for p in _outputs(options).values() if p)
     print(f"{written}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
     _print_notes(baked, options, notes)
@@ -158,13 +178,15 @@ def _expect_request(options):
         any(path is not None for path in outputs.values()),
         "relight: nothing to write; give --output NPZ, --png PNG, --image PNG or --blend BLEND",
     )
-    expect(
-        options.light is not None or options.lamps or options.emission,
-        "relight: no light; give --light IMAGE, --light world, --lamps or --emission all",
-    )
+    expect_light(options, "relight")
     expect_used(options, _NEEDED)
+    expect_png_bits(options)
+    expect(
+        not options.light_only or options.view is None,
+        "--light-only: gloss is no light that is received; leave out --view",
+    )
     _fill_in(options)
-    lighting = _lighting(options)
+    lighting = lighting_of(options)
     expect(
         options.form == "auto" or options.light is not None,
         "--form: lamps are always exact; it changes nothing without --light",
@@ -195,8 +217,9 @@ def _expect_request(options):
             "--view: an image that was baked is not shown again; give --output, --png or --blend",
         )
         expect(
-            not options.png or options.view == "camera",
-            "--view: a picture is seen from the camera; give --view camera with --png",
+            not options.png or not is_place(options.view),
+            "--view: a picture is seen from the camera; give --view camera with --png, or the "
+            "name of another",
         )
     paths = []
     for name, path in outputs.items():
@@ -213,8 +236,6 @@ def _expect_request(options):
 
 
 def _fill_in(options):
-    if options.lamp_samples is None:
-        options.lamp_samples = Lighting.lamp_samples
     expect(
         options.attribute is None or options.attribute.strip(),
         "--attribute: expected a name, got an empty one",
@@ -223,68 +244,38 @@ def _fill_in(options):
     options.domain = options.domain or "corner"
 
 
-def _lighting(options):
-    """The `Lighting` of the command line; what is wrong with it is said by the names of flags."""
-    try:
-        return Lighting(
-            options.light,
-            rotation=options.rotate,
-            strength=options.strength,
-            sharp_sun=options.sharp_sun,
-            lamps=options.lamps,
-            lamp_samples=options.lamp_samples,
-            bounces=options.bounces,
-            exposure=options.exposure,
-            emission=_emission(options.emission),
-        )
-    except PRTError as error:
-        field, _, said = str(error).partition(":")
-        flag = _FLAGS.get(field, field).replace("_", "-")
-        raise PRTError(f"--{flag}:{said}") from error
-
-
-def _emission(words):
-    """What `Lighting` takes of the words after --emission."""
-    if words is None or words == ["all"]:
-        return words and "all"
-    settings = {}
-    for word in words:
-        name, sign, how = word.rpartition("=")
-        if word == "none":
-            settings["*"] = 0.0
-        elif word != "all":
-            expect(
-                sign and name and how,
-                f"emission: expected all, none or NAME=HOW, got '{word}'; HOW is a factor, "
-                "#rrggbb or #rrggbb:factor",
-            )
-            settings[name] = how
-    return settings
-
-
 def _outputs(options):
     return {name: getattr(options, name) for name in _OUTPUTS}
 
 
-def _relight_turn(baked, lighting, options):
+def _wear(baked, options):
+    """The atlas that was written, on the objects of the open scene."""
+    if options.image and baked.scene.image.atlas is not None:
+        from prt_core.blender.lightmaps import load_lightmap, wear_lightmap
+
+        wear_lightmap(baked.scene, load_lightmap(options.image), kept=False)
+
+
+def _relight_turn(baked, lighting, options, camera, view):
     """A turntable: the light turns once, what the camera sees is traced once."""
-    _bpy_where_needed()
+    bpy_where_needed()
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
-    of, view = _of(options), view_named(options.view, baked)
-    pictures = PictureWriter(baked, options.size, options.caster)
+    of = _of(options)
+    pictures = PictureWriter(baked, options.size, options.caster, camera)
     start, spent = time.perf_counter(), []
     for frame in range(options.turn):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
         begun, radiance = time.perf_counter(), None
-        if wants_points(options):
+        if wants_points(options, view):
             radiance = relighter.radiance(lighting, of=of, view=view)
+            radiance = relighter.received if options.light_only else radiance
             spent.append(time.perf_counter() - begun)
         if options.image:
-            shown = radiance if of == "image" else baked.image(radiance)
-            _write_image(frame_path(options.image, frame + 1), shown)
+            shown = image_of(baked, relighter, lighting, radiance, of, options.light_only)
+            write_pixels(frame_path(options.image, frame + 1), shown, options.bits or 8)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:
@@ -296,23 +287,15 @@ def _relight_turn(baked, lighting, options):
     first = frame_path(options.png or options.output or options.image, 1)
     print(
         f"{first} and on: {options.turn} frames of {_shown(baked, of)} relit "
-        f"{_how(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of them "
-        "to relight"
+        f"{how_relit(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of "
+        "them to relight"
     )
     _print_notes(baked, options, notes_of(relighter))
     return 0
 
 
-def _how(relighter):
-    """How colours were made, for the line that reports them."""
-    if relighter.used == "exact":
-        return "exactly"
-    attributes = relighter.compressed().attributes
-    return f"compressed ({attributes['method']}, error {attributes['error']:.2%})"
-
-
 def _print_notes(baked, options, notes):
-    if options.png and baked.camera is None:
+    if options.png and baked.camera is None and options.view is None:
         notes = [
             *notes,
             "the baked scene has no camera whose lens is followed: seen from the front",
@@ -325,13 +308,16 @@ def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     casts = options.lamps or options.sharp_sun or options.light == "world"
     if casts and options.caster == "auto":
-        _bpy_where_needed()
+        bpy_where_needed()
 
 
 def _of(options):
-    """What is relit: the image alone, for which its own compressed form will do, or all points."""
+    """What is relit: the image alone, for which its own compressed form will do, or all points.
+
+    That form holds what surfaces make of light: what they receive only points tell.
+    """
     alone = options.image and not (options.output or options.png or options.blend)
-    return "image" if alone else "points"
+    return "image" if alone and not options.light_only else "points"
 
 
 def _shown(baked, of):
@@ -339,53 +325,3 @@ def _shown(baked, of):
     if of == "image":
         return f"{baked.scene.image.width} x {baked.scene.image.height} pixels"
     return f"{len(baked.scene.points):,} points"
-
-
-def _write_image(path, pixels):
-    """Linear pixels as a picture for the eye, or as they are in .exr."""
-    if Path(path).suffix.lower() == ".exr":
-        write_image(path, pixels)
-        return
-    from prt_core.evaluate import to_srgb, write_png
-
-    write_png(path, to_srgb(pixels))
-
-
-def _bpy_where_needed():
-    """`auto` may need Blender's rays where Embree is not installed."""
-    from prt_core.rays.caster import known_casters
-
-    if "embree" not in known_casters():
-        import_bpy()
-
-
-def _write_blend(baked, colours, options):
-    """Colours on the meshes of the scene that is open, of a named .blend, or on built ones."""
-    from prt_core.blender.colours import save_scene, write_all
-
-    bpy = import_bpy()
-    with Hushed():
-        if options.scene:
-            open_blend(options.scene)
-        elif not options.in_blender:
-            bpy.ops.wm.read_factory_settings(use_empty=True)
-        fresh = not options.scene and not options.in_blender
-        differs = "" if fresh else _differs(baked)
-        write_all(baked.scene, colours, options.attribute, options.domain.upper(), all_copies=fresh)
-        save_scene(options.blend)
-    if differs:
-        print(f"  note    the scene is not the one that was baked ({differs}); bake again")
-
-
-def _differs(baked):
-    """How the open scene differs from the one that was baked, in words; empty where it does not."""
-    from prt_core.blender.depsgraph import read_meshes
-    from prt_core.scene import changes, mesh_digests
-
-    baked_as = {item.name: item for item in baked.scene.objects}
-    meshes = read_meshes(gloss=baked.settings.get("gloss", False))
-    for mesh in meshes:
-        item = baked_as.get(mesh.name, mesh)
-        mesh.receives, mesh.two_sided = item.receives, item.two_sided
-    differences = changes(baked.source, mesh_digests(meshes))
-    return "" if differences.fresh else str(differences)

@@ -1,11 +1,50 @@
 """Whom `prt relight` shows gloss to, and pictures with it."""
 
+from prt_core.cli.arguments import camera_named, view_named
+from prt_core.compress.subject import Subject
 from prt_core.evaluate import to_srgb, write_png
 
 
-def wants_points(options):
+def asked_view(options, baked):
+    """The `Camera` that pictures are seen from, and the `View` of gloss; None where not asked for.
+
+    A picture of a bake without gloss is only seen from the camera.
+    """
+    camera = camera_named(options.view, baked)
+    if camera is not None and not baked.reflections and not (options.output or options.blend):
+        return camera, None
+    return camera, view_named(options.view, baked)
+
+
+def wants_points(options, view):
     """Whether any output shows the radiance of points: a picture with gloss does not."""
-    return options.view is None or bool(options.output or options.blend or options.image)
+    return view is None or bool(options.output or options.blend or options.image)
+
+
+def image_of(baked, relighter, lighting, radiance, of, light_only=False):
+    """The image that was baked, (height, width, 3): with its camera's gloss, where it has some.
+
+    Parameters
+    ----------
+    baked : Bake
+    relighter : Relighter
+    lighting : Lighting
+    radiance : (height, width, 3) or (n_points, 3) float32
+        Of the image, or of points.
+    of : {"points", "image"}
+        Which.
+    light_only : bool
+        Whether it is light that points receive, not what they send.
+
+    Returns
+    -------
+    (height, width, 3) float32
+    """
+    if of == "image":
+        return radiance
+    if not light_only and Subject.of_bake(baked, "image").shows_gloss:
+        return relighter.radiance(lighting, of="image")
+    return baked.image(radiance)
 
 
 def write_picture(path, pictures, relighter, lighting, view=None, radiance=None):
@@ -32,3 +71,13 @@ def notes_of(relighter):
     rays = relighter.mirror_rays
     traced = f"mirrors are traced for the picture, by {rays:,} rays"
     return [*relighter.notes, traced] if rays else list(relighter.notes)
+
+
+def how_relit(relighter):
+    """How colours were made, for the line that reports them."""
+    gloss = relighter.gloss_used
+    gloss = f", gloss by {gloss}" if gloss else ""
+    if relighter.used == "exact":
+        return f"exactly{gloss}"
+    attributes = relighter.compressed().attributes
+    return f"compressed ({attributes['method']}, error {attributes['error']:.2%}){gloss}"

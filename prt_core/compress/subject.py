@@ -2,10 +2,15 @@
 
 All that tells the two apart is here. A form of points holds what they receive, and their albedo
 comes after it. A pixel shows several points, so that their albedo is part of its row
-(see `ImageRows`): what a form of pixels gives is radiance already.
+(see `ImageRows`): what a form of pixels gives is radiance already. Pixels of a camera's image show
+gloss as well, for their view is known (see `ViewRows`).
 """
 
+import hashlib
+import json
 from dataclasses import dataclass
+
+import numpy as np
 
 from prt_core.errors import expect
 
@@ -19,10 +24,13 @@ class Subject:
     transport : Transport
         Of all points.
     image : PointImage, optional
+    reflections : tuple of Reflections
+        What its points see, where they are to show gloss to the image's camera.
     """
 
     transport: object
     image: object = None
+    reflections: tuple = ()
 
     @classmethod
     def of_bake(cls, bake, of):
@@ -35,9 +43,19 @@ class Subject:
         """
         expect(
             of == "points" or bake.scene.image is not None,
-            "image: this bake holds none; bake with --camera-pixels or --geometry-image",
+            "image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
         )
-        return cls(bake.transport, bake.scene.image if of == "image" else None)
+        if of == "points":
+            return cls(bake.transport)
+        image = bake.scene.image
+        # An image of a surface is looked at by nobody.
+        seen = getattr(bake, "reflections", ()) if image.camera is not None else ()
+        return cls(bake.transport, image, tuple(seen))
+
+    @property
+    def shows_gloss(self):
+        """Whether the view is baked in."""
+        return bool(self.reflections)
 
     @property
     def name(self):
@@ -59,7 +77,18 @@ class Subject:
     def fingerprint(self):
         """A digest of all that the colours depend on: the same for the same subject only."""
         digest = self.transport.fingerprint()
-        return digest if self.image is None else f"{digest} {self.image.digest()}"
+        if self.image is None:
+            return digest
+        digest = f"{digest} {self.image.digest()}"
+        return f"{digest} {self._seen_digest()}" if self.reflections else digest
+
+    def _seen_digest(self):
+        digest = hashlib.blake2b(digest_size=16)
+        digest.update(json.dumps(self.image.camera.to_dict()).encode())
+        for part in self.reflections:
+            for array in (part.points, part.start, part.block, part.met, part.share):
+                digest.update(np.ascontiguousarray(array))
+        return digest.hexdigest()
 
     def radiance(self, product):
         """The view stage of a form: radiance of what its `product` gives.
@@ -97,4 +126,4 @@ class Subject:
         """Radiance of rows, as an image where it is one: (height, width, 3)."""
         if self.image is None:
             return radiance
-        return radiance.reshape(self.image.height, self.image.width, -1)
+        return self.image.finished(radiance.reshape(self.image.height, self.image.width, -1))

@@ -17,6 +17,7 @@ from prt_core.errors import (
 from prt_core.evaluate.png import to_srgb, write_png
 from prt_core.evaluate.view import CameraRays, expect_view
 from prt_core.runtime.files import written
+from prt_core.scene import expect_camera
 
 
 def frame_path(pattern, frame):
@@ -30,6 +31,16 @@ def frame_path(pattern, frame):
     else:
         name = f"{path.stem}_{frame:04d}{path.suffix}"
     return path.with_name(name)
+
+
+def light_path(pattern, name):
+    """The path of what is shown under one of several lights: its name stands at the end, before
+    the number of a frame. What not every system allows in a name becomes `_`."""
+    path, name = expect_path("lights", pattern), expect_kind("name", name, str, "the name of one")
+    name = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(" .")
+    expect(name, f"{path}: expected the name of a light, got an empty one")
+    start, number = re.fullmatch("(.*?)(_?#*)", path.stem).groups()
+    return path.with_name(f"{start}_{name}{number}{path.suffix}")
 
 
 def write_npz(path, colours):
@@ -61,16 +72,19 @@ class PictureWriter:
     size : (int, int)
         Pixels.
     caster : str
+    camera : Camera, optional
+        Default: that of the baked scene.
     """
 
-    def __init__(self, bake, size, caster="auto"):
+    def __init__(self, bake, size, caster="auto", camera=None):
         self._bake = expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
         self._size = expect_pair("size", size)
         self._caster = expect_kind("caster", caster, str, "the name of one")
         expect_view(*self._size)
+        self._own = bake.camera if camera is None else expect_camera(camera)
         self._camera = self._rays = None
 
-    def write(self, path, radiance, camera=None, background=None):
+    def write(self, path, radiance, camera=None, background=None, encode=to_srgb):
         """One picture.
 
         Parameters
@@ -78,12 +92,14 @@ class PictureWriter:
         path : str or Path
         radiance : (n_points, 3) float32
         camera : Camera, optional
-            Default: that of the baked scene.
+            Default: the writer's own.
         background : callable, optional
             The sky (see `CameraRays.picture`).
+        encode : callable((height, width, 3) float32) -> (height, width, 3) uint8
+            From linear radiance to what a display is sent.
         """
         picture = self.rays(camera).picture(radiance, background)
-        write_png(path, to_srgb(picture))
+        write_png(path, encode(picture))
 
     def rays(self, camera=None):
         """The `CameraRays` of a camera, kept until there is another.
@@ -91,9 +107,9 @@ class PictureWriter:
         Parameters
         ----------
         camera : Camera, optional
-            Default: that of the baked scene.
+            Default: the writer's own.
         """
-        camera = self._bake.camera if camera is None else camera
+        camera = self._own if camera is None else camera
         if self._rays is None or camera != self._camera:
             caster = self._bake.make_caster(self._caster, "camera")
             try:

@@ -12,6 +12,7 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
+from prt_core.light.sky import Sky
 from prt_core.runtime.machine import expect_memory
 from prt_core.scene import auto_camera, expect_camera, hits_in_view, view_rays
 
@@ -82,8 +83,8 @@ class CameraRays:
         Parameters
         ----------
         radiance : (n_points, 3) float32
-        background : callable((m, 3) directions) -> (m, 3), optional
-            What the sky looks like; default black.
+        background : Sky, or callable((m, 3) directions) -> (m, 3), optional
+            What the sky looks like; default black. A `Sky` is filtered for the samples.
         pointless : float
             What surfaces without points look like, in each channel: sides that return no light.
 
@@ -97,6 +98,15 @@ class CameraRays:
         lit = self.lit
         values = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
         return self.picture_of(values, background, pointless)
+
+    @property
+    def spread(self):
+        """Radians between one sample of the middle row and the next; 0 where there is but one."""
+        across = self.width * self.samples
+        middle = self.height * self.samples // 2 * across
+        row = self.directions[middle : middle + across]
+        steps = np.linalg.norm(np.diff(row, axis=0), axis=1)
+        return float(np.median(steps)) if len(steps) else 0.0
 
     @property
     def lit(self):
@@ -123,7 +133,9 @@ class CameraRays:
         image = np.zeros((len(self.hit), 3), np.float32)
         image[self.hit] = pointless
         image[lit] = values
-        if background is not None:
+        if isinstance(background, Sky):
+            image[self._sky] = background(self.directions[self._sky], self.spread)
+        elif background is not None:
             image[self._sky] = background(self.directions[self._sky])
         s = self.samples
         return image.reshape(self.height, s, self.width, s, 3).mean(axis=(1, 3))

@@ -5,6 +5,7 @@ from prt_core.light.bright import BrightPixels, split_sun
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.images import read_image, read_picture, write_image
 from prt_core.light.local import Lamp
+from prt_core.light.sky import Sky
 from prt_core.light.sun import sun_light
 from prt_core.light.turning import TurningLight
 from prt_core.runtime.renamed import renamed_names
@@ -13,6 +14,7 @@ __all__ = [
     "BrightPixels",
     "EnvironmentMap",
     "Lamp",
+    "Sky",
     "TurningLight",
     "read_image",
     "read_picture",

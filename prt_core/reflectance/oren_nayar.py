@@ -78,6 +78,26 @@ class OrenNayar:
         return np.broadcast_to(cosine_density(incoming[..., 2]), shape)
 
 
+def seen_from_above(cosine, roughness, colour):
+    """What rough diffuse surfaces make of light, as seen from straight above: Lambert's is 1.
+
+    Parameters
+    ----------
+    cosine : (n,) float
+        Between light and normal, above 0.
+    roughness : (n,) float
+    colour : (n, n_channels) float
+        Albedo.
+
+    Returns
+    -------
+    (n, n_channels) float
+    """
+    incoming = np.stack([np.sqrt(np.maximum(1 - cosine**2, 0)), 0 * cosine, cosine], axis=1)
+    outgoing = np.broadcast_to([0.0, 0.0, 1.0], incoming.shape)
+    return np.pi * OrenNayar(1.0, roughness, np.clip(colour, 0, 1)).eval(incoming, outgoing)
+
+
 def rough_parts(cosine, other, flat, rough):
     """The rough diffuse BRDF of white facets, by what bounces once and what bounces again.
 

@@ -9,10 +9,13 @@ from prt_core.compress import IncrementalLighting
 from prt_core.errors import expect, system_errors
 from prt_core.light import EnvironmentMap, TurningLight, split_sun
 from prt_core.light.environment import expect_radiance, expect_strength
+from prt_core.light.sky import Sky
 from prt_core.sphere import CubeMap
 
 # Images, and lights to be turned, that stay in memory at once.
 _MOST_IMAGES = 4
+# Samples along each side of a pixel of the image of the world's texels.
+_FINE = 4
 
 
 class Environments:
@@ -30,6 +33,14 @@ class Environments:
     def close(self):
         """Let go of everything."""
         self._images, self._turning, self._last = {}, {}, (None, None)
+        self._texels, self._world = ((None,), False, None), None
+
+    def replace(self, bake):
+        """See `Relighter.replace`."""
+        # What points receive of a light is made of their rows alone.
+        if bake.transport.bits is not self._bake.transport.bits:
+            self._last = None, None
+        self._bake = bake
 
     def read(self, lighting):
         """What a `Lighting` has of light from far away, as something that can be put on texels.
@@ -105,9 +116,29 @@ class Environments:
                 radiance, sun = self._turned(light, matrix, sharp)
                 kept = evaluator.product(radiance * np.float32(lighting.strength)), sun
             else:
-                rest, sun = split_sun(light, matrix) if sharp else (light, None)
-                kept = self._bake.transport.received(self._on_texels(rest, matrix)), sun
+                radiance, sun = self._placed(light, matrix, sharp)
+                kept = self._bake.transport.received(radiance), sun
             self._last = (light, *made_from), kept
+        return kept
+
+    def _placed(self, light, matrix, sharp_sun):
+        """Light on texels, and its sun; kept, for the bake may come nearer under the same light.
+
+        Where the bake itself is coarse an image that was there before is turned quickly.
+        """
+        if not isinstance(light, EnvironmentMap):
+            return light, None
+        coarse = self._bake.transport.is_coarse
+        (before, *how), exact, kept = self._texels
+        if before is light and how == [matrix.tobytes(), sharp_sun] and (exact or coarse):
+            return kept
+        exact = not (coarse and before is light)
+        if exact:
+            rest, sun = split_sun(light, matrix) if sharp_sun else (light, None)
+            kept = self._on_texels(rest, matrix), sun
+        else:
+            kept = self._turned(light, matrix, sharp_sun)
+        self._texels = (light, matrix.tobytes(), sharp_sun), exact, kept
         return kept
 
     def _turned(self, light, matrix, sharp_sun):
@@ -155,9 +186,11 @@ class Environments:
         return light.to_cube_map(self._bake.cube_map, matrix) if image else light
 
     def sky(self, lighting, exposed=True):
-        """What is seen behind the scene, as a function of (m, 3) directions to (m, 3) radiance.
+        """The `Sky` behind the scene; None, which is black, where a `Lighting` has no light from
+        far away but texels.
 
-        None, which is black, where a `Lighting` has no image.
+        The image itself, not the texels that light comes from. Of the baked scene's own world
+        nothing else is there: its texels, smoothed.
 
         Parameters
         ----------
@@ -165,8 +198,25 @@ class Environments:
         exposed : bool
             Whether its exposure counts.
         """
-        if not lighting.is_image:
+        if not (lighting.is_image or lighting.is_world):
             return None
-        image, turned_back = self.read(lighting), lighting.matrix
-        factor = np.float32(lighting.strength * (lighting.exposure_factor if exposed else 1))
-        return lambda directions: image.interpolated(directions @ turned_back) * factor
+        image = self.read(lighting)
+        if lighting.is_world:
+            image = self._world_image(image)
+        factor = lighting.strength * (lighting.exposure_factor if exposed else 1)
+        return Sky(((image, lighting.matrix, factor),))
+
+    def _world_image(self, texels):
+        """An image of light on the bake's texels: the mean of the texels under each pixel."""
+        if self._world is None:
+            n = self._bake.cube_map.resolution
+            rows, columns = _FINE * 2 * n, _FINE * 4 * n
+            turn = (0.5 - (np.arange(columns) + 0.5) / columns) * 2 * np.pi
+            rise = (0.5 - (np.arange(rows) + 0.5) / rows) * np.pi
+            rise, turn = (each.ravel() for each in np.meshgrid(rise, turn, indexing="ij"))
+            level = np.cos(rise)
+            directions = [level * np.cos(turn), level * np.sin(turn), np.sin(rise)]
+            fine = texels[self._bake.cube_map.texel_of(np.stack(directions, axis=1))]
+            blocks = fine.reshape(rows // _FINE, _FINE, columns // _FINE, _FINE, 3)
+            self._world = EnvironmentMap(blocks.mean(axis=(1, 3)), "world")
+        return self._world

@@ -64,7 +64,8 @@ def _load(bake):
         return None, "there is no compressed form; make one with 'prt compress'"
     if attributes.get("method") not in method_names():
         return None, f"its method {attributes.get('method')!r:.40} is not known here; {AGAIN}"
-    subject = Subject(bake.transport, bake.scene.image if attributes.get("of") == "image" else None)
+    of = "image" if attributes.get("of") == "image" and bake.scene.image is not None else "points"
+    subject = Subject.of_bake(bake, of)
     if attributes.get("fingerprint") != subject.fingerprint():
         return None, f"the compressed form is of another state of the bake; {AGAIN}"
     state = read_compressed(store, attributes)

@@ -31,6 +31,11 @@ class Gloss:
     caster : str
         For the rays of mirrors; made when first needed.
 
+    Attributes
+    ----------
+    lobes : PointLobes
+        Of its glossy points, one part of the reflections after the other.
+
     Raises
     ------
     PRTError
@@ -46,20 +51,25 @@ class Gloss:
         self._points = bake.scene.points
         self._world = bake.scene.to_world(self._points.positions)
         glossy = np.concatenate([reflections.points for reflections in bake.reflections])
-        self._lobes = PointLobes(self._points.materials[glossy], self._points.normals[glossy])
+        self.lobes = PointLobes(self._points.materials[glossy], self._points.normals[glossy])
         self._parts, first = [], 0
         for reflections in bake.reflections:
-            self._parts.append(GlossyPoints(bake, reflections, self._lobes, first))
+            self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
         self._metal = self._light = self._sky = None
         self._coarse = {}
         self._pixels = GlossyPixels(
-            bake.scene, self._parts, self._lobes, lambda: bake.make_caster(caster, "diffuse")
+            bake.scene, self._parts, self.lobes, lambda: bake.make_caster(caster, "diffuse")
         )
 
     def close(self):
         """Let go of the rays' caster."""
         self._pixels.close()
+
+    @property
+    def narrowest(self):
+        """Alpha below which a lobe is taken for a mirror."""
+        return min(part.narrowest for part in self._parts)
 
     @property
     def nbytes(self):

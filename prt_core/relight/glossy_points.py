@@ -12,7 +12,7 @@ from prt_core.transport.rough_diffuse import rough_share
 # Lobes of a smaller alpha are mirrors: in parts of half the width of a texel.
 _TEXELS = 0.6
 # What reflects so much of the light that comes straight is metal to others that see it.
-_METAL = 0.15
+METAL = 0.15
 # Blocks along an edge with which no lobe is narrow.
 _WIDE = 8
 
@@ -242,7 +242,7 @@ class SeenMetal:
         owner = np.full(n_points + 2, -1, np.int32)
         row = np.zeros(n_points + 2, np.int64)
         for index, part in enumerate(parts):
-            strong = np.flatnonzero(part.strength() > _METAL)
+            strong = np.flatnonzero(part.strength() > METAL)
             owner[part.points[strong]], row[part.points[strong]] = index, strong
         directions = [part.field.reflections.blocks.directions for part in parts]
         first = np.cumsum([0, *map(len, directions)])

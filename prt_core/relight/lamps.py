@@ -29,6 +29,15 @@ class LampLight:
             caster.close()
         self._casters, self._kept = {}, {}
 
+    def replace(self, bake):
+        """See `Relighter.replace`."""
+        old, new = self._bake.scene, bake.scene
+        if new.points is not old.points:
+            self._kept = {}
+        if new.triangles is not old.triangles:
+            self.close()
+        self._bake = bake
+
     def steps(self, lamps, n_samples, pace=None):
         """A list of (n_points, 3) float32, one for each lamp; a generator of `Progress`.
 

@@ -19,8 +19,10 @@ from prt_core.evaluate.view import CameraRays
 from prt_core.light.images import reads_in_threads
 from prt_core.relight.emission import EmittedLight
 from prt_core.relight.environments import Environments
+from prt_core.relight.fixed_view import FixedView
 from prt_core.relight.forms import FormInUse
 from prt_core.relight.gloss import Gloss
+from prt_core.relight.gloss_form import GlossFormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps, world_suns
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.runtime.main_thread import maybe_in_thread
@@ -56,10 +58,15 @@ class Relighter:
     ----------
     used : str
         "exact" or "compressed": what the last colours were made with.
+    gloss_used : str
+        The method of the compressed gloss that the last view was made with; empty for none.
     why : str
         Why `auto` did not use a compressed form; empty where it did.
     notes : tuple of str
         What is to be said of the image last read (see `read_picture`).
+    received : (n_points, 3) float32
+        Irradiance / pi, exposed, of the last light that points were shown under: the colours
+        without what surfaces make of it. None before there was any.
     """
 
     @renamed_keyword(transport="form")
@@ -69,12 +76,13 @@ class Relighter:
         expect_offers("bake", bake, parts, "what `load` returns")
         self.bake, self.form = bake, expect_one_of("form", form, FORMS)
         expect_kind("caster", caster, str, "the name of one")
-        self.used, self.notes = "exact", ()
+        self.used, self.gloss_used, self.notes, self.received = "exact", "", (), None
         self._compressed = FormInUse(bake, expect_flag("progressive", progressive))
+        self._gloss_form = GlossFormInUse(bake)
         self._environments = Environments(bake)
         self._lamps = LampLight(bake, caster)
         self._emitted = EmittedLight(bake)
-        self._caster, self._gloss, self._sent = caster, None, None
+        self._caster, self._gloss, self._sent, self._fixed = caster, None, None, None
 
     def radiance(self, light=None, *, of="points", view=None, **keywords):
         """(n_points, 3) float32 radiance of all points, or (height, width, 3) of the image.
@@ -130,7 +138,7 @@ class Relighter:
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
         of : {"points", "image"}
             What is shown: all points, or the image that was baked. A compressed form of the
-            image shows nothing else.
+            image shows nothing else. A camera's image of a bake with gloss shows that.
         view : View or CameraRays, optional
             From where points are looked at: adds what the lobes of a bake with gloss reflect
             towards it. Of a picture's rays the samples are looked at, not the points. Default:
@@ -148,10 +156,9 @@ class Relighter:
         if view is not None:
             expect_kind("view", view, (View, CameraRays))
             expect(of == "points", "view: an image that was baked has its own; leave out the view")
-            if self._gloss is None:
-                self._gloss = yield from maybe_in_thread(
-                    pace, "gloss", Gloss, self.bake, self._caster
-                )
+        # Pixels with gloss are worked out as points that the camera sees.
+        baked_view = view is None and subject.shows_gloss
+        shown, subject = subject, Subject(self.bake.transport) if baked_view else subject
         lamps, image = chosen_lamps(self.bake, lighting), lighting.environment
         apart = pace and isinstance(image, Path) and reads_in_threads(image)
         light = yield from maybe_in_thread(apart, "image", self._environments.read, lighting)
@@ -173,23 +180,40 @@ class Relighter:
         emitted = yield from maybe_in_thread(pace, "emission", self._emitted.of, lighting)
         if distant is not None and evaluator is None:
             parts, factors = [distant, *parts], [lighting.strength, *factors]
-        radiance = None
+        radiance = pixels = None
         received_in_all = []
         if evaluator is not None:
             own = self._compressed.read().of == of
-            radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
-            received_in_all.append(distant)
+            if own and baked_view:
+                pixels = shown.shaped(_exposed(distant, lighting))
+            else:
+                radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
+                received_in_all.append(distant)
         if parts or (evaluator is None and emitted is None):
+            # Of what a form of pixels does not hold.
             work = (self._with_bounces, parts, factors, lighting.bounces)
             received = yield from maybe_in_thread(pace, "bounces", *work)
             exact = subject.radiance_of_points(received)
-            radiance = exact if evaluator is None else exact + radiance
+            radiance = exact if radiance is None else exact + radiance
             received_in_all.append(received)
         if emitted is not None:
             shining = subject.radiance_of_points(*emitted)
             radiance = shining if radiance is None else shining + radiance
             received_in_all.append(emitted[0])
-        if view is not None:
+        if of == "points":
+            self.received = _exposed(sum(received_in_all), lighting)
+        if pixels is not None and radiance is None:
+            return pixels
+        gloss_form = None
+        if isinstance(view, View) and self.form != "exact" and not (lamps or emitted):
+            as_baked = "baked", self.bake.transport.bounces
+            applies = light is not None and lighting.bounces in as_baked
+            gloss_form = self._gloss_form.read() if applies else None
+        self.gloss_used = "" if gloss_form is None else gloss_form.model.name
+        if view is not None or baked_view:
+            if self._gloss is None and gloss_form is None:
+                work = Gloss, self.bake, self._caster
+                self._gloss = yield from maybe_in_thread(pace, "gloss", *work)
             first = len(parts) - len(lamps)
             lit = [
                 (lamp, part * np.float32(factor))
@@ -197,12 +221,20 @@ class Relighter:
             ]
             own = None if emitted is None else emitted[1]
             self._sent = None
-            work = (self._reflecting, radiance, sum(received_in_all), own, lighting, sun, lit)
+            sky = lighting if pixels is None else None
+            work = (self._reflecting, radiance, sum(received_in_all), own, lighting, sky, sun, lit,
+                    gloss_form)  # fmt: skip
             self._sent = yield from maybe_in_thread(pace, "gloss", *work)
             if isinstance(view, CameraRays):
                 # Rays of mirrors may be Blender's, which are cast where the caller is.
                 return _exposed(self._of_pixels(view), lighting)
-            return (yield from self.view_steps(view, pace))
+            if not baked_view:
+                return (yield from self.view_steps(view, pace))
+            radiance = yield from self.view_steps(self._camera_view(), pace)
+            # It is the light of what a form does not hold, which no other view is to be under.
+            self._sent = self._sent if pixels is None else None
+            exact = shown.image.pixels(radiance)
+            return exact if pixels is None else pixels + exact
         return subject.shaped(_exposed(radiance, lighting))
 
     def view_steps(self, view, pace=None, every=1):
@@ -234,7 +266,7 @@ class Relighter:
         expect_whole("every", every, 1)
         expect(self._sent is not None, "view: no light is known yet; relight with a view first")
         sent = self._sent
-        reflected, share = yield from self._gloss.toward_steps(view, sent.lamps, pace, every)
+        reflected, share = yield from sent.gloss.toward_steps(view, sent.lamps, pace, every)
         radiance = (sent.even - sent.own) * share + sent.own + reflected
         return _exposed(radiance, sent.lighting)
 
@@ -273,7 +305,7 @@ class Relighter:
 
         Returns
         -------
-        callable, or None
+        Sky, or None
             For `CameraRays.picture`; None, which is black, where there is no image.
         """
         return self._environments.sky(lighting)
@@ -293,18 +325,33 @@ class Relighter:
             total += part if factor == 1 else part * np.float32(factor)
         return self.bake.transport.with_bounces(total, bounces)
 
-    def _reflecting(self, radiance, received, own, lighting, sun, lamps):
+    def _camera_view(self):
+        if self._fixed is None:
+            self._fixed = FixedView(self.bake, self._gloss)
+        return self._fixed.view
+
+    def _reflecting(self, radiance, received, own, lighting, distant, sun, lamps, form):
         """The `_Sent` of a light, which lobes reflect from now on.
 
-        `radiance` is what leaves evenly to all sides, with what stands in for gloss.
+        `radiance` is what leaves evenly to all sides, with what stands in for gloss; `distant` the
+        lighting whose light from far away is reflected, or None; `form` the `GlossForm` that
+        reflects it, or None.
         """
-        # Lights that are lamps here have their highlights from there, not from texels.
-        texels = self._environments.on_texels(lighting, without_sun=sun is not None)
-        sky = self._environments.sky(lighting, exposed=False) if sun is None else None
-        detailed = self._environments.on_texels(lighting, sun is not None, FINER)
         even = radiance - self.bake.transport.materials.stand_in * received
+        own = 0 if own is None else own
+        if form is not None:
+            return _Sent(
+                even, own, lamps, lighting, form.light(self._environments.on_texels(distant))
+            )
+        texels = sky = detailed = None
+        if distant is not None:
+            # Lights that are lamps here have their highlights from there, not from texels.
+            texels = self._environments.on_texels(distant, without_sun=sun is not None)
+            is_fine = sun is None and distant.is_image
+            sky = self._environments.sky(distant, exposed=False) if is_fine else None
+            detailed = self._environments.on_texels(distant, sun is not None, FINER)
         self._gloss.light(texels, radiance, even, sky, detailed)
-        return _Sent(even, 0 if own is None else own, lamps, lighting)
+        return _Sent(even, own, lamps, lighting, self._gloss)
 
     def _of_pixels(self, rays):
         """(n_lit, 3) float32 of the samples of a picture's rays, under the light that is known."""
@@ -313,12 +360,39 @@ class Relighter:
         even = sent.even - sent.own
         return self._gloss.radiance_of_pixels(rays, even, own, sent.lamps)
 
+    def replace(self, bake):
+        """Relight another state of the bake, as it comes nearer while it is made.
+
+        What does not depend on it is kept: images, and the lamps' light where the points are the
+        same; a compressed form and gloss are not.
+
+        Parameters
+        ----------
+        bake : Bake
+        """
+        expect_offers("bake", bake, ("scene", "transport", "make_caster"), "a Bake")
+        if bake is self.bake:
+            return
+        if self._gloss is not None:
+            self._gloss.close()
+        self._gloss = self._sent = self._fixed = self.received = None
+        self._gloss_form.close()
+        self._gloss_form = GlossFormInUse(bake)
+        self._compressed.close()
+        self._compressed = FormInUse(bake)
+        self._environments.replace(bake)
+        self._lamps.replace(bake)
+        self._emitted.close()
+        self._emitted = EmittedLight(bake)
+        self.bake = bake
+
     def close(self):
         """Let go of everything."""
         if self._gloss is not None:
             self._gloss.close()
-        self._gloss = self._sent = None
-        for part in (self._environments, self._lamps, self._emitted, self._compressed):
+        self._gloss = self._sent = self._fixed = None
+        parts = self._environments, self._lamps, self._emitted, self._compressed, self._gloss_form
+        for part in parts:
             part.close()
 
 
@@ -330,6 +404,7 @@ class _Sent:
     own: np.ndarray  # (n_points, 3) float32 of their own, or 0
     lamps: list  # of (Lamp, (n_points, 3) float32): what points receive of each
     lighting: Lighting
+    gloss: object  # what reflects it: `Gloss`, or a `GlossForm`
 
 
 def _exposed(radiance, lighting):

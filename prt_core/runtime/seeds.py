@@ -39,6 +39,8 @@ class Stage(IntEnum):
     LIGHT_FIELD = 31
     REFLECTIONS = 32
     LOBES = 33
+    GLOSS_CERTIFICATE = 34
+    PICTURES = 35
 
 
 def generator(seed, stage, *key):

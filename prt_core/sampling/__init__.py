@@ -15,7 +15,15 @@ from prt_core.sampling.certificate import (
 )
 from prt_core.sampling.groups import Groups, certified_together
 from prt_core.sampling.huang import HuangSettings, sample_huang
-from prt_core.sampling.sampled import Sampled, register_sampler, sampler_named, sampler_names
+from prt_core.sampling.refinement import Refinement, RefineSettings, refine_steps
+from prt_core.sampling.sampled import (
+    LevelDone,
+    Sampled,
+    register_sampler,
+    sampler_named,
+    sampler_names,
+)
+from prt_core.sampling.spread import Spread
 
 __all__ = [
     "AgreementSettings",
@@ -23,12 +31,17 @@ __all__ = [
     "Estimate",
     "Groups",
     "HuangSettings",
+    "LevelDone",
     "ObjectError",
+    "RefineSettings",
+    "Refinement",
     "Sampled",
+    "Spread",
     "certificate_steps",
     "certified_together",
     "probe_lights",
     "refine_agreement",
+    "refine_steps",
     "register_sampler",
     "sample_agreement",
     "sample_huang",

@@ -136,6 +136,7 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     levels = surface_levels(scene.points, work.groups, first, settings.growth, rng)
     levels = [level[~(work.open | is_detail)[level]] for level in levels]
     known = np.flatnonzero(work.open)
+    n_open = len(known)
     reached = len(known) + np.cumsum([len(level) for level in levels])
     for index, level in enumerate(levels):
         level = level[~work.given_up[level]]
@@ -146,6 +147,7 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
         else:
             yield from work.ask(level, known, settings, halvings, (index,))
         known = np.concatenate([known, level])
+        yield work.level_done(known, n_open)
         if settings.most_wrong is not None and _JUDGED[0] <= share <= _JUDGED[1]:
             work.give_up(settings.most_wrong)
     ordered = work.in_order()

@@ -7,7 +7,7 @@ import numpy as np
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.sampling.groups import alike
 from prt_core.sampling.neighbours import Neighbours, surface_levels
-from prt_core.sampling.sampled import Sampled
+from prt_core.sampling.sampled import LevelDone, Sampled
 from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.sampling.votes import Asked, coin, on_rows
 from prt_core.sphere import square_to_cosine, tangent_frames
@@ -103,6 +103,17 @@ class AgreementState:
         self.given_up |= hopeless[self.groups]
         # Denser levels are judged by themselves.
         self._checked[:] = 0
+
+    def level_done(self, known, n_open):
+        """`LevelDone` of the points that are known, of which the first `n_open` are open."""
+        asked = known[n_open:]
+        open_points = known[: n_open : max(1, n_open // max(len(asked), 1))]
+        # One after the other, so that the first of both are the first of all.
+        place = [np.arange(len(part)) / max(len(part), 1) for part in (asked, open_points)]
+        points = np.concatenate([asked, open_points])
+        points = points[np.argsort(np.concatenate(place), kind="stable")]
+        now = self._tracer.progress()
+        return LevelDone(now.stage, now.done, now.total, points, self.bits)
 
     def trace_whole(self, reason, points):
         """Trace all that is left in some points."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.errors import expect, expect_kind
+from prt_core.runtime.progress import Progress
 from prt_core.runtime.renamed import renamed
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
@@ -41,6 +42,22 @@ class Sampled:
     facts = renamed("facts", "attributes")
 
 
+@dataclass(frozen=True)
+class LevelDone(Progress):
+    """`Progress` of a sampler that knows the whole rows of some points by now.
+
+    Attributes
+    ----------
+    points : (n,) int
+        Those that are known, in an order in which the first of them stand for all.
+    bits : (n_points, n_bytes) uint8
+        Visibility of all points, as far as it is known: it goes on changing, copy what is needed.
+    """
+
+    points: np.ndarray
+    bits: np.ndarray
+
+
 def expect_sampled(sampled, scene, cube_map):
     """Raise `PRTError` unless this is the sampled visibility of a scene."""
     expect_kind("scene", scene, Scene)
@@ -58,10 +75,11 @@ def register_sampler(name, sampler, settings):
     ----------
     name : str
     sampler : generator function
-        `sampler(scene, cube_map, caster, settings, tally=None, pace=None)` yields `Progress` and
-        returns `Sampled`. `tally(int)` is told the number of rays of each batch; `pace` is a
-        `Pace` in rays. It calls the caster from its own thread, in the same order whatever the
-        pace, and its result depends on nothing but the scene, the cube map and the settings.
+        `sampler(scene, cube_map, caster, settings, tally=None, pace=None)` yields `Progress`, of
+        which `LevelDone` lets others look on, and returns `Sampled`. `tally(int)` is told the
+        number of rays of each batch; `pace` is a `Pace` in rays. It calls the caster from its own
+        thread, in the same order whatever the pace, and its result depends on nothing but the
+        scene, the cube map and the settings.
     settings : class
         Dataclass of the sampler's settings; all have defaults, `seed` is one of them.
     """

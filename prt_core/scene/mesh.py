@@ -14,6 +14,7 @@ from prt_core.errors import (
 )
 from prt_core.reflectance import Materials, expect_materials
 from prt_core.scene.paint import LOOKS, Look, Paint
+from prt_core.scene.refined import Refined
 
 # The kinds of rays, and which field of a mesh says whether they meet it.
 RAYS = {"shadow_rays": "shadow", "diffuse_rays": "diffuse", "camera_rays": "camera"}
@@ -67,10 +68,15 @@ class Mesh:
     flat : bool
         Whether its triangles are shaded by their own normals, not by those of their corners: those
         of a bent quad are those of the quad.
+    matrix : (4, 4) float, optional
+        From the object's own space to the world's, where the vertices are already; for programs
+        that want objects in places. Default: none but the world's.
     bounced, back, shadow : Look, optional
         What diffuse rays meet of the front, and of the back, and what is in the way of shadow rays,
         where that is something else than the materials above, which are shown; default: the same,
         and that of the front.
+    refined : Refined, optional
+        Where its corners were in the mesh that it was refined from.
     """
 
     name: str
@@ -94,9 +100,11 @@ class Mesh:
     diffuse_rays: bool = True
     camera_rays: bool = True
     flat: bool = False
+    matrix: np.ndarray | None = None
     bounced: Look | None = None
     back: Look | None = None
     shadow: Look | None = None
+    refined: Refined | None = None
 
     def __post_init__(self):
         expect(isinstance(self.name, str) and self.name, "mesh: name expected a text")
@@ -137,6 +145,8 @@ class Mesh:
             self.corner_uv = expect_array(
                 f"{self.name}: corner_uv", self.corner_uv, (n_corners, 2), np.float64
             )
+        if self.matrix is not None:
+            self.matrix = expect_array(f"{self.name}: matrix", self.matrix, (4, 4), np.float64)
         if self.face_sizes is None:
             # Unknown faces: triangles where the corners allow it, else one face of them all.
             triangles = n_corners % 3 == 0
@@ -168,13 +178,15 @@ class Mesh:
 
     def solid_triangles(self):
         """(n, 3) int64: the triangles that have an area, by their corners."""
+        return self.triangle_corners[self.is_solid()]
+
+    def is_solid(self):
+        """(n_triangles,) bool: which triangles have an area."""
         corners = self.triangle_corners
-        if not len(corners):
-            return corners
         a, b, c = np.moveaxis(self.vertices[self.corner_vertex[corners]], 1, 0)
         doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         edge = np.maximum(
             np.linalg.norm(b - a, axis=1),
             np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(c - b, axis=1)),
         )
-        return corners[(doubled > 1e-12 * edge**2) & (doubled > 0)]
+        return (doubled > 1e-12 * edge**2) & (doubled > 0)

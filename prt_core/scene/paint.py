@@ -325,7 +325,7 @@ class _Grid:
     """
 
     def __init__(self, level, count):
-        self.places = _centroids(level * count)
+        self.places = centroids(level * count)
         self.weights = np.column_stack([1 - self.places.sum(axis=1), self.places])
         cell, shares = lattice_of_hits(np.full(len(self.places), level), self.places)
         columns = np.repeat(np.arange(len(self.places)), 3)
@@ -342,7 +342,7 @@ class _Grid:
         return np.moveaxis((self._to_nodes @ flat).reshape(len(self.share), n, -1), 1, 0)
 
 
-def _centroids(count):
+def centroids(count):
     """(count^2, 2) barycentric places that cover a triangle evenly."""
     i, j = np.indices((count, count)).reshape(2, -1)
     upright = i + j < count

@@ -232,17 +232,17 @@ def _usable_normals(corner_normal, corners, face_normal):
 def _merge_corners(stacked, corners, normal, looks):
     """Point of each corner (-1 where no triangle uses it) and the number of points."""
     used = np.unique(corners)
-    key = np.column_stack(
-        [
-            stacked["corner_vertex"][used],
-            stacked["corner_material"][used],
-            np.rint(normal[used] / NORMAL_STEP),
-            *(materials[used].in_steps() for materials in looks),
-        ]
-    )
-    order = np.lexsort(key.T[::-1])
-    new = np.ones(len(order), bool)
-    new[1:] = (np.diff(key[order], axis=0) != 0).any(axis=1)
+    # A column after the other: rows of few numbers are sorted and compared much more slowly.
+    key = [stacked["corner_vertex"][used], stacked["corner_material"][used]]
+    key += list(np.rint(normal[used].T / NORMAL_STEP))
+    key += [column for materials in looks for column in materials[used].in_steps().T]
+    key = [column for column in key if (column != column[0]).any()] or key[:1]
+    order = np.lexsort(key[::-1])
+    new = np.zeros(len(order), bool)
+    new[0] = True
+    for column in key:
+        column = column[order]
+        new[1:] |= column[1:] != column[:-1]
     corner_point = np.full(len(stacked["corner_vertex"]), -1, np.int64)
     corner_point[used[order]] = np.cumsum(new) - 1
     return corner_point, int(new.sum())

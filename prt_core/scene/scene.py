@@ -26,6 +26,7 @@ from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
+from prt_core.scene.mesh_parts import parts_of_meshes
 from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.own_faces import OwnFaces
@@ -33,7 +34,7 @@ from prt_core.scene.paint import Surfaces, surfaces_of
 from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
-from prt_core.scene.scene_object import SceneObject
+from prt_core.scene.scene_object import objects_of_meshes
 from prt_core.scene.stack import frame_of, stack_meshes
 
 # Albedo up to this is taken as 1 that was rounded.
@@ -165,25 +166,8 @@ class Scene:
         emitters, triangle_emitter, built.points.emitter = find_emitters(
             meshes, stacked, levels, built, surfaces
         )
-        objects = [
-            SceneObject(
-                mesh.name,
-                built.corner_point[first : first + n].astype(np.int32),
-                mesh.corner_vertex.astype(np.int32),
-                mesh.face_sizes,
-                len(mesh.vertices),
-                mesh.receives,
-                mesh.two_sided,
-                mesh.own_mesh,
-                mesh.owner,
-                mesh.library,
-                mesh.source,
-                *(getattr(mesh, name) for name in RAYS),
-            )
-            for mesh, first, n in zip(
-                meshes, counts["first_corner"], counts["n_corners"], strict=True
-            )
-        ]
+        parts = parts_of_meshes(meshes, stacked, counts)
+        objects = objects_of_meshes(meshes, counts, built.corner_point, parts)
         scene = cls(
             centre=centre,
             size=size,

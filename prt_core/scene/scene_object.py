@@ -4,6 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.scene.mesh import RAYS
+from prt_core.scene.mesh_parts import MeshParts
+from prt_core.scene.refined import Refined
+
 
 @dataclass(frozen=True)
 class SceneObject:
@@ -21,6 +25,10 @@ class SceneObject:
     owner, library, source : str
     shadow_rays, diffuse_rays, camera_rays : bool
         As those of the `Mesh` it was made from.
+    parts : MeshParts or None
+        What other programs want of the mesh; None of bakes from before it was kept.
+    refined : Refined or None
+        Where its corners were before edges were split; None where none was.
     """
 
     name: str
@@ -37,6 +45,8 @@ class SceneObject:
     shadow_rays: bool = True
     diffuse_rays: bool = True
     camera_rays: bool = True
+    parts: MeshParts | None = None
+    refined: Refined | None = None
 
     @property
     def known_as(self):
@@ -46,3 +56,42 @@ class SceneObject:
         """
         owner = f"{self.owner} [{self.library}]" if self.library else self.owner
         return f"{owner}/{self.source}" if self.source else owner
+
+
+def objects_of_meshes(meshes, counts, corner_point, parts):
+    """The `SceneObject` of each mesh of a scene.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+    counts : dict of list of int
+        As `stack_meshes` returns them.
+    corner_point : (n_corners,) int
+        Of the corners of all meshes.
+    parts : list of MeshParts
+
+    Returns
+    -------
+    list of SceneObject
+    """
+    return [
+        SceneObject(
+            mesh.name,
+            corner_point[first : first + n].astype(np.int32),
+            mesh.corner_vertex.astype(np.int32),
+            mesh.face_sizes,
+            len(mesh.vertices),
+            mesh.receives,
+            mesh.two_sided,
+            mesh.own_mesh,
+            mesh.owner,
+            mesh.library,
+            mesh.source,
+            *(getattr(mesh, name) for name in RAYS),
+            part,
+            mesh.refined,
+        )
+        for mesh, first, n, part in zip(
+            meshes, counts["first_corner"], counts["n_corners"], parts, strict=True
+        )
+    ]

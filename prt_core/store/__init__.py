@@ -18,10 +18,11 @@ from prt_core.store.scenes import (
     read_scene,
     write_scene,
 )
-from prt_core.store.store import BakeStore
+from prt_core.store.store import GLOSS_FORM, BakeStore
 
 __all__ = [
     "AGAIN",
+    "GLOSS_FORM",
     "BakeStore",
     "JournalMismatch",
     "RayJournal",

@@ -9,13 +9,13 @@ import numpy as np
 
 from prt_core.errors import PRTError, expect
 from prt_core.store.attributes import damage_as_error
-from prt_core.store.store import COMPRESSED
+from prt_core.store.store import COMPRESSED, GLOSS_FORM
 
 # What to do about a compressed form that is damaged.
 AGAIN = "compress again"
 
 
-def write_compressed(store, state, attributes):
+def write_compressed(store, state, attributes, slot=COMPRESSED):
     """Store a compressor's state in place of the one that is there; a generator of array names.
 
     Parameters
@@ -27,13 +27,15 @@ def write_compressed(store, state, attributes):
         See `Compressor.state`.
     attributes : dict
         Method, settings, what it is of, size, error and time.
+    slot : {COMPRESSED, GLOSS_FORM}
+        Which of the two forms it is: of what points receive, or of what they reflect to views.
     """
     try:
-        kept = (compressed_attributes(store) or {}).get("folder")
+        kept = (compressed_attributes(store, slot) or {}).get("folder")
     except PRTError:
         kept = None
-    _remove_others(store, kept)
-    folder = f"{COMPRESSED}{int(kept.removeprefix(COMPRESSED)) + 1 if kept else 1}"
+    _remove_others(store, kept, slot)
+    folder = f"{slot}{int(kept.removeprefix(slot)) + 1 if kept else 1}"
     values, arrays = {}, {}
     for name, value in state.items():
         if isinstance(value, np.ndarray):
@@ -42,30 +44,30 @@ def write_compressed(store, state, attributes):
         else:
             values[name] = value
     store.files.sync(folder)
-    store.update(
-        **{COMPRESSED: {**attributes, "folder": folder, "values": values, "arrays": arrays}}
-    )
-    _remove_others(store, folder)
+    store.update(**{slot: {**attributes, "folder": folder, "values": values, "arrays": arrays}})
+    _remove_others(store, folder, slot)
 
 
-def compressed_attributes(store):
+def compressed_attributes(store, slot=COMPRESSED):
     """Attributes of the compressed form, None where there is none.
 
     Parameters
     ----------
     store : BakeStore
+    slot : {COMPRESSED, GLOSS_FORM}
+        See `write_compressed`.
 
     Raises
     ------
     PRTError
         They are damaged.
     """
-    attributes = store.attributes.get(COMPRESSED)
+    attributes = store.attributes.get(slot)
     if attributes is None:
         return None
     with damage_as_error(store.path, "what is said of its compressed form", AGAIN):
         folder = attributes["folder"]
-        good = folder == f"{COMPRESSED}{int(folder.removeprefix(COMPRESSED))}"
+        good = folder == f"{slot}{int(folder.removeprefix(slot))}"
         good &= isinstance(attributes["values"], dict) and isinstance(attributes["arrays"], dict)
         # Names lead nowhere but into the folder.
         good &= all(name.isidentifier() for name in attributes["arrays"])
@@ -98,7 +100,7 @@ def read_compressed(store, attributes):
 
 
 def remove_compressed(store):
-    """Remove the compressed form.
+    """Remove the compressed form, that of gloss as well.
 
     Parameters
     ----------
@@ -110,14 +112,16 @@ def remove_compressed(store):
     bool
         Whether there was one.
     """
-    named = store.attributes.get(COMPRESSED) is not None
+    slots = COMPRESSED, GLOSS_FORM
+    named = {slot: None for slot in slots if store.attributes.get(slot) is not None}
     if named:
-        store.update(**{COMPRESSED: None})
-    _remove_others(store, None)
-    return named
+        store.update(**named)
+    for slot in slots:
+        _remove_others(store, None, slot)
+    return bool(named)
 
 
-def _remove_others(store, kept):
+def _remove_others(store, kept, slot):
     for name in store.files.names():
-        if name.startswith(COMPRESSED) and name != kept:
+        if name.startswith(slot) and name != kept:
             store.remove(name)

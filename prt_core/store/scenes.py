@@ -7,14 +7,18 @@ from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.scene import (
     MATERIALS,
     BakePoints,
+    Camera,
     Details,
     Opacity,
     PointImage,
+    Refined,
     Scene,
     SceneObject,
     with_backs,
 )
+from prt_core.store.atlas import read_atlas, write_atlas
 from prt_core.store.attributes import damage_as_error
+from prt_core.store.mesh_parts import with_mesh_parts, write_mesh_parts
 from prt_core.store.scene_checks import check_scene, lie_on
 
 _POINTS = {
@@ -53,6 +57,8 @@ _OBJECT = {
 # What objects of bakes are that do not say it: they were made when rays met everything.
 _MET = dict.fromkeys(("shadow_rays", "diffuse_rays", "camera_rays"), True)
 _BEFORE = {"source": "", **_MET}
+# Of objects whose edges were split: those of all such, one after the other.
+_REFINED = {"around": "int32", "weights": "float32", "vertex_round": "int32"}
 # Of triangles that let light pass, where there are some; and its names for either kind of rays.
 _OPACITY = {"first": "int32", "along": "int32", "cells": "uint16", "back": "int32"}
 _OPACITIES = ("opacity", "shadow_opacity")
@@ -82,6 +88,9 @@ def write_scene(store, scene):
     for name in (*_CORNERS, "face_sizes"):
         parts = [getattr(item, name) for item in scene.objects]
         store.keep(f"object_{name}", np.concatenate(parts).astype(np.int32))
+    refined = [item.refined for item in scene.objects if item.refined is not None]
+    for name in _REFINED if refined else ():
+        store.keep(f"refined_{name}", np.concatenate([getattr(each, name) for each in refined]))
     if scene.emitters:
         store.keep("scene_triangle_emitter", scene.triangle_emitter)
     for name in _DETAILS:
@@ -100,8 +109,12 @@ def write_scene(store, scene):
         store.keep("image_pixel", scene.image.pixel)
         store.keep("image_point", scene.image.point)
     emitters = {"emitters": list(scene.emitters)} if scene.emitters else {}
+    seen_by = getattr(scene.image, "camera", None)
     return {
         **emitters,
+        **({"image_camera": seen_by.to_dict()} if seen_by else {}),
+        **write_mesh_parts(store, scene),
+        **write_atlas(store, scene.image),
         "materials": scene.points.nondefault(),
         "opacity": scene.opacity is not None,
         **_more_of(opacities),
@@ -121,6 +134,7 @@ def write_scene(store, scene):
                 "library": item.library,
                 "source": item.source,
                 **{name: bool(getattr(item, name)) for name in _MET},
+                **({"refined_from": item.refined.n_before} if item.refined else {}),
             }
             for item in scene.objects
         ],
@@ -164,6 +178,7 @@ def read_scene(store):
     attributes = store.attributes
     with damage_as_error(store.path):
         objects, corner, face = [], 0, 0
+        refined = _read_refined(store, attributes["objects"])
         for item in attributes["objects"]:
             item = {**_BEFORE, **item}
             strange = [
@@ -181,9 +196,12 @@ def read_scene(store):
                     corners["corner_vertex"][part],
                     sizes,
                     **{key: item[key] for key in list(_OBJECT)[3:]},
+                    refined=refined.get(item["name"]),
                 )
             )
             corner, face = part.stop, face + item["n_faces"]
+        of_object = by_triangle["triangle_object"]
+        objects = with_mesh_parts(store, objects, np.bincount(of_object, minlength=len(objects)))
         scene = Scene(
             centre=np.array(attributes["centre"], np.float64).reshape(3),
             size=attributes["size"],
@@ -193,7 +211,7 @@ def read_scene(store):
             objects=objects,
             lattice=lattice,
             lattice_back=lattice_back,
-            image=_read_image(store, attributes["image"]),
+            image=_read_image(store, attributes["image"], attributes.get("image_camera")),
             details=details,
             **_read_opacities(store, len(triangles)),
             emitters=emitters,
@@ -206,6 +224,37 @@ def read_scene(store):
             "its objects have more or fewer corners than there are",
         )
     return scene
+
+
+def _read_refined(store, items):
+    """Name -> `Refined` of the objects whose edges were split."""
+    items = [item for item in items if "refined_from" in item]
+    if not items:
+        return {}
+    n_corners, n_vertices = (
+        sum(item[key] for item in items) for key in ("n_corners", "n_vertices")
+    )
+    shapes = {"around": (n_corners, 3), "weights": (n_corners, 3), "vertex_round": (n_vertices,)}
+    arrays = {
+        name: store.read(f"refined_{name}", shapes[name], dtype) for name, dtype in _REFINED.items()
+    }
+    refined, corner, vertex = {}, 0, 0
+    for item in items:
+        corners = slice(corner, corner + item["n_corners"])
+        vertices = slice(vertex, vertex + item["n_vertices"])
+        corner, vertex, n_before = corners.stop, vertices.stop, item["refined_from"]
+        around, weights = arrays["around"][corners], arrays["weights"][corners]
+        rounds = arrays["vertex_round"][vertices]
+        expect(
+            type(n_before) is int
+            and around.min(initial=0) >= 0
+            and around.max(initial=-1) < n_before
+            and bool((np.abs(weights - 0.5) <= 0.5 + 1e-5).all())
+            and rounds.min(initial=0) >= 0,
+            f"where '{item['name']}' was refined is out of range",
+        )
+        refined[item["name"]] = Refined(around, weights, rounds, n_before)
+    return refined
 
 
 def _read_emitters(store, n_points):
@@ -332,9 +381,12 @@ def _read_opacities(store, n_triangles):
     return {"opacity": opacity, "shadow_opacity": read("shadow_opacity") if own else opacity}
 
 
-def _read_image(store, sizes):
+def _read_image(store, sizes, camera):
     if sizes is None:
         return None
     pixel = store.read("image_pixel", (None,), "int32")
     point = store.read("image_point", (len(pixel),), "int32")
-    return PointImage(*(int(size) for size in sizes), pixel, point)
+    camera = None if camera is None else Camera(**camera)
+    height, width, samples = (int(size) for size in sizes)
+    atlas = read_atlas(store, height * width)
+    return PointImage(height, width, samples, pixel, point, camera, atlas)

@@ -29,8 +29,8 @@ from prt_core.store.files import Files
 from prt_core.store.layout import MOST_TEXT, Layout
 from prt_core.store.places import expect_only_arrays, finish_swap
 
-# The attribute that names the compressed form, and how its folders begin.
-COMPRESSED = "compressed"
+# The attributes that name the compressed form and that of gloss, and how their folders begin.
+COMPRESSED, GLOSS_FORM = "compressed", "glossform"
 _MODES = ("r", "r+", "a")
 
 
@@ -230,7 +230,8 @@ class BakeStore:
             return
         with damage_as_error(self.path, "its list of arrays"):
             folder, _, name = array.name.rpartition("/")
-            noted = (self._attributes[COMPRESSED] if folder else self._attributes)["arrays"]
+            slot = folder.rstrip("0123456789")
+            noted = (self._attributes[slot] if folder else self._attributes)["arrays"]
             expect(
                 name in noted and array.digest() == noted[name],
                 f"{self.path}: '{array.name}' is not what the bake was finished with; {MEND}",

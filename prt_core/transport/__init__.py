@@ -6,7 +6,9 @@ from prt_core.transport.emission import emitted_light, surface_lights
 from prt_core.transport.exit_radiance import ExitRadiance
 from prt_core.transport.gather import gather_directions, gather_hits, gather_parts
 from prt_core.transport.lamps import blocking_caster, lamp_light, lamp_steps
+from prt_core.transport.occlusion import Occlusion, occlusion_steps
 from prt_core.transport.operator import gather_operator, ray_ends
+from prt_core.transport.partial import PartialTransport, SpreadGather
 from prt_core.transport.reference import reference_rows
 from prt_core.transport.reflections import Reflections, reflection_hits
 from prt_core.transport.sharing import Sharing
@@ -17,8 +19,11 @@ from prt_core.transport.visibility import received_light, visibility_bits
 
 __all__ = [
     "ExitRadiance",
+    "Occlusion",
+    "PartialTransport",
     "Reflections",
     "Sharing",
+    "SpreadGather",
     "Transport",
     "View",
     "all_bounces",
@@ -31,6 +36,7 @@ __all__ = [
     "blocking_caster",
     "lamp_light",
     "lamp_steps",
+    "occlusion_steps",
     "ray_ends",
     "received_light",
     "received_with_bounces",

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.errors import (
+    expect,
     expect_caster,
+    expect_indices,
     expect_kind,
     expect_number,
     expect_seed,
@@ -26,7 +28,7 @@ from prt_core.rays import Hits
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
 from prt_core.sphere import sobol_points
-from prt_core.transport.gather import cosine_directions
+from prt_core.transport.gather import cosine_directions, first_of
 from prt_core.transport.lamps import before_the_lamp
 from prt_core.transport.surface_light import MOST_CLUSTERS, SurfaceLight
 
@@ -92,8 +94,8 @@ def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turn
     caster : RayCaster
     lights : sequence of SurfaceLight
         That have looked around.
-    points : slice
-        The random numbers depend on where it starts, and on the seed, alone.
+    points : slice or (n,) int
+        The random numbers depend on the first of them, and on the seed, alone.
     seed : int
     tolerance : float
         Relative error of what the block receives of an emitter at which no more rays are cast.
@@ -102,11 +104,13 @@ def emitted_light(scene, caster, lights, points, seed, tolerance=0.01, most_turn
     """
     expect_kind("scene", scene, Scene)
     expect_caster(caster)
-    expect_kind("points", points, slice)
+    if not isinstance(points, slice):
+        points = expect_indices("points", points, len(scene.points))
+        expect(len(points), "points: expected at least one")
     expect_number("tolerance", tolerance, above=0)
     expect_whole("most_turns", most_turns, 2)
     block = _Block(scene, caster, lights, points, expect_seed(seed))
-    n = points.stop - points.start
+    n = len(block.blind)
     # What both kinds of rays find together, and what cosine-distributed ones find alone.
     ways = np.zeros((2, 2, len(lights), n, CHANNELS))
     turns, best = np.zeros((len(lights), n), np.int64), np.zeros(len(lights), np.int64)
@@ -159,7 +163,7 @@ class _Block:
 
     def __init__(self, scene, caster, lights, points, seed):
         self._scene, self._caster, self._lights = scene, caster, lights
-        self._start, self._seed, self.n_rays = points.start, seed, 0
+        self._start, self._seed, self.n_rays = first_of(points), seed, 0
         self._origins = scene.ray_origins[points]
         self._normals = scene.points.normals[points]
         self._geometric = scene.points.geometric_normals[points]

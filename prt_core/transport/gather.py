@@ -81,7 +81,7 @@ def gather_directions(scene, points, seed, round_index):
     Parameters
     ----------
     scene : Scene
-    points : slice
+    points : slice or (n,) int
         As it was cut when the rays were cast.
     seed, round_index : int
 
@@ -93,7 +93,7 @@ def gather_directions(scene, points, seed, round_index):
     # Every other round goes on in one of two Sobol sequences, each with a shift of its own: their
     # errors are independent, and fall faster than those of random rays.
     half, place = round_index % 2, round_index // 2
-    shift = generator(seed, Stage.GATHER_SHIFT, half, points.start)
+    shift = generator(seed, Stage.GATHER_SHIFT, half, first_of(points))
     normals = scene.points.normals[points]
     shift = shift.random((len(normals), 2), np.float32)
     return cosine_directions(normals, shift, ROUND, place * ROUND)
@@ -106,9 +106,9 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=No
     ----------
     scene : Scene
     caster : RayCaster
-    parts : sequence of (slice, int)
-        Points and round; the random numbers depend on where the slice starts, on the round and
-        the seed alone, so blocks are cut alike in every run.
+    parts : sequence of (slice or (n,) int, int)
+        Points and round; the random numbers depend on the first point, on the round and the seed
+        alone, so blocks are cut alike in every run.
     seed : int
     spared : (n_points,) bool, optional
         Points from which no ray can meet anything (see `Scene.open_points`): none is cast.
@@ -135,6 +135,11 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=No
     size = 1 if caster.threads > 1 else _BUNDLE
     bundles = [rays[first : first + size] for first in range(0, len(rays), size)]
     return sum(cast_on_all_cores(caster, cast, bundles), [])
+
+
+def first_of(points):
+    """The first of some points, on which their random numbers depend."""
+    return points.start if isinstance(points, slice) else int(points[0])
 
 
 def _together(caster, sharing, rays):
@@ -166,7 +171,7 @@ class _Rays:
         self._scene = scene
         starts = scene.ray_origins[points]
         directions = gather_directions(scene, points, seed, round_index)
-        rng = generator(seed, Stage.GATHER, round_index, points.start)
+        rng = generator(seed, Stage.GATHER, round_index, first_of(points))
         geometric = scene.points.geometric_normals[points]
         # Below its own surface a point sees nothing.
         wanted = np.matmul(directions, geometric[:, :, None])[:, :, 0] > 0

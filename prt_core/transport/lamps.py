@@ -7,6 +7,7 @@ from prt_core.light.bright import BrightPixels
 from prt_core.light.local import Lamp, lamp_samples
 from prt_core.rays import transmitted
 from prt_core.reflectance.bump import bump_mean, bump_shadowing
+from prt_core.reflectance.oren_nayar import seen_from_above
 from prt_core.runtime.progress import Pace, Progress, run
 from prt_core.runtime.seeds import Stage, generator
 from prt_core.scene import Scene
@@ -69,7 +70,7 @@ def blocking_caster(scene, lamp, name="auto"):
     return scene.make_caster(name, "shadow", objects=blocking)
 
 
-def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
+def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike=False):
     """`lamp_light` of one lamp, as a generator of `Progress`.
 
     Parameters
@@ -79,6 +80,9 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
     seed : sequence of int
     pace : Pace, optional
         In rays.
+    alike : bool
+        Whether all points ask for the same places of the lamp: what differs between points is then
+        never chance.
     """
     expect_kind("scene", scene, Scene)
     if caster is not None:
@@ -100,7 +104,8 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None):
     for block in range(0, n_points, _BLOCK):
         inside = slice(block, min(block + _BLOCK, n_points))
         rng = generator(seed[0], Stage.LAMPS, *seed[1:], block)
-        uv = lamp_samples(count, rng.random((inside.stop - block, 2)))
+        shift = rng.random((inside.stop - block, 2))
+        uv = lamp_samples(count, 0 * shift + 0.5 if alike else shift)
         # Ray r belongs to point r // count, sample r % count; a step is a range of rays.
         n_rays = (inside.stop - block) * count
         for first in range(0, n_rays, _RAYS):
@@ -153,4 +158,11 @@ def _unshaded(points, which, direction, irradiance):
     if strength.any():
         strength = strength[which]
         cosine = cosine * bump_shadowing(strength, above) / bump_mean(strength)
-    return np.where((cosine > 0) & (above > 0), cosine, 0)[:, None] * irradiance
+    light = np.where((cosine > 0) & (above > 0), cosine, 0)[:, None] * irradiance
+    rough = points.materials.diffuse_roughness[:, 0]
+    if rough.any():
+        some = np.flatnonzero((rough[which] > 0) & (cosine > 0))
+        point = which[some]
+        colour = points.materials.albedo[point] - points.materials.stand_in[point]
+        light[some] *= seen_from_above(cosine[some], rough[point], colour)
+    return light

@@ -71,8 +71,8 @@ class Transport:
 
     def __post_init__(self):
         expect_kind("cube_map", self.cube_map, CubeMap)
-        expect_bits("bits", self.bits, self.n_directions)
-        n_points = len(self.bits)
+        expect_bits("bits", self.bits, self.directions_of_rows.n_directions)
+        n_points = self.n_points
         self.normals = expect_array("normals", self.normals, (n_points, 3), None, -UNIT, UNIT)
         self.materials = expect_materials(
             "materials", self.materials, n_points, rounded=True, bounced=self.mean_materials is None
@@ -89,6 +89,16 @@ class Transport:
         expect_number("tolerance", self.tolerance, above=0, below=1)
         if self.bounces is not None:
             expect_whole("bounces", self.bounces, 0)
+
+    @property
+    def directions_of_rows(self):
+        """The `CubeMap` of `bits`."""
+        return self.cube_map
+
+    @property
+    def is_coarse(self):
+        """Whether points take their rows from others, so that light need not be exact either."""
+        return False
 
     @property
     def n_points(self):
@@ -158,7 +168,7 @@ class Transport:
         """Direct irradiance / pi, (n_points, 3) float32, under `light` (n_directions, 3)."""
         light = expect_array("light", light, (self.n_directions, None), np.float32)
         # Of light without colour one channel is made: rounding would tell three of them apart.
-        narrow = light[:, :1] if _is_grey(light) else light
+        narrow = light[:, :1] if is_grey(light) else light
         received = received_light(self.bits, self.normals, self.cube_map, narrow)
         return np.broadcast_to(received, (self.n_points, light.shape[1])).copy()
 
@@ -227,7 +237,7 @@ class Transport:
         if not is_baked and bounces is not None:
             expect_whole("bounces", bounces, 0)
         bounces = self.bounces if is_baked else bounces
-        if self._same_channel(1) == self._same_channel(2) == 0 and _is_grey(received):
+        if self._same_channel(1) == self._same_channel(2) == 0 and is_grey(received):
             # Grey surfaces under grey light: one channel says it all.
             one = np.ascontiguousarray(received[:, :1])
             one = self._bounced(self.gather, one, bounces, slice(0, 1))
@@ -364,5 +374,6 @@ class Transport:
         return None
 
 
-def _is_grey(received):
+def is_grey(received):
+    """Whether all channels of (n, n_channels) light are the same."""
     return bool((received == received[:, :1]).all())

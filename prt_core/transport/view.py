@@ -49,8 +49,11 @@ class View:
 
     @classmethod
     def of_camera(cls, camera):
-        """The `View` from where a `camera` stands."""
-        return cls(expect_kind("camera", camera, Camera).position)
+        """The `View` of a `camera`: from where it stands, or, orthographic, from far away."""
+        expect_kind("camera", camera, Camera)
+        if camera.lens == "orthographic":
+            return cls(direction=camera.axes[:, 2])
+        return cls(camera.position)
 
     def outgoing(self, points):
         """Directions from points to the viewer.

@@ -164,6 +164,41 @@ def received_light(bits, normals, cube_map, light):
     bits = expect_bits("bits", bits, cube_map.n_directions)
     normals = expect_array("normals", normals, (len(bits), 3), None, -UNIT, UNIT)
     light = expect_array("light", light, (cube_map.n_directions, None), np.float64)
+    result = np.empty((len(bits), light.shape[1]), np.float32)
+
+    def use(part, vectors):
+        result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
+
+    _each_part(bits, cube_map, light, use)
+    # Rounding may leave a trace below zero where nothing is seen.
+    return np.maximum(result, 0, out=result)
+
+
+def vector_light(bits, cube_map, light):
+    """Vector irradiance / pi at points: its product with a normal is what a surface receives.
+
+    Parameters
+    ----------
+    bits : (n_points, n_bytes) uint8
+    cube_map : CubeMap
+    light : (n_directions, n_channels) float
+        Radiance.
+
+    Returns
+    -------
+    (n_points, 3, n_channels) float32
+        `sum_d L_d V_d(x) v_d / pi`, of which `received_light` is the part along the normal.
+    """
+    expect_kind("cube_map", cube_map, CubeMap)
+    bits = expect_bits("bits", bits, cube_map.n_directions)
+    light = expect_array("light", light, (cube_map.n_directions, None), np.float64)
+    result = np.empty((len(bits), 3, light.shape[1]), np.float32)
+    _each_part(bits, cube_map, light, result.__setitem__)
+    return result
+
+
+def _each_part(bits, cube_map, light, use):
+    """`use(part, vectors)` with the vector irradiance / pi of each part of the points."""
     n_channels = light.shape[1]
     # Three vectors for each channel: the cosine is taken after the sum over directions.
     factors = cube_map.vectors[:, :, None] * light[:, None] / np.pi
@@ -173,17 +208,13 @@ def received_light(bits, normals, cube_map, light):
     by_byte = np.zeros((n_bytes * 8, 3 * n_channels), np.float32)
     by_byte[: len(light)] = factors
     by_byte = by_byte.reshape(n_bytes, 8, -1)
-    result = np.empty((len(bits), n_channels), np.float32)
 
     def one(first):
         part = slice(first, first + _UNPACK)
         seen = np.flatnonzero(bits[part].any(axis=0))
         weights = by_byte[seen].reshape(8 * len(seen), 3 * n_channels)
         vectors = unpack(bits[part].take(seen, axis=1), 8 * len(seen)) @ weights
-        vectors = vectors.reshape(-1, 3, n_channels)
-        result[part] = np.einsum("pa,pac->pc", normals[part], vectors)
+        use(part, vectors.reshape(-1, 3, n_channels))
 
     with one_blas_thread():
         on_all_cores(one, range(0, len(bits), _UNPACK))
-    # Rounding may leave a trace below zero where nothing is seen.
-    return np.maximum(result, 0, out=result)

@@ -3,7 +3,7 @@
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
 Each part (rays, bake, large, sampling, compression, irradiance, clusters, wavelets, filters,
-figures, truth, assets, lightfield, gloss) replaces its own sections.
+figures, truth, assets, lightfield, gloss, refinement) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -35,6 +35,7 @@ from tests.benchmarks import (  # noqa: E402
     irradiance,
     lightfield_page,
     object_clusters,
+    refinement,
     sampling,
     wavelet4d_figures,
     wavelet4d_filters,
@@ -210,6 +211,7 @@ PARTS = {
     "assets": (assets.PAGE, assets.SECTIONS),
     "lightfield": (lightfield_page.PAGE, lightfield_page.SECTIONS),
     "gloss": (gloss_page.PAGE, gloss_page.SECTIONS),
+    "refinement": (refinement.PAGE, refinement.SECTIONS),
 }
 
 

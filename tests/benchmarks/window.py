@@ -16,23 +16,90 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "window")]
 from tests.benchmarks.sections import PAGES, write_sections  # noqa: E402
 
 SCENES = ("02_model_on_ground_small", "01_model_on_ground")
-PAGE, TITLE = "window", "Buttons and sliders"
+PAGE, TITLE, PICTURES = "window", "Buttons and sliders", "Colours while a bake runs"
+# What the first colours wait for, by the marks of `inside/first_look.py`.
+MARKS = ("read", "built", "looked", "written")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--blender", default=os.environ.get("BLENDER", ""), help="its command")
     parser.add_argument("--scenes", nargs="+", default=SCENES)
+    parser.add_argument("--only", choices=(TITLE, PICTURES), help="of the sections")
     parser.add_argument("--pages", type=Path, default=PAGES, help="the folder of the page")
     options = parser.parse_args()
-    rows = []
+    rows, shown = [], []
     for command in filter(None, options.blender.split(":")):
         for scene in options.scenes:
             with tempfile.TemporaryDirectory() as folder:
-                rows.append(measure(command, scene, Path(folder)))
-    write_sections(PAGE, {TITLE: lambda: table(rows)}, options.pages)
-    print("\n".join(table(rows)))
+                if options.only != PICTURES:
+                    rows.append(measure(command, scene, Path(folder)))
+        if options.only != TITLE:
+            with tempfile.TemporaryDirectory() as folder:
+                shown.append(first_look(command, SCENES[-1], Path(folder)))
+    sections = {TITLE: lambda: table(rows)} if rows else {}
+    sections |= {PICTURES: lambda: table_of_pictures(shown)} if shown else {}
+    write_sections(PAGE, sections, options.pages)
+    for lines in sections.values():
+        print(*lines(), sep="\n")
     return 0
+
+
+def first_look(command, scene, folder):
+    """What `inside/first_look.py` finds in one Blender."""
+    from conftest import RealBlender
+
+    blender = RealBlender(command, folder)
+    shutil.copy(ROOT / "blend_scenes" / f"{scene}.blend", folder / "scene.blend")
+    result = blender.play("first_look")
+    assert result["error"] is None, result["error"]
+    return {"version": blender.version, **result}
+
+
+def table_of_pictures(rows):
+    """Markdown lines of the section about pictures of a bake under way."""
+    lines = [
+        "`make bench-window BLENDER=…`: seconds from pressing Bake (`01_model_on_ground`, city) to "
+        "what the first colours wait for, on the clock, and of the processor, all threads of "
+        "Blender together. The difference from the final colours is the mean over corners and "
+        "channels, as a share of their mean. With Blender's own rays the bake ends there.",
+        "",
+        "| Blender | caster | scene read | scene built | looked at | colours on the meshes "
+        "| from % of the points | error said | mean difference |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        for caster in ("embree", "blender"):
+            baked = row[caster]["with"][0]
+            times = {what: (wall, cpu) for what, wall, cpu in reversed(baked["marks"])}
+            known, error, _, off = baked["pictures"][0][2:]
+            cells = [f"{times[mark][0]:.2f} ({times[mark][1]:.2f})" for mark in MARKS]
+            cells += [f"{known:.2g}", f"{error:.3f}", "" if off is None else f"{off:.3f}"]
+            lines.append(f"| {row['version']} | {caster} | {' | '.join(cells)} |")
+    lines += ["", "Later pictures, with Embree:", ""]
+    lines += [
+        "| Blender | seconds | % known | error said | mean difference |",
+        "|---|---|---|---|---|",
+    ]
+    for row in rows:
+        for _, at, known, error, turned, off in row["embree"]["with"][0]["pictures"][1:]:
+            if not turned:
+                cells = f"{at:.1f} | {known:.3g} | {error:.3f} | {off:.3f}"
+                lines.append(f"| {row['version']} | {cells} |")
+    for row in rows:
+        one, two = (row["embree"][kind][0] for kind in ("with", "without"))
+        turned = row["embree"]["turned"]
+        median = np.median([delay[0] for delay in turned["delays"]])
+        lines += [
+            "",
+            f"Blender {row['version']}: the bake with pictures takes {one['cpu']:.1f} s of the "
+            f"processor, without them {two['cpu']:.1f} s ({one['cpu'] / two['cpu']:.2f}; on the "
+            f"clock {one['wall'] / two['wall']:.2f}). A light that is turned all the time changes "
+            f"{turned['changes'] / turned['wall']:.1f} times a second on the clock, "
+            f"{turned['changes'] / turned['cpu']:.1f} times a second of the processor, the bake's "
+            f"own work included; the median from the change to its colours is {median:.2f} s.",
+        ]
+    return lines
 
 
 def measure(command, scene, folder):

@@ -10,7 +10,7 @@ import pytest
 
 import blender_addon
 import prt_core
-from blender_addon import plan, preview, work
+from blender_addon import advice, plan, preview, work
 from prt_core import PRTError
 from prt_core.blender.compat import fcurve_of
 from prt_core.runtime.progress import Progress
@@ -127,7 +127,8 @@ def test_clear_gives_everything_back(scene):
     mesh.color_attributes.active_color = own
     before = [list(o.modifiers.keys()) for o in scene.objects]
     bpy.ops.prt.bake()
-    assert mesh.color_attributes.active_color.name == "PRT"
+    assert mesh.color_attributes.active_color.name == "PRT Solid"
+    assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "PRT"
     assert "PRT preview" in scene.objects["ball"].modifiers
     scene.prt.attribute = "Other"
     bpy.ops.prt.relight()
@@ -195,7 +196,7 @@ def test_a_file_without_a_name_bakes_into_the_temporary_folder(scene):
     bpy.ops.mesh.primitive_cube_add()
     chosen = bpy.context.scene.prt
     chosen.resolution, chosen.caster, chosen.tolerance = "8", "blender", 0.05
-    assert any("File not saved" in text for text, *_ in plan.warnings(bpy.context.scene))
+    assert any("File not saved" in text for text, *_ in advice.warnings(bpy.context.scene))
     bpy.ops.prt.bake()
     assert chosen.loaded.startswith(bpy.app.tempdir)
     assert len(colours_on("Cube")) == 24
@@ -297,7 +298,7 @@ def test_remedies(scene):
     hidden = scene.objects["ball"]
     hidden.hide_render = True
     bpy.ops.prt.refresh()
-    texts = [(text, helps) for text, helps, _ in plan.warnings(scene)]
+    texts = [(text, helps) for text, helps, _ in advice.warnings(scene)]
     assert any("ball: hidden in renders" in t and h == "prt.unhide" for t, h in texts)
     assert any("coarse: a vertex every" in t and h == "prt.subdivide" for t, h in texts)
     bpy.ops.prt.unhide(object_name="ball")

@@ -6,7 +6,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
-from prt_core.blender.camera import read_camera
+from prt_core.blender.camera import read_camera, read_cameras
 from prt_core.blender.small_render import small_render
 from prt_core.scene import view_rays
 
@@ -120,3 +120,29 @@ def test_a_camera_that_was_just_moved_is_where_it_is_now(camera):
     bpy.context.view_layer.update()
     camera.parent, camera.location, camera.rotation_euler = None, (7, -2, 3), (0, 0, 0)
     np.testing.assert_allclose(read_camera().matrix[:3, 3], (7, -2, 3), atol=1e-6)
+
+
+def test_all_cameras_of_a_scene_are_read_by_name(camera):
+    scene = bpy.context.scene
+    hidden = bpy.data.objects.new("Behind", bpy.data.cameras.new("behind"))
+    scene.collection.objects.link(hidden)
+    hidden.location, hidden.hide_render, hidden.hide_viewport = (1, 2, 3), True, True
+    hidden.data.type, hidden.data.ortho_scale, hidden.data.shift_x = "ORTHO", 3.0, 0.25
+    hidden.data.clip_start, hidden.data.sensor_fit = 0.5, "VERTICAL"
+    other = bpy.data.objects.new("Globe", bpy.data.cameras.new("globe"))
+    scene.collection.objects.link(other)
+    other.data.type, other.data.panorama_type = "PANO", "MIRRORBALL"
+    cameras = read_cameras(scene)
+    # A lens that is not followed is no camera here.
+    assert set(cameras) == {"camera", "Behind"} and cameras["camera"] == read_camera()
+    ours = cameras["Behind"]
+    np.testing.assert_allclose(ours.position, (1, 2, 3))
+    # Blender has no place for what is hidden: it follows from its own and its parents'.
+    hidden.parent, camera.parent.location = camera.parent, (0, 0, 7)
+    np.testing.assert_allclose(read_cameras(scene)["Behind"].position, (0.01, 0.02, 7.03))
+    hidden.constraints.new("COPY_LOCATION").target = camera
+    assert set(read_cameras(scene)) == {"camera"}
+    hidden.constraints.clear()
+    assert ours.lens == "orthographic" and ours.tangent == 1.5 and ours.shift == (0.25, 0)
+    assert ours.clip[0] == 0.5 and ours.sensor_fit == "vertical"
+    assert ours.pixel_aspect == cameras["camera"].pixel_aspect

@@ -63,6 +63,27 @@ def test_command_line_and_api_give_the_same(blend, baked, hdri, tmp_path):
     assert json.loads(prt("info", tmp_path / "c.prt", "--json").stdout)["complete"] is True
 
 
+def test_a_bake_shows_itself_by_the_call_and_the_command_line(blend, baked, tmp_path):
+    seen = []
+    again = tmp_path / "p.prt"
+    prt_core.bake(
+        blend, again, resolution=8, tolerance=0.02, caster="blender", on_picture=seen.append
+    )
+    assert [seen[-1].known_percent, seen[-1].error] == [100, prt_core.load(again).report["error"]]
+    light = np.ones((384, 3), np.float32)
+    np.testing.assert_array_equal(
+        seen[-1].transport.radiance(light), prt_core.load(baked).transport.radiance(light)
+    )
+    png = tmp_path / "p.png"
+    said = prt(
+        "bake", blend, "-o", tmp_path / "c.prt", "--resolution", 8, "--tolerance", 0.02,
+        "--caster", "blender", "--show-png", png,
+    )  # fmt: skip
+    assert png.stat().st_size > 1000 and "within about" in said.stderr
+    wrong = prt("bake", blend, "-o", tmp_path / "w.prt", "--show-light", "world", code=2)
+    assert "--show-png" in wrong.stderr and not (tmp_path / "w.prt").exists()
+
+
 def test_compress_from_the_command_line_is_the_api(baked, hdri, tmp_path):
     import shutil
 

@@ -412,7 +412,7 @@ def test_glossy_and_plain_surfaces_are_kept_apart(monkeypatch):
     real = Probe.look
     monkeypatch.setattr(Probe, "look", lambda *a, **k: looked.append(1) or real(*a, **k))
     glossed, also = read(gloss=True)
-    assert looked and "counts as diffuse" in said[0] and "seen in views" in also[0]
+    assert looked and "counts as diffuse" in said[0] and "shown to the view" in also[0]
     np.testing.assert_array_equal(
         glossed["metal"].materials.albedo, plain["metal"].materials.albedo
     )

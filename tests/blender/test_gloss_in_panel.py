@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import gloss, live, panels, plan, preview, rendering, viewport, work
+from blender_addon import gloss, live, panel_look, plan, preview, rendering, viewport, work
 from blender_addon.request import request, view_of
 from prt_core import load
 from prt_core.relight.relighter import Relighter
@@ -141,7 +141,28 @@ def test_gloss_is_turned_off_and_on(scene):
     scene.prt.show_gloss = True
     assert bpy.ops.prt.relight() == {"FINISHED"}
     np.testing.assert_array_equal(colours_on("ball"), on)
+    assert drawn_gloss() == ["show_gloss", "seen_from", "seen_by"]
+    scene.prt.seen_from = "VIEW"
     assert drawn_gloss() == ["show_gloss", "seen_from"]
+
+
+def test_another_camera_of_the_scene_is_looked_through(scene):
+    own = colours_on("ball")
+    other = bpy.data.objects.new("other", bpy.data.cameras.new("other"))
+    scene.collection.objects.link(other)
+    other.location = (-3.0, 2.0, 2.0)
+    bpy.context.view_layer.update()
+    scene.prt.seen_by = other
+    assert bpy.ops.prt.relight() == {"FINISHED"}
+    there = colours_on("ball")
+    np.testing.assert_array_equal(there, wanted(scene, View(np.array(other.location))))
+    assert np.abs(there - own).max() > 0.05
+    # Renders go on looking through the scene's own, and so does what has lost it.
+    own_view, chosen = (viewport.view_of(scene, "CAMERA", rendered) for rendered in (True, False))
+    np.testing.assert_allclose(own_view.position, scene.camera.location)
+    np.testing.assert_allclose(chosen.position, other.location)
+    scene.collection.objects.unlink(other)
+    np.testing.assert_allclose(viewport.view_of(scene, "CAMERA").position, scene.camera.location)
 
 
 class Writing(Layout):
@@ -157,18 +178,18 @@ class Writing(Layout):
 def drawn_gloss():
     layout, scaled = Writing(), SimpleNamespace(system=SimpleNamespace(ui_scale=1))
     wide = SimpleNamespace(width=10_000)
-    panels.draw_gloss(
+    panel_look.draw_gloss(
         layout, SimpleNamespace(scene=bpy.context.scene, region=wide, preferences=scaled)
     )
-    assert layout.enabled == (len(layout.drawn) < 2 or layout.drawn[1] == "seen_from")
     return layout.drawn
 
 
 def test_a_bake_without_gloss_says_why(floor_scene):
-    assert drawn_gloss() == ["show_gloss", "No bake is shown"]
+    assert drawn_gloss() == []
     bpy.ops.prt.bake()
     held = preview.held(floor_scene)
     assert preview.no_gloss(held).startswith("Baked without Gloss")
+    assert drawn_gloss() == [preview.no_gloss(held)]
     assert view_of(floor_scene) is None and gloss.tick() is None and gloss.idle(floor_scene)
     floor_scene.prt.gloss, floor_scene.prt.name = True, "dull"
     for item in floor_scene.objects:

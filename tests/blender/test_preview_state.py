@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import prt_core
-from blender_addon import bakes, live, panels, plan, preview, views, work
+from blender_addon import (
+    advice,
+    bakes,
+    live,
+    looking,
+    panel_bakes,
+    panels,
+    plan,
+    preview,
+    views,
+    work,
+)
 from prt_core import PRTError
 from prt_core.runtime.progress import Progress
 from tests.blender.conftest import colours_on, cube, quick
@@ -47,6 +58,20 @@ def drawn(panel):
 
 def main():
     return drawn(panels.PRT_PT_main)
+
+
+def all_notes(of_bake=False):
+    """What the dialog behind "more to know" and behind a bake's notes holds."""
+    layout = Layout()
+    dialog = SimpleNamespace(layout=layout, of_bake=of_bake)
+    scaled = SimpleNamespace(system=SimpleNamespace(ui_scale=100))
+    looking.PRT_OT_notes.draw(dialog, SimpleNamespace(scene=bpy.context.scene, preferences=scaled))
+    return " ".join(layout.drawn)
+
+
+def said(messages, of_bake=False):
+    text = all_notes(of_bake)
+    return all(message in text for message in messages)
 
 
 def push(message):
@@ -147,7 +172,7 @@ def test_nothing_that_was_said_survives_into_the_next_file(baked_floor, tmp_path
         bpy.ops.wm.revert_mainfile()
     assert (work.status().message, work.status().notes) == ("", "")
     assert not views_show() and not bakes.listed(bpy.context.scene)
-    assert "Not looked at yet" in drawn(panels.PRT_PT_bakes)
+    assert "Not looked at yet" in drawn(panel_bakes.PRT_PT_bakes)
 
 
 def test_another_file_ends_a_bake_that_is_under_way(floor_scene, monkeypatch, tmp_path):
@@ -184,16 +209,16 @@ def test_what_a_bake_has_to_say_reaches_the_panel(floor_scene, capfd):
     assert any("realised copies" in text for text in messages)
     printed = capfd.readouterr().out
     assert all(f"Warning: {text}" in printed for text in messages)
-    assert set(messages) <= set(main()) and work.status().message.startswith("Baked")
-    assert set(messages) <= set(drawn(panels.PRT_PT_bakes))
+    assert said(messages) and "prt.notes" in main() and work.status().message.startswith("Baked")
+    assert said(messages, of_bake=True) and "prt.notes" in drawn(panel_bakes.PRT_PT_bakes)
     bpy.ops.prt.relight()
-    assert not set(messages) & set(main()) and set(messages) <= set(drawn(panels.PRT_PT_bakes))
+    assert not said(messages) and said(messages, of_bake=True)
 
 
 def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, monkeypatch, capfd):
     monkeypatch.setattr(sys.modules["prt_core.bake.bounces"], "MOST_ROUNDS", 2)
-    # Of many lines the first are shown; here but one.
-    monkeypatch.setattr(panels, "_MOST_WARNINGS", 1)
+    # Of many lines the gravest are shown; here but one.
+    monkeypatch.setattr(panels, "_GRAVEST", 1)
     floor_scene.prt.tolerance = 0.001
     cube("fine", floor_scene.collection).modifiers.new("Subdivision", "SUBSURF")
     floor_scene.prt.method = "exhaustive"
@@ -203,11 +228,11 @@ def test_a_missed_tolerance_is_said_wherever_the_bake_is_spoken_of(floor_scene, 
     missed = report["messages"][0]
     assert f"the bounces may be {report['error']:.2%} off" in missed and "of 0.10%" in missed
     assert len(report["messages"]) > 1
-    assert missed in main() and missed in drawn(panels.PRT_PT_bakes)
+    assert missed in main() and said([missed], of_bake=True)
     assert f"Warning: {missed}" in capfd.readouterr().out
     path = preview.path_of(floor_scene)
     bpy.ops.prt.clear()
-    assert missed not in main() and missed in drawn(panels.PRT_PT_bakes)
+    assert missed not in main() and said([missed], of_bake=True)
     bpy.ops.prt.load(filepath=path)
     assert missed in main()
 
@@ -218,7 +243,7 @@ def test_a_compressed_form_that_misses_its_tolerance_says_so(baked_floor, monkey
     assert bpy.ops.prt.compress(method="harmonics") == {"FINISHED"}
     (missed,) = [text for text in main() if text.startswith("NOT within the tolerance of 50.00%")]
     assert f"Warning: {missed}" in capfd.readouterr().out
-    assert any("(NOT as asked)" in text for text in drawn(panels.PRT_PT_bakes))
+    assert any("(NOT as asked)" in text for text in drawn(panel_bakes.PRT_PT_bakes))
 
 
 def test_what_the_preview_hides_is_not_said_to_be_hidden(floor_scene):
@@ -228,7 +253,7 @@ def test_what_the_preview_hides_is_not_said_to_be_hidden(floor_scene):
     bpy.ops.prt.bake()
     bpy.ops.prt.refresh()
     cube("gone", scene.collection).hide_render = True
-    texts = [text for text, *_ in plan.warnings(scene)]
+    texts = [text for text, *_ in advice.warnings(scene)]
     assert [text for text in texts if "hidden" in text] == ["gone: hidden in renders, not baked"]
     assert colours_on("away").any()
 
@@ -280,10 +305,10 @@ def test_another_scene_is_looked_at_anew(baked_floor):
     live._look_around()
     assert bakes.listed(baked_floor) and work.status().message.startswith("Baked")
     bpy.context.window.scene = other
-    assert "Not looked at yet" in drawn(panels.PRT_PT_bakes)
+    assert "Not looked at yet" in drawn(panel_bakes.PRT_PT_bakes)
     live._look_around()
     assert work.status().message == "" and bakes.listed(other)
-    assert "No bakes in the folder" in drawn(panels.PRT_PT_bakes)
+    assert "No bakes in the folder" in drawn(panel_bakes.PRT_PT_bakes)
     bpy.context.window.scene = baked_floor
     bpy.data.scenes.remove(other)
     live._look_around()

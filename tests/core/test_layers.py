@@ -19,6 +19,7 @@ FLOORS = [
     {"evaluate", "lightfield"},
     {"relight"},
     {"bake", "blender_access"},
+    {"export"},
     {"api"},
     {"__init__"},
     {"cli"},

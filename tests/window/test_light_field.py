@@ -9,7 +9,7 @@ import pytest
 
 from tests.window.conftest import ROOT
 
-FIELD, BAKE = ["PRT Light Field"], ["PRT"]
+FIELD, BAKE = ["PRT Light Field", "PRT Light Field Solid"], ["PRT", "PRT Solid"]
 
 
 @pytest.fixture(scope="module")

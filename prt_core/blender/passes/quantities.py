@@ -63,9 +63,10 @@ LINES = {
 }
 # What is said otherwise where gloss is baked.
 GLOSS_LINES = {
-    "metal": "metal; its reflections are seen in views, on the mesh they count as diffuse",
+    "metal": "metal; its reflections are shown to the view, in bounces they count as diffuse",
     "specular": None,
-    "rough": "its diffuse roughness is seen in views, on the mesh light leaves evenly to all sides",
+    "rough": "its diffuse roughness is that of light of lamps, as seen from straight above; light "
+    "of the sky leaves evenly to all sides",
 }
 
 

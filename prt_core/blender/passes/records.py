@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.blender.colours import ACTIVE_BEFORE
+from prt_core.blender.colours import ACTIVE_BEFORE, PREVIEW_COLOURS, names_of_preview
 from prt_core.blender.node_trees import all_nodes
 
 # How attributes of these types are read, and how many numbers one value is.
@@ -124,14 +124,14 @@ def surface_of(data, original, slots, raw, weights=None):
     key = _mixed(key, raw.corner_vertex, raw.corner_slot)
     key = _mixed(key, *np.rint(raw.corner_normal / _NORMAL_STEP).astype(np.int64).T)
     digest, uv = hashlib.blake2b(digest_size=16), []
-    # The preview makes its own colours the active ones, and those for renders.
-    before, shown = original.get(ACTIVE_BEFORE), None
-    if before is not None and original.color_attributes.active_color is not None:
-        shown = original.color_attributes.active_color.name
+    # What the preview writes is not the mesh's own.
+    before, shown = original.get(ACTIVE_BEFORE), ()
+    if before is not None:
+        shown = names_of_preview(original.get(PREVIEW_COLOURS, "PRT"))
     digest.update(np.float64([*data.texspace_location, *data.texspace_size]).tobytes())
     for attribute in data.attributes:
         read = _READ.get(attribute.data_type)
-        ours = attribute.name in (shown, *_GEOMETRY)
+        ours = attribute.name in (*shown, *_GEOMETRY)
         if read is None or attribute.name.startswith(".") or ours:
             continue
         field, width, dtype = read

@@ -15,6 +15,7 @@ import numpy as np
 from prt_core.basis import PointHaar
 from prt_core.compress.rows import Rows, SomeRows, TransportRows
 from prt_core.compress.rows.image_rows import image_rows
+from prt_core.compress.rows.view_rows import ViewRows
 from prt_core.compress.subject import Subject
 from prt_core.errors import (
     PRTError,
@@ -46,6 +47,8 @@ class Task:
         Whose pixels the points are: then positions are places in the image.
     dense : (n_dense,) int, optional
         The points that were sampled densely, ascending.
+    reflections : tuple of Reflections
+        With which pixels show gloss.
     """
 
     transport: object
@@ -56,6 +59,7 @@ class Task:
     seed: int = 0
     image: object = None
     dense: np.ndarray | None = None
+    reflections: tuple = ()
 
     @classmethod
     def of(cls, transport, points, seed=0, dense=None):
@@ -66,7 +70,7 @@ class Task:
         return cls(transport, rows, *place, seed, None, dense)
 
     @classmethod
-    def of_image(cls, transport, image, seed=0):
+    def of_image(cls, transport, image, seed=0, reflections=(), weights=None):
         """The pixels of an image whose points were baked.
 
         Parameters
@@ -75,22 +79,30 @@ class Task:
             Of all points.
         image : PointImage
         seed : int
+        reflections : tuple of Reflections, optional
+            With which the pixels show gloss to the image's camera.
+        weights : ViewWeights, optional
+            Then those of its points.
 
         Returns
         -------
         Task
         """
-        rows = image_rows(TransportRows(transport, seed=seed), image, transport.sends)
+        rows = TransportRows(transport, seed=seed)
+        if reflections:
+            rows = ViewRows(rows, image, weights)
+        else:
+            rows = image_rows(rows, image, transport.sends)
         row, column = np.divmod(np.arange(rows.n_points), image.width)
         places = np.stack([column, row, np.zeros_like(row)], axis=1).astype(np.float32)
         normals = np.tile(np.float32([0, 0, 1]), (len(places), 1))
         groups = np.zeros(len(places), np.int32)
-        return cls(transport, rows, places, normals, groups, seed, image)
+        return cls(transport, rows, places, normals, groups, seed, image, None, reflections)
 
     @property
     def subject(self):
         """What forms of this are of: a `Subject`."""
-        return Subject(self.transport, self.image)
+        return Subject(self.transport, self.image, self.reflections)
 
     @property
     def n_points(self):
@@ -107,8 +119,11 @@ class Task:
         Returns
         -------
         dict of str -> (n_points, 3) float32
-            Radiance of points, or of pixels.
+            Radiance of points, or of pixels; with gloss that of their rows, for which see
+            `ViewRows`.
         """
+        if self.reflections:
+            return {name: self.rows.product(light) for name, light in lights.items()}
         # Of light without colour one column is enough.
         narrow = [x[:, :1] if (x == x[:, :1]).all() else x for x in lights.values()]
         ends = np.cumsum([x.shape[1] for x in narrow])
@@ -125,7 +140,7 @@ class Task:
         rows = SomeRows(self.rows, points)
         place = self.positions[points], self.normals[points], self.groups[points]
         if self.image is not None:
-            return Task(self.transport, rows, *place, self.seed, self.image)
+            return replace(self, rows=rows, positions=place[0], normals=place[1], groups=place[2])
         part = replace(
             self.transport,
             bits=self.transport.bits[points],

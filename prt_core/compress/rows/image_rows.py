@@ -36,7 +36,10 @@ class ImageRows(Rows):
         self._starts = np.searchsorted(image.pixel, np.arange(self.n_points + 1))
         shape = rows.n_points, rows.n_outputs
         self._albedo = expect_array("albedo", albedo, shape, np.float32)
-        self._grey = bool((self._albedo == self._albedo[:, :1]).all())
+        self._grey = self._is_grey()
+
+    def _is_grey(self):
+        return bool((self._albedo == self._albedo[:, :1]).all())
 
     def prepare_steps(self):
         """See `TransportRows.prepare_steps`."""
@@ -62,15 +65,12 @@ class ImageRows(Rows):
         return replace(self.rows.code, groups=tuple(group for *_, group in self._groups))
 
     def features(self, points):
-        starts, counts = self._starts[points], np.diff(self._starts)[points]
-        ends = np.cumsum(counts)
-        entries = np.arange(counts.sum()) + np.repeat(starts - ends + counts, counts)
+        pixel, entries = self._entries(points)
         result = np.zeros((len(points), self.code.n_features), np.float32)
         if not len(entries):
             return result
         shown, place = np.unique(self.image.point[entries], return_inverse=True)
         features = self.rows.features(shown)
-        pixel = np.repeat(np.arange(len(points)), counts)
         shape = len(points), len(shown)
         for (part, shares, _), own in zip(self._groups, self.code.slices, strict=True):
             weights = self._albedo[shown[place]] @ (shares / self.image.samples).astype(np.float32)
@@ -78,6 +78,13 @@ class ImageRows(Rows):
                 sp.csr_matrix((weights, (pixel, place)), shape=shape) @ features[:, part]
             )
         return result
+
+    def _entries(self, points):
+        """(m,) which of the pixels, and (m,) the entry of the image, of all that they show."""
+        starts, counts = self._starts[points], np.diff(self._starts)[points]
+        ends = np.cumsum(counts)
+        entries = np.arange(counts.sum()) + np.repeat(starts - ends + counts, counts)
+        return np.repeat(np.arange(len(points)), counts), entries
 
     def block(self, points):
         return self.code.decode(self.features(points))

@@ -180,6 +180,10 @@ class TransportRows(Rows):
             result[:, part] = left[points]
         return result
 
+    def indirect(self, points):
+        """Features of the light between surfaces of some `points`, of each group but the first."""
+        return [left[points] for left in self._ready[1]]
+
     def direct(self, points):
         """(n, n_directions) float32 of some `points`: received light of unit texels, no bounces."""
         transport = self.transport

@@ -1,5 +1,6 @@
 """Images whose pixels are bake points: of a camera, or of a surface laid out flat."""
 
+from prt_core.scene.images.atlas import Atlas, with_atlas
 from prt_core.scene.images.geometry_images import (
     PARAMETRISATIONS,
     Layout,
@@ -12,14 +13,18 @@ from prt_core.scene.images.point_images import (
     surface_points,
     with_camera_image,
 )
+from prt_core.scene.images.seams import Seams
 
 __all__ = [
+    "Atlas",
     "Layout",
     "PARAMETRISATIONS",
     "PointImage",
     "geometry_layout",
+    "Seams",
     "hits_in_view",
     "surface_points",
+    "with_atlas",
     "with_camera_image",
     "with_geometry_image",
 ]

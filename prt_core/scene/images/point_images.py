@@ -11,7 +11,7 @@ import numpy as np
 
 from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
 from prt_core.scene.backs import backs_of
-from prt_core.scene.camera import expect_camera, view_rays
+from prt_core.scene.camera import Camera, expect_camera, view_rays
 from prt_core.scene.points import BakePoints, joined
 
 _BATCH = 1 << 20
@@ -30,6 +30,10 @@ class PointImage:
         In reading order, sorted.
     point : (m,) int32
         A bake point that `pixel` shows.
+    camera : Camera, optional
+        That sees it; None: an image of a surface, which nobody looks at.
+    atlas : Atlas, optional
+        By which UV maps it shows objects, where it is for them to wear.
     """
 
     height: int
@@ -37,6 +41,8 @@ class PointImage:
     samples: int
     pixel: np.ndarray
     point: np.ndarray
+    camera: Camera | None = None
+    atlas: object = None
 
     def digest(self):
         """Of what it shows: the same for the same image only."""
@@ -53,6 +59,15 @@ class PointImage:
             sums = np.bincount(self.pixel, values[self.point], len(result))
             result[:, channel] = sums / self.samples
         return result.reshape(self.height, self.width, -1)
+
+    def finished(self, pixels):
+        """Pixels as they are handed out: where it is an atlas, with both sides of seams alike.
+
+        Parameters
+        ----------
+        pixels : (height, width, n_channels) float32
+        """
+        return pixels if self.atlas is None else self.atlas.seams.mended(pixels, self.point)
 
 
 def with_camera_image(scene, caster, camera, width, height, samples=2):
@@ -88,7 +103,8 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
     points, _ = surface_points(scene, triangle[hit], barycentric[hit], back, any_side=True)
     new = len(scene.points) + np.arange(len(hit))
-    image = PointImage(height, width, samples**2, pixel[hit].astype(np.int32), new.astype(np.int32))
+    shown = pixel[hit].astype(np.int32), new.astype(np.int32)
+    image = PointImage(height, width, samples**2, *shown, camera=camera)
     return extended(scene, points, image)
 
 

@@ -28,6 +28,10 @@ CALLS = {
         strength=2.0,
     ),
     "EnvironmentMap.sample": method(lambda t: image(), "sample", directions=directions()),
+    "Sky": lambda t: Call(
+        lambda directions, spread: light.Sky(((image(), np.eye(3), 1.0),))(directions, spread),
+        {"directions": directions(), "spread": 0.1},
+    ),
     "TurningLight": lambda t: Call(
         lambda environment, cube_map, rotation: light.TurningLight(environment, cube_map).at(
             rotation

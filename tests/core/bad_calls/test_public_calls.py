@@ -1,22 +1,30 @@
 """Wrong public calls: bakes, stores, relighting, pictures."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import prt_core
-from prt_core import api, evaluate, light, scene
+from prt_core import api, evaluate, export_web, light, scene
 from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
+from prt_core.bake.pictures import Pictures
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
-from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
+from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
+from prt_core.export.glb import glb_steps
+from prt_core.relight.blend import LightBlend, WeightedLight
+from prt_core.relight.light_file import read_lights, write_lights
 from prt_core.relight.lighting import Lighting
+from prt_core.relight.lights_apart import lights_apart
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.store import BakeStore
+from prt_core.transport import Occlusion
 
 from .calls import (
     RESOLUTION,
@@ -49,11 +57,13 @@ def bake_call(there):
             "lamps": lamps,
             "world": there.light,
             "camera": camera(),
+            "cameras": {"Top": camera()},
             "source": {"plane": "digest"},
             "pace": 0.5,
+            "pictures": Pictures(),
             "lights": {"sky": there.light},
         },
-        ("lamps no elements",),
+        ("lamps no elements", "pictures None"),
     )
 
 
@@ -66,6 +76,12 @@ def path_call(there):
     return Call(bake, {"path": there.folder / "c.prt"}, ("path text",))
 
 
+def lights_file(folder):
+    path = folder / "good_lights.json"
+    path.write_text('{"night": {"emission": "all"}}')
+    return path
+
+
 CALLS = {
     "BakeStore": lambda t: Call(BakeStore, {"path": t.folder / "a.prt", "mode": "r"}),
     "load": lambda t: Call(load, {"path": t.folder / "a.prt"}),
@@ -73,6 +89,28 @@ CALLS = {
     "colour_error": plain(
         evaluate.colour_error, colours=np.ones((3, 3)), truth=np.ones((3, 3)), weights=np.ones(3)
     ),
+    "export_web": lambda t: Call(
+        export_web,
+        {
+            "bake": t.bake,
+            "output": t.folder / "page.html",
+            "bits": True,
+            "lights": None,
+            "title": "a",
+            "lamp_samples": 1,
+        },
+        (
+            "bits None",
+            "output folder",
+            "title text",
+            "title None",
+            "lights None",
+            "output text",
+            "title long name",
+            "title empty text",
+            "title other text",
+        ),
+    ),  # fmt: skip
     "contact_sheet": plain(
         evaluate.contact_sheet,
         ("labels one more",),
@@ -100,6 +138,12 @@ CALLS = {
         {"path": t.folder / "w.npz", "colours": {"a": np.ones((2, 3))}},
         ("colours dict",),
     ),
+    "light_path": plain(
+        light_path,
+        (*any_of("pattern"), "name other text", "name one more", "name long name"),
+        pattern=Path("a_#.png"),
+        name="day",
+    ),
     "frame_path": plain(frame_path, any_of("pattern"), pattern=Path("a_#.png"), frame=3),
     "PictureWriter": lambda t: Call(
         lambda path, radiance, camera, **rest: PictureWriter(**rest).write(path, radiance, camera),
@@ -113,6 +157,9 @@ CALLS = {
         },
         ("camera None",),
     ),  # fmt: skip
+    "Bake.camera_named": lambda t: Call(
+        replace(t.bake, cameras={"Top": camera()}).camera_named, {"name": "Top"}
+    ),
     "BakeSettings": plain(
         BakeSettings,
         ("caster other text", "caster empty text", "bounces None"),
@@ -157,6 +204,31 @@ CALLS = {
         },
         ("light None", "caster other text", "caster empty text", "bounces None"),
     ),  # fmt: skip
+    "occlusion": lambda t: Call(
+        api.occlusion,
+        {
+            "bake": t.bake,
+            "kind": "sky",
+            "distance": 0.5,
+            "falloff": "linear",
+            "weight": "even",
+            "caster": "brute",
+        },
+        ("caster other text", "caster empty text"),
+    ),  # fmt: skip
+    "Occlusion": plain(Occlusion, kind="ambient", distance=0.5, falloff="smooth", weight="cosine"),
+    "lights_apart": lambda t: Call(
+        lambda lighting: lights_apart(t.bake, lighting), {"lighting": Lighting(image())}
+    ),
+    "ImageSettings": plain(
+        ImageSettings,
+        ("atlas_objects other text", "atlas one more", "atlas one less"),
+        atlas=(8, 4),
+        atlas_objects=["plane"],
+        atlas_uv="own",
+        atlas_margin=2,
+    ),
+    "to_whole": plain(evaluate.to_whole, ("values",), values=np.ones((2, 3, 3)), bits=16),
     "Lighting": plain(
         Lighting,
         ("environment", "bounces None"),
@@ -169,6 +241,29 @@ CALLS = {
         lamp_samples=5,
         bounces=7,
         exposure=1.5,
+    ),
+    "WeightedLight": plain(
+        WeightedLight,
+        ("name other text", "name empty text"),
+        name="day",
+        lighting=Lighting(image()),
+        weight=0.5,
+    ),
+    "LightBlend": lambda t: Call(
+        lambda lights, **rest: LightBlend(t.bake, **rest).radiance(lights),
+        {
+            "lights": [WeightedLight("day", Lighting(image()))],
+            "caster": "brute",
+            "form": "exact",
+        },
+        ("caster other text", "caster empty text"),
+    ),
+    "read_lights": lambda t: Call(
+        lambda path: read_lights(path, t.bake), {"path": lights_file(t.folder)}
+    ),
+    "write_lights": lambda t: Call(
+        write_lights,
+        {"path": t.folder / "lights.json", "lights": {"day": {"lamps": True}}},
     ),
     "relight by path": lambda t: Call(
         lambda bake, light: api.relight(bake, light, form="exact"),
@@ -187,11 +282,51 @@ CALLS = {
         {"bake": t.bake, "caster": "brute", "form": "exact"},
         ("caster other text", "caster empty text"),
     ),
+    "Relighter.replace": method(lambda t: Relighter(t.bake), "replace", bake=lambda t: t.bake),
+    "Pictures": plain(Pictures, ("share None",), share=0.5, to_the_end=True),
     "environment_light": lambda t: Call(
         prt_core.environment_light,
         {"bake": t.bake, "light": image(), "rotation": 3.0, "strength": 1.0},
         ("light None",),
     ),
+    "GLBSettings": plain(
+        prt_core.GLBSettings,
+        ("colours None", "white None", "texels None"),
+        colours="light",
+        material="multiplied",
+        weights=True,
+        harmonics=False,
+        encoding="u16",
+        white=2.0,
+        components=7,
+        texels=2,
+    ),
+    "export_glb": lambda t: Call(
+        prt_core.export_glb,
+        {
+            "bake": t.folder / "a.prt",
+            "output": t.folder / "a.glb",
+            "light": image(),
+            "rotation": 30.0,
+            "caster": "brute",
+            "form": "exact",
+            "material": "unlit",
+            "harmonics": True,
+            "white": 3.0,
+        },
+        ("light None", "caster other text", "caster empty text", "white None"),
+    ),  # fmt: skip
+    "glb_steps": lambda t: Call(
+        glb_steps,
+        {
+            "bake": t.bake,
+            "path": t.folder / "a.glb",
+            "radiance": np.ones((t.bake.transport.n_points, 3), np.float32),
+            "settings": prt_core.GLBSettings(),
+            "light": t.light,
+        },
+        ("settings None", "light None", "radiance negative"),
+    ),  # fmt: skip
     "open_blend": lambda t: Call(expect_blend, {"path": blend(t)}),
     "bake": lambda t: Call(
         prt_core.bake,
@@ -201,6 +336,7 @@ CALLS = {
             "objects": ["a"],
             "two_sided": ["a"],
             "restart": False,
+            "on_picture": print,
             "camera_pixels": (3, 2),
             "pixel_samples": 1,
             "parametrisation": "auto",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import rays, reflectance, scene
-from prt_core.scene import Mesh, Scene
+from prt_core.scene import Mesh, Scene, with_atlas
 
 from .calls import (
     RNG,
@@ -48,6 +48,17 @@ def geometry_image(there):
     tracer = rays.BruteForceCaster(layout.vertices, layout.triangles)
     good = {"scene": there.scene, "caster": tracer, "layout": layout, "size": 3}
     return Call(scene.with_geometry_image, good)
+
+
+def atlas(there):
+    mesh = unwrapped(there)
+    maps = {mesh.name: mesh.corner_uv}
+
+    def call(scene, size, corner_uv):
+        parts = there.meshes
+        return with_atlas(scene, parts, {mesh.name: corner_uv}, size, rays.BruteForceCaster)
+
+    return Call(call, {"scene": there.scene, "size": (4, 3), "corner_uv": maps[mesh.name]})
 
 
 CALLS = {
@@ -100,6 +111,12 @@ CALLS = {
         scene.geometry_layout, {"mesh": unwrapped(t), "parametrisation": "uv"}
     ),
     "with_geometry_image": geometry_image,
+    "SplitMeshes.split": lambda t: Call(
+        lambda meshes, marked: scene.SplitMeshes(meshes).split(marked),
+        {"meshes": t.meshes, "marked": np.zeros(scene.SplitMeshes(t.meshes).n_edges, bool)},
+    ),
+    "split_evenly": lambda t: Call(scene.split_evenly, {"meshes": t.meshes}),
+    "with_atlas": atlas,
     "mesh_digests": lambda t: Call(scene.mesh_digests, {"meshes": t.meshes}),
     "changes": plain(scene.changes, source={"a": "1"}, digests={"b": "1"}),
     "make_caster": lambda t: Call(

@@ -4,9 +4,11 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from prt_core import light, sampling, sphere, transport
 from prt_core.bake import gather_terms
+from prt_core.runtime.progress import run
 from prt_core.sampling.groups import certified_together
 
 from .calls import RESOLUTION, Call, caster, faults_of, method, plain, with_scene
@@ -33,8 +35,45 @@ def of_transport(there):
     return Call(call, {**good, "bounces": 2}, may)
 
 
+def refine_call(there):
+    def refine(**arguments):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sampling.edge_errors, "_LEAST", 50)
+            meshes, _ = run(sampling.refine_steps(**arguments))
+        return [mesh.vertices for mesh in meshes]
+
+    good = {
+        "meshes": there.meshes,
+        "lamps": [light.Lamp("sun", (1.0, 2.0, 3.0))],
+        "world": there.light,
+        "settings": sampling.RefineSettings(0.9),
+        "caster": "brute",
+    }
+    return Call(refine, good, ("lamps no elements", "world None", "settings None"))
+
+
+def of_partial(there):
+    baked = there.bake.transport
+    names = "cube_map", "bits", "gather", "normals", "materials"
+    good = {name: getattr(baked, name) for name in names}
+    good |= {"spread": sp.identity(baked.n_points, np.float32, "csr"), "row_map": baked.cube_map}
+
+    def call(**arguments):
+        return transport.PartialTransport(**arguments).radiance(there.light)
+
+    return Call(call, good, ("gather None", "normals", "spread None", "row_map None"))
+
+
 CALLS = {
+    "refine_steps": refine_call,
+    "RefineSettings": plain(sampling.RefineSettings, tolerance=0.1, vertices=20),
     "Transport": lambda t: of_transport(t),
+    "PartialTransport": of_partial,
+    "Spread": lambda t: Call(sampling.Spread, {"scene": t.scene}),
+    "Spread.shares": method(lambda t: sampling.Spread(t.scene), "shares", known=np.arange(4)),
+    "Spread.left_out": method(
+        lambda t: sampling.Spread(t.scene), "left_out", known=np.arange(4), wanted=np.arange(2)
+    ),
     "Transport.relight": method(
         lambda t: t.bake.transport,
         "relight",

@@ -124,8 +124,10 @@ def test_without_gloss_a_view_is_refused(tmp_path):
     assert not load(path).reflections
     with pytest.raises(PRTError, match="view: this bake knows of no gloss"):
         relight_points(load(path), SKY, caster=CASTER, view=VIEW)
-    with pytest.raises(PRTError, match="view: expected"):
+    with pytest.raises(PRTError, match="view: the baked scene has none called 'camera' whose lens"):
         relight_points(load(path), SKY, caster=CASTER, view="camera")
+    with pytest.raises(PRTError, match="view: expected"):
+        relight_points(load(path), SKY, caster=CASTER, view=(1, 2, 3))
 
 
 def test_a_lamp_has_its_highlight(baked):

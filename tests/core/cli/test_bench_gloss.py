@@ -77,7 +77,7 @@ def test_terms_say_where_lobes_are_too_narrow(words, tmp_path, capfd):
         "--phong -1": "phong: expected",
         "--roughness --phong": "give at least one of them",
         "--sample 0": "--sample: expected a whole number >= 1",
-        "--view here": "--view: expected 'camera' or a place",
+        "--view here": "--view: the baked scene has none called 'here'",
         "--view camera": "--view camera: the baked scene has no camera",
     }.items(),
 )

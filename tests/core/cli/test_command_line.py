@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, load, run
+from prt_core import BakeSettings, BakeStore, Lamp, Scene, bake_steps, export_glb, load, run
 from prt_core.bake.measure import standing_lights
 from prt_core.cli import main
 from prt_core.light import read_image, write_image
@@ -70,6 +70,7 @@ def contents(folder):
 
 
 RELIGHT = "relight a.prt --light sky.exr --output o.npz"
+GLB = "export glb a.prt --light sky.exr -o o.glb"
 LONG = "n" * 300
 # Each with a part of what is said.
 BAD = {
@@ -192,6 +193,24 @@ BAD = {
     "compress a.prt --of texels": "invalid choice",
     "compress a.prt --method none --of image": "--of: changes nothing with --method none",
     "compress a.prt --method block_pca": "'block_pca' takes the pixels of an image",
+    "export glb a.prt -o o.glb": "export glb: no light; give --light IMAGE",
+    "export glb a.prt --light sky.exr": "the following arguments are required: -o/--output",
+    "export glb a.prt --light sky.exr -o o.gltf": "o.gltf: expected a name that ends in .glb",
+    "export glb a.prt --light sky.exr -o file/o.glb": "file/o.glb: not a directory",
+    "export glb a.prt --light none.exr -o o.glb": "none.exr: there is no such image",
+    "export glb a.prt --lamps --rotate 3 -o o.glb": "--rotate: changes nothing without --light",
+    "export glb a.prt --lamps --form exact -o o.glb": "--form: lamps are always exact",
+    "export glb none.prt --light sky.exr -o o.glb": "none.prt: there is no such bake",
+    f"{GLB} --albedo --light-only": "not allowed with argument",
+    f"{GLB} --material multiplied --albedo": "would have it twice; take colours 'light'",
+    f"{GLB} --material shiny": "invalid choice",
+    f"{GLB} --white 0": "white: expected a number above 0",
+    f"{GLB} --components 3": "--components: changes nothing without --weights",
+    f"{GLB} --texels 1": "--texels: changes nothing without --weights",
+    f"{GLB} --weights --components 40": "components: expected a whole number from 1 to 32",
+    f"{GLB} --weights": "weights: there is no compressed form; make one with 'prt compress'",
+    f"{GLB} --view camera --light-only": "view: light that is received has none",
+    f"{GLB} --view 1,2,3": "this bake knows of no gloss",
     f"{RELIGHT} --progressive": "--progressive: changes nothing without --turn",
     f"{RELIGHT} --turn 2 --progressive --form exact": "adds to a compressed form",
     f"{RELIGHT} --turn 2 --blend o.blend": "--turn: turns an image's light",
@@ -199,6 +218,14 @@ BAD = {
     "relight a.prt --light sky.exr --blend open.blend --scene open.blend": "its own copy",
     "relight a.prt --light sky.exr --output o.npz --form compressed": "there is no compressed",
     "bake open.blend --pixel-samples 3": "--pixel-samples: changes nothing without --camera-pixels",
+    "bake open.blend --refine-vertices 3": "--refine-vertices: changes nothing without --refine",
+    "bake open.blend --refine-tolerance 0.1": "--refine-tolerance: changes nothing without",
+    "bake open.blend --refine --refine-vertices many": "refine vertices: expected a number as",
+    "bake open.blend --refine --refine-vertices -3": "refine vertices: expected a number as",
+    "bake open.blend --refine --refine-tolerance 2": "refine tolerance: expected",
+    "bake open.blend --refine --atlas 64": "refine: the UV maps of a lightmap belong to",
+    "info a.prt --refined where.jpg": "where.jpg: expected a name that ends in .png",
+    "info a.prt --refined where.png": "refined: no edge of this bake's meshes was split",
     "bake open.blend --parametrisation uv": "--parametrisation: changes nothing without",
     "bake open.blend --camera-pixels 9x9 --geometry-image a 9": "a bake holds one",
     "compress a.prt --method none --tolerance 0.1": "it takes no tolerance",
@@ -379,6 +406,24 @@ def test_a_picture_without_a_camera_says_so(folder, capfd):
     assert "no camera" in out
     out = prt("relight a.prt --light sky.exr --png c.png --size 4x3", capfd)[1]
     assert "no camera" not in out
+
+
+def test_a_glb_is_that_of_the_call(folder, capfd):
+    line = "export glb a.prt --light sky.exr --rotate 20 --light-only --colours u16 -o o.glb"
+    code, out, errors = prt(line, capfd)
+    assert (code, errors) == (0, []) and out.startswith("o.glb: 2 objects, ")
+    assert "relit exactly, COLOR_0 times " in out and out.rstrip().endswith(" is light")
+    export_glb("a.prt", "call.glb", "sky.exr", rotation=20.0, colours="light", encoding="u16")
+    assert Path("o.glb").read_bytes() == Path("call.glb").read_bytes()
+    code, out, _ = prt(f"{GLB} --harmonics --json", capfd)
+    said = json.loads(out)
+    assert code == 0 and said["output"] == "o.glb" and said["objects"] == 2
+    assert prt(f"{GLB} --material multiplied", capfd)[1].rstrip().endswith(" is light")
+    # Pixels that a bake has beside its points belong to no object.
+    code, out, _ = prt("export glb image.prt --light sky.exr -o o.glb", capfd)
+    assert code == 0 and out.startswith("o.glb: 2 objects, ")
+    for name in ("o.glb", "call.glb"):
+        Path(name).unlink()
 
 
 def test_names_that_the_terminal_cannot_show_are_shown_otherwise(folder):

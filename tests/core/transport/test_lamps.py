@@ -1,9 +1,12 @@
 """Lamps in scenes: shadows up to the lamp, half of a lamp behind an edge, any scale."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from prt_core.light import Lamp
+from prt_core.reflectance import OrenNayar
 from prt_core.reflectance.bump import bump_mean
 from prt_core.scene import Scene
 from prt_core.transport import lamp_light
@@ -172,3 +175,19 @@ def test_lamps_on_bent_normals_are_dimmed_near_the_horizon():
         light.append(irradiance(scene, [Lamp("point", POWER, 2 * way)])[middle])
     # Albedo holds the mean of what is left.
     np.testing.assert_allclose(light[1] * bump_mean(strength), light[0] * 0.9608, rtol=2e-4)
+
+
+def test_rough_diffuse_surfaces_receive_as_seen_from_straight_above():
+    floor = plane(3, name="floor", albedo=(0.9, 0.5, 0.2))
+    n = len(floor.materials.albedo)
+    rough = replace(floor, materials=floor.materials.replaced(diffuse_roughness=np.ones((n, 1))))
+    smooth, scene = (Scene.from_meshes([mesh], max_hidden=0) for mesh in (floor, rough))
+    up = np.array([[0, 0, 1.0]])
+    for degrees in (10, 75):
+        way = np.array([[np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))]])
+        # A lamp of a point far away.
+        lamp = [Lamp("point", 1e6 * POWER, tuple(1e4 * way[0]))]
+        ratio = irradiance(scene, lamp, 1) / irradiance(smooth, lamp, 1)
+        wanted = np.pi * OrenNayar(1.0, 1.0, np.array([0.9, 0.5, 0.2])).eval(way, up)
+        np.testing.assert_allclose(ratio, np.repeat(wanted, len(ratio), axis=0), rtol=1e-3)
+    assert wanted.max() < 0.9

@@ -53,3 +53,9 @@ def test_a_camera_looks_from_where_it_stands():
 def test_what_is_no_view_is_said(view, message):
     with pytest.raises(PRTError, match=message):
         view()
+
+
+def test_an_orthographic_camera_looks_from_far_away():
+    turned = np.array([[1, 0, 0, 5], [0, 0, -1, 6], [0, 1, 0, 7], [0, 0, 0, 1.0]])
+    view = View.of_camera(Camera(turned, 2.0, lens="orthographic"))
+    np.testing.assert_allclose(view.outgoing(np.eye(3)), [[0, -1, 0]] * 3, atol=1e-12)

@@ -161,10 +161,10 @@ def keep_turning(hand, report):
 
 def switch(hand, report):
     """Gloss off and on by its checkbox under Light."""
-    yield from hand.click("prt.show_gloss", at=0.6)
+    yield from hand.click("prt.show_gloss", at=0.2)
     yield Until("it is off", lambda: not bpy.context.scene.prt.show_gloss, 10)
     yield from compare(hand, report, "off")
-    yield from hand.click("prt.show_gloss", at=0.6)
+    yield from hand.click("prt.show_gloss", at=0.2)
     yield Until("it is on", lambda: bpy.context.scene.prt.show_gloss, 10)
     yield from compare(hand, report, "on")
 

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from hand import FOLDER, Until
 from relight_story import install, part, settled, status
-from rooms import floor_with, press, to_panel
+from rooms import confirm, floor_with, press, to_panel
 
 
 def story(hand, report):
@@ -19,7 +19,7 @@ def story(hand, report):
     hand.picture("kept 1 baked")
     wanted = {o["prt_copy"]: colours(o, "PRT") for o in objects() if o.get("prt_copy")}
     report["baked objects"] = [baked_objects()]
-    yield from press(hand, "prt.keep", status)
+    yield from confirm(hand, "prt.keep", status)
     report["said"] = status().message
     report["kept"] = seen(wanted)
     hand.picture("kept 2 kept")

@@ -41,7 +41,7 @@ def story(hand, report):
     yield 1.0
     report["delays"] = yield from slider(hand)
     hand.picture("measured")
-    bpy.ops.prt.compress("INVOKE_DEFAULT")
+    bpy.ops.prt.compress("INVOKE_DEFAULT", confirmed=True)
     yield Until("it is compressed", lambda: not status().running, 300)
     report["quick"] = yield from slider(hand)
     report["points"] = part("preview").held(scene).bake.transport.n_points

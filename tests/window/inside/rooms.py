@@ -76,3 +76,13 @@ def press(hand, button, status, at=0.45, seconds=120):
     yield 0.3
     yield Until(f"{button} is done", lambda: not status().running, seconds)
     yield 0.5
+
+
+def confirm(hand, button, status, at=0.45, seconds=120):
+    """Press a button that asks in a dialog, take what it proposes, and wait until it is done."""
+    yield from hand.click(button, at)
+    yield 1.0
+    yield from hand.key("RET")
+    yield 0.5
+    yield Until(f"{button} is done", lambda: not status().running, seconds)
+    yield 0.5

@@ -25,7 +25,7 @@ def story(hand, report):
     hand.picture("tolerance 1 baked")
     yield from press(hand, "prt.clear", status, at=0.75)
     report["restored"] = said()
-    yield from press(hand, "prt.load", status)
+    yield from press(hand, "prt.load", status, at=0.85)
     report["loaded"] = said()
     yield from hand.wheel("WHEELDOWNMOUSE", 30)
     yield from hand.to_view()

@@ -1,0 +1,145 @@
+"""Bakes for other programs, in one call: a .glb under a light."""
+
+from pathlib import Path
+
+from prt_core.bake import Bake
+from prt_core.bake.load import load
+from prt_core.errors import expect, expect_kind, expect_path
+from prt_core.export.glb import GLBSettings, glb_steps
+from prt_core.relight.environments import Environments
+from prt_core.relight.forms import load_compressed
+from prt_core.relight.lighting import Lighting, lighting_of
+from prt_core.relight.received import as_received
+from prt_core.relight.relighter import Relighter
+from prt_core.runtime.files import expect_output
+from prt_core.runtime.main_thread import MainThreadCalls, maybe_in_thread, steps_in_thread
+from prt_core.runtime.progress import run
+
+_SETTINGS = tuple(GLBSettings.__dataclass_fields__)
+
+
+def export_glb(bake, output, light=None, *, caster="auto", form="auto", view=None, report=None,
+               **keywords):  # fmt: skip
+    """Write a baked scene under a light as a .glb: glTF 2.0, for engines and browsers.
+
+    Objects are nodes of their own, with UV maps, normals and materials; COLOR_0 has the colours in
+    0 to 1, `_PRT_RADIANCE` as they are. On request there is what an engine relights from.
+
+    Parameters
+    ----------
+    bake : Bake, str or Path
+        From `load`, or its folder.
+    output : str or Path
+        NAME.glb.
+    light : Lighting, or what its environment may be, optional
+        As `relight` takes it.
+    caster, form, view
+        As `relight` takes them.
+    report : callable(Progress), optional
+    **keywords
+        Of `GLBSettings`: colours, material, weights, harmonics, encoding, white, components,
+        texels; and the fields of `Lighting`, as `relight` takes them.
+
+    Returns
+    -------
+    dict
+        objects, meshes, vertices, triangles, bytes; colours : "radiance" or "light", what COLOR_0
+        times the scale is; scale; used : "exact" or "compressed", what the colours were made
+        with; notes : list of str, what is to be said.
+
+    Raises
+    ------
+    PRTError
+        The bake, the light or a setting is wrong, or the file cannot be written.
+    """
+    settings = {name: keywords.pop(name) for name in _SETTINGS if name in keywords}
+    settings, lighting = GLBSettings(**settings), lighting_of(light, **keywords)
+    output = expect_output("output", output, ".glb", create=True)
+    bake = bake if isinstance(bake, Bake) else load(expect_path("bake", bake))
+    return run(export_glb_steps(bake, output, lighting, settings, caster, form, view), report)
+
+
+def export_glb_steps(
+    bake,
+    output,
+    lighting,
+    settings,
+    caster="auto",
+    form="auto",
+    view=None,
+    pace=None,
+    relighter=None,
+):
+    """`export_glb` as a generator of `Progress`.
+
+    Parameters
+    ----------
+    bake : Bake
+    output : str or Path
+    lighting : Lighting
+    settings : GLBSettings
+    caster : str
+    form : {"auto", "exact", "compressed"}
+    view : View, optional
+    pace : float, optional
+        Seconds a step may take (see `Relighter.steps`).
+    relighter : Relighter, optional
+        Of the bake, with what it knows already and with its own form; it stays open. Light alone
+        needs another.
+    """
+    expect_kind("bake", bake, Bake, "what `load` returns")
+    expect_kind("lighting", lighting, Lighting)
+    expect_kind("settings", settings, GLBSettings)
+    shown, own = bake, relighter is None or settings.of_light
+    if settings.of_light:
+        expect(view is None, "view: light that is received has none; leave out the view")
+        expect(
+            form != "compressed",
+            "form: light without albedo is relit exactly; leave out 'compressed'",
+        )
+        shown, form = as_received(bake), "exact"
+    compressed, why = None, ""
+    if settings.weights:
+        compressed, why = yield from maybe_in_thread(pace, "weights", load_compressed, bake)
+        expect(compressed is not None, f"weights: {why}")
+        expect(
+            compressed.of == "points",
+            "weights: the compressed form is of the image; run 'prt compress --of points' first",
+        )
+    relighter = Relighter(shown, caster, form) if own else relighter
+    try:
+        radiance = yield from relighter.steps(lighting, pace, view=view)
+        used, notes = relighter.used, list(relighter.notes)
+    finally:
+        if own:
+            relighter.close()
+    light = None
+    if settings.weights or settings.harmonics:
+        light = yield from maybe_in_thread(pace, "light", _on_texels, bake, lighting)
+        if lighting.lamps or lighting.sharp_sun:
+            notes.append("lamps and sharp suns are in the colours, not in what relights")
+    steps = glb_steps(
+        bake, output, radiance, settings, form=compressed, light=light, said=_said(lighting)
+    )
+    # In a window vertices are made beside it.
+    report = yield from steps if pace is None else steps_in_thread(steps, MainThreadCalls(), "glTF")
+    return {**report, "used": used, "notes": [*notes, *report["notes"]]}
+
+
+def _on_texels(bake, lighting):
+    """What of a light comes from far away, exposed, (n_directions, 3) float32; None of lamps."""
+    environments = Environments(bake)
+    light = environments.on_texels(lighting, without_sun=lighting.sharp_sun)
+    return None if light is None else (light * lighting.exposure_factor).astype("float32")
+
+
+def _said(lighting):
+    """What the file says of its light (dict)."""
+    light = lighting.environment
+    name = light.name if isinstance(light, Path) else getattr(light, "name", None)
+    return {
+        "environment": "world" if lighting.is_world else name,
+        "rotation": lighting.matrix.tolist(),
+        "strength": lighting.strength,
+        "exposure": lighting.exposure,
+    }

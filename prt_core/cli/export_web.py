@@ -1,0 +1,62 @@
+"""`prt export web`: a bake as a web page that relights it."""
+
+import json
+
+from prt_core.cli.arguments import quiet_arguments
+from prt_core.cli.show import working
+
+
+def add_web(commands):
+    """Add `web` to the commands of `prt export`."""
+    web = commands.add_parser("web", help="a page that relights the bake, opened from disk")
+    web.add_argument("bake", help="NAME.prt")
+    web.add_argument(
+        "-o", "--output", required=True, metavar="FOLDER|NAME.html",
+        help="a folder, or one file where the name ends in .html",
+    )  # fmt: skip
+    web.add_argument("--one-file", action="store_true", help="one file in the folder, too")
+    web.add_argument(
+        "--no-bits", action="store_true", help="small: without visibility bits; suns are soft"
+    )
+    web.add_argument(
+        "--light", nargs="+", metavar="IMAGE", help="what it offers (four images of its own)"
+    )
+    web.add_argument("--title", help="of the page (the name of the bake)")
+    web.add_argument("--lamp-samples", type=int, default=256, help="shadow rays a lamp (256)")
+    web.add_argument(
+        "--caster", default="auto", choices=("auto", "embree"),
+        help="who traces the rays of lamps; auto: Embree where installed, else Blender",
+    )  # fmt: skip
+    quiet_arguments(web)
+    web.set_defaults(run=_web)
+
+
+def _web(options):
+    from prt_core import export_web
+
+    with working(options.quiet or options.json) as bar:
+        report = export_web(
+            options.bake,
+            options.output,
+            one_file=options.one_file or None,
+            bits=not options.no_bits,
+            lights=options.light,
+            title=options.title,
+            lamp_samples=options.lamp_samples,
+            caster=options.caster,
+            report=bar,
+        )
+    if options.json:
+        print(json.dumps({"bake": options.bake, **report}))
+        return 0
+    print(f"{report['output']}: {report['bytes'] / 1e6:.1f} MB, {report['points']:,} points")
+    print(f"  form    {report['form']}")
+    print(
+        f"  error   {100 * report['error']:.2f} % in the mean, {100 * report['worst']:.2f} % at "
+        f"worst ({report['worst_light']}), of {report['lights']} turned lights"
+    )
+    if options.no_bits:
+        print("  note    without visibility bits: suns are soft")
+    for line in report["notes"]:
+        print(f"  note    {line}")
+    return 0

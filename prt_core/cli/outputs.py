@@ -1,0 +1,122 @@
+"""What commands write: images, and .blend files with colours."""
+
+import math
+from pathlib import Path
+
+from prt_core.blender_access import import_bpy, open_blend
+from prt_core.cli.show import Hushed
+from prt_core.errors import expect
+from prt_core.light import write_image
+
+
+def write_pixels(path, pixels, bits=8, curve="srgb"):
+    """Linear pixels as a picture for the eye, or as they are in .exr.
+
+    Parameters
+    ----------
+    path : str or Path
+        `.png` or `.exr`.
+    pixels : (height, width, 3) float32
+    bits : {8, 16}
+        Of a channel of a .png.
+    curve : {"srgb", "data"}
+        "data": numbers that are no colours, without a curve in a .png either.
+    """
+    if Path(path).suffix.lower() == ".exr":
+        write_image(path, pixels)
+        return
+    from prt_core.evaluate import to_srgb, to_whole, write_png
+
+    whole = to_srgb(pixels, bits=bits) if curve == "srgb" else to_whole(pixels, bits)
+    write_png(path, whole, curve)
+
+
+def image_notes(path, pixels, image):
+    """What is to be said of an image that was written.
+
+    Parameters
+    ----------
+    path : str or Path
+    pixels : (height, width, 3) float32
+    image : PointImage
+
+    Returns
+    -------
+    list of str
+        What a .png has cut, and how far the two sides of an atlas' seams differ.
+    """
+    notes, most = [], float(pixels.max(initial=0))
+    if Path(path).suffix.lower() == ".png" and most > 1:
+        share = (pixels > 1).any(axis=-1).mean()
+        stops = -math.ceil(math.log2(most) * 10) / 10
+        notes.append(
+            f"{share:.1%} of the pixels are brighter than white and cut; --exposure {stops:g} "
+            "holds them all, an .exr as well"
+        )
+    if image.atlas is not None and len(image.atlas.seams.edge):
+        mean, worst = image.atlas.seams.error(pixels)
+        notes.append(
+            f"the two sides of seams differ by {mean:.2%} in the mean, by {worst:.2%} at worst"
+        )
+    return notes
+
+
+def expect_png_bits(options):
+    """Refuse bits of a channel where the image of the `options` is no .png."""
+    png = (options.image or "").lower().endswith(".png")
+    expect(options.bits is None or png, "--bits: an .exr has 32; leave it out")
+
+
+def bpy_where_needed():
+    """`auto` may need Blender's rays where Embree is not installed."""
+    from prt_core.rays.caster import known_casters
+
+    if "embree" not in known_casters():
+        import_bpy()
+
+
+def write_blend(baked, colours, options, after=None, **how):
+    """Colours on the meshes of the scene that is open, of a named .blend, or on built ones.
+
+    Parameters
+    ----------
+    baked : Bake
+    colours : dict of str -> (n_corners, 3) or (n_corners, 4) float32
+    options : argparse.Namespace
+        With blend, scene, in_blender, attribute and domain.
+    after : callable, optional
+        What else is to be done before the file is saved.
+    **how
+        See `write_colours`.
+    """
+    from prt_core.blender.colours import save_scene, write_all
+
+    bpy = import_bpy()
+    with Hushed():
+        if options.scene:
+            open_blend(options.scene)
+        elif not options.in_blender:
+            bpy.ops.wm.read_factory_settings(use_empty=True)
+        fresh = not options.scene and not options.in_blender
+        differs = "" if fresh else _differs(baked)
+        place = options.attribute, options.domain.upper()
+        write_all(baked.scene, colours, *place, all_copies=fresh, **how)
+        if after is not None:
+            after()
+        save_scene(options.blend)
+    if differs:
+        print(f"  note    the scene is not the one that was baked ({differs}); bake again")
+
+
+def _differs(baked):
+    """How the open scene differs from the one that was baked, in words; empty where it does not."""
+    from prt_core.blender.depsgraph import read_meshes
+    from prt_core.scene import changes, mesh_digests
+
+    baked_as = {item.name: item for item in baked.scene.objects}
+    meshes = read_meshes(gloss=baked.settings.get("gloss", False))
+    for mesh in meshes:
+        item = baked_as.get(mesh.name, mesh)
+        mesh.receives, mesh.two_sided = item.receives, item.two_sided
+    differences = changes(baked.source, mesh_digests(meshes))
+    return "" if differences.fresh else str(differences)

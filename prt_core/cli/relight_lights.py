@@ -1,0 +1,146 @@
+"""`prt relight --lights`: a bake under several lights by name, blended or each alone."""
+
+import argparse
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+import prt_core
+from prt_core.blender_access import import_bpy
+from prt_core.cli.arguments import view_named
+from prt_core.cli.outputs import bpy_where_needed
+from prt_core.errors import expect
+from prt_core.evaluate import to_srgb, write_png
+from prt_core.evaluate.sequence import PictureWriter, light_path, write_npz
+from prt_core.relight.blend import LightBlend
+from prt_core.relight.light_file import read_lights
+from prt_core.runtime.files import expect_output
+from prt_core.scene import Camera
+
+# What the file says of each light, or what is of one light only, by what it is where not given.
+_NOT_WITH = {
+    "light": None, "rotate": None, "strength": 1.0, "sharp_sun": False, "lamps": False,
+    "lamp_samples": None, "emission": None, "bounces": "baked", "turn": None,
+    "progressive": False, "image": None, "blend": None, "apart": False,
+}  # fmt: skip
+_OUTPUTS = {"output": ".npz", "png": ".png"}
+
+
+def add_lights(relight):
+    """Add the flags of several lights to `relight`."""
+    relight.add_argument(
+        "--lights", metavar="JSON", help="lights by name, as the add-on writes them, for --output "
+        "and --png",
+    )  # fmt: skip
+    relight.add_argument(
+        "--weights", nargs="+", type=_weight, metavar="NAME=W",
+        help="how much of each of --lights (the file's own weights)",
+    )  # fmt: skip
+    relight.add_argument(
+        "--each", action="store_true", help="each of --lights alone, into files with its name"
+    )
+
+
+def _weight(text):
+    name, sign, value = text.rpartition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not (sign and name and math.isfinite(number) and number >= 0):
+        raise argparse.ArgumentTypeError(f"expected NAME=W with W of at least 0, got '{text}'")
+    return name, number
+
+
+def relight_lights(options):
+    """Colours and pictures under the lights of a file; returns 0."""
+    outputs = _expect_request(options)
+    if options.caster in ("blender", "bvhtree"):
+        import_bpy()
+    elif options.caster == "auto":
+        bpy_where_needed()
+    baked = prt_core.load(options.bake)
+    lights = _lights(options, baked)
+    chosen = {light.name: [replace(light, weight=1.0)] for light in lights}
+    if not options.each:
+        chosen = {"": lights}
+    paths = {
+        name: {kind: light_path(path, name) if name else path for kind, path in outputs.items()}
+        for name in chosen
+    }
+    given = [path for by_kind in paths.values() for path in by_kind.values()]
+    twice = [path for path in given if given.count(path) > 1]
+    expect(not twice, f"{twice and twice[0]}: is of two lights; give them other names")
+    view = view_named(options.view, baked)
+    size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
+    blend = LightBlend(baked, options.caster, options.form)
+    pictures = PictureWriter(baked, size, options.caster) if options.png else None
+    try:
+        for name, shining in chosen.items():
+            start = time.perf_counter()
+            _write(baked, blend, shining, view, paths[name], pictures)
+            spent, written = time.perf_counter() - start, ", ".join(map(str, paths[name].values()))
+            mixed = " + ".join(f"{each.weight:g} {each.name}" for each in shining if each.weight)
+            print(f"{written}: {mixed or 'no light'} in {spent:.2f} s")
+    finally:
+        blend.close()
+    return 0
+
+
+def _write(baked, blend, lights, view, paths, pictures):
+    radiance = None
+    if "output" in paths or view is None:
+        radiance = blend.radiance(lights, view=view)
+    if "output" in paths:
+        write_npz(paths["output"], baked.colours(radiance))
+    if "png" not in paths:
+        return
+    if view is None:
+        pictures.write(paths["png"], radiance, background=blend.sky(lights))
+    else:
+        write_png(paths["png"], to_srgb(blend.picture(pictures.rays(), lights)))
+
+
+def _expect_request(options):
+    """The outputs that are asked for by their kinds; what --lights has no use for is refused."""
+    for name, default in _NOT_WITH.items():
+        flag = name.replace("_", "-")
+        expect(
+            getattr(options, name) == default,
+            f"--{flag}: is for one light; leave it out with --lights, whose file says what each is",
+        )
+    expect(
+        not (options.each and options.weights),
+        "--weights: each light is shown alone with --each; leave out one of the two",
+    )
+    expect(
+        options.view in (None, "camera") or not options.png,
+        "--view: a picture is seen from the camera; give --view camera with --png",
+    )
+    outputs = {kind: getattr(options, kind) for kind in _OUTPUTS if getattr(options, kind)}
+    expect(outputs, "relight: nothing to write; give --output NPZ or --png PNG with --lights")
+    return {
+        kind: expect_output(f"--{kind}", path, _OUTPUTS[kind]) for kind, path in outputs.items()
+    }
+
+
+def _lights(options, baked):
+    """The lights of the file, with the weights and the exposure of the command line."""
+    lights = read_lights(options.lights, baked)
+    lights = [
+        replace(light, lighting=replace(
+            light.lighting, exposure=light.lighting.exposure + options.exposure))
+        for light in lights
+    ]  # fmt: skip
+    if not options.weights:
+        return lights
+    weights, names = dict(options.weights), [light.name for light in lights]
+    unknown = [name for name in weights if name not in names]
+    expect(
+        not unknown,
+        f"--weights: {options.lights} has no light '{unknown and unknown[0]}'; there are "
+        f"{', '.join(names)}",
+    )
+    return [replace(light, weight=weights.get(light.name, 0.0)) for light in lights]

@@ -1,0 +1,1 @@
+"""Bakes for other programs: what leaves Blender."""

@@ -1,0 +1,206 @@
+// The page itself: what its controls say, what is dropped on it, how it is touched.
+const $ = id => document.getElementById(id);
+const say = (text, bad) => { $("said").textContent = text; $("said").className = bad ? "bad" : ""; };
+
+class Page {
+  constructor(gl, arrays, facts) {
+    Object.assign(this, {gl, facts, arrays, images: new Map(), strengths: [], look: {filmic: true, exposure: 1}});
+    this.evaluator = new Evaluator(arrays, facts);
+    this.gpu = new Gpu(gl, arrays, facts);
+    this.orbit = new Orbit(facts.start);
+    this.strength = this.exposure = 0;
+    this.turn = 0;
+    this.wanted = {};
+    facts.images.forEach((name, k) => this.add(name, () => fromRGBE(arrays["image" + k])));
+    if (arrays.world) this.add("The scene's world", null, sharedExponent(arrays.world, facts.world_factor));
+    this.add("None", null, null);
+  }
+
+  // A light from far away: an image, which is read when it is first asked for, or one on texels.
+  add(name, read, texels) {
+    while (this.images.has(name)) name += " again";
+    this.images.set(name, {read, texels});
+    const option = document.createElement("option");
+    option.textContent = option.value = name;
+    $("light").append(option);
+    return name;
+  }
+
+  // Make a light the one that shines.
+  choose(name) {
+    const light = this.light = this.images.get(name), {n} = this.evaluator;
+    $("light").value = name;
+    if (light.read && !light.turning) {
+      light.image = light.read();
+      light.turning = new TurningLight(light.image, n);
+    } else if (light.texels) light.image = imageOfTexels(light.texels, n);
+    if (light.image) this.gpu.setSky(light.image);
+    $("turn").disabled = !light.turning;
+    $("turn").title = light.turning ? "" : "Only images can be turned";
+    this.relight(true);
+  }
+
+  // The colours under the chosen light, as it is turned; milliseconds that this took the processor.
+  relight(anew) {
+    const start = performance.now(), {light} = this;
+    const texels = light.turning ? light.turning.at(this.turn) : light.texels;
+    this.gpu.setDistant(texels ? this.evaluator.under(texels) : null);
+    this.mix();
+    const spent = performance.now() - start;
+    if (anew) this.expose();
+    this.draw();
+    return spent;
+  }
+
+  // Strengths of all that shines.
+  mix() {
+    const world = !!this.light.texels, env = 2 ** this.strength, {sources} = this.facts;
+    const values = sources.map(({kind, in_world}, k) => kind === "world" ? world * env : in_world && world ? 0 : this.strengths[k]);
+    this.gpu.setStrengths(env, values);
+  }
+
+  // An exposure that brings the brighter points near white.
+  expose() {
+    const radiance = this.gpu.radiance(), n = this.gpu.n, step = ceil(n / 20000), values = [];
+    for (let i = 0; i < n; i += step) values.push(max(radiance[4 * i], radiance[4 * i + 1], radiance[4 * i + 2]));
+    values.sort((a, b) => a - b);
+    this.bright = values[floor(values.length * 0.95)] || values[values.length - 1] || 1;
+    this.exposed();
+  }
+
+  exposed() {
+    const auto = $("auto").checked ? 0.8 / this.bright : 1;
+    this.look = {filmic: $("look").value === "agx", exposure: auto * 2 ** this.exposure};
+  }
+
+  draw() {
+    const {width, height} = this.gl.canvas, {light} = this;
+    if (!light) return;
+    const sky = $("sky").checked && light.image ? {turn: light.turning ? this.turn : 0, strength: 2 ** this.strength} : null;
+    this.gpu.draw(this.orbit.matrices(width / height), this.look, sky);
+  }
+
+  // At the next picture, and not more often than there are pictures.
+  later(what) {
+    if (!Object.keys(this.wanted).length) requestAnimationFrame(() => {
+      const {relight, mix} = this.wanted;
+      this.wanted = {};
+      if (relight) this.relight();
+      else { if (mix) this.mix(); this.draw(); }
+    });
+    this.wanted[what] = true;
+  }
+
+  async read(file) {
+    say(`Reading ${file.name} …`);
+    await new Promise(done => setTimeout(done, 20));
+    try {
+      const image = await readImage(file.name, new Uint8Array(await file.arrayBuffer()));
+      this.choose(this.add(file.name, () => image));
+      say("");
+    } catch (error) { say(error instanceof Trouble ? error.message : `${file.name}: cannot be read (${error.message})`, true); }
+  }
+
+  resize() {
+    const {canvas} = this.gl, ratio = min(window.devicePixelRatio || 1, 2);
+    const width = max(1, round(canvas.clientWidth * ratio)), height = max(1, round(canvas.clientHeight * ratio));
+    if (canvas.width !== width || canvas.height !== height) {
+      [canvas.width, canvas.height] = [width, height];
+      this.draw();
+    }
+  }
+
+  slider(box, name, value, change) {
+    const label = document.createElement("label"), input = document.createElement("input");
+    Object.assign(input, {type: "range", min: 0, max: 3, step: 0.01, value});
+    label.append(name, input);
+    box.append(label);
+    input.oninput = () => change(+input.value);
+    return input;
+  }
+
+  controls() {
+    const {facts, gl: {canvas}, orbit} = this, {sources, start} = facts;
+    sources.forEach(({name, kind}, k) => {
+      this.strengths[k] = kind === "emitter" || (kind === "lamp" && start.lamps) ? 1 : 0;
+      if (kind !== "world") this.slider($("sources"), name, this.strengths[k], value => { this.strengths[k] = value; this.later("mix"); });
+    });
+    $("of-scene").hidden = !sources.some(({kind}) => kind !== "world");
+    const range = (id, change, what) => $(id).oninput = () => { change(+$(id).value); this.later(what); };
+    range("turn", value => this.turn = value, "relight");
+    range("strength", value => this.strength = value, "mix");
+    range("exposure", value => { this.exposure = value; this.exposed(); }, "draw");
+    $("light").onchange = () => this.choose($("light").value);
+    for (const id of ["look", "auto"]) $(id).onchange = () => { this.exposed(); this.later("draw"); };
+    $("sky").onchange = () => this.later("draw");
+    $("file").onchange = () => { if ($("file").files.length) this.read($("file").files[0]); $("file").value = ""; };
+    $("reset").onclick = canvas.ondblclick = () => { orbit.reset(); this.later("draw"); };
+    $("fold").onclick = () => $("fold").setAttribute("aria-expanded", document.body.classList.toggle("folded") ? "false" : "true");
+    window.ondragover = e => e.preventDefault();
+    window.ondrop = e => { e.preventDefault(); if (e.dataTransfer.files.length) this.read(e.dataTransfer.files[0]); };
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    canvas.addEventListener("webglcontextlost", e => { e.preventDefault(); say("The graphics were reset; reload the page.", true); });
+    this.touch(canvas, orbit);
+  }
+
+  touch(canvas, orbit) {
+    const fingers = new Map();
+    canvas.oncontextmenu = e => e.preventDefault();
+    canvas.onpointerdown = e => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, e); };
+    canvas.onpointerup = canvas.onpointercancel = e => fingers.delete(e.pointerId);
+    canvas.onpointermove = e => {
+      const before = fingers.get(e.pointerId), size = canvas.clientHeight;
+      if (!before) return;
+      const x = (e.clientX - before.clientX) / size, y = (e.clientY - before.clientY) / size;
+      if (fingers.size > 1) {
+        const other = [...fingers.values()].find(f => f.pointerId !== e.pointerId);
+        const apart = f => hypot(f.clientX - other.clientX, f.clientY - other.clientY) || 1;
+        orbit.zoom(apart(before) / apart(e));
+        orbit.pan(x / 2, y / 2);
+      } else if (e.shiftKey) this.shine(this.turn + 180 * x);
+      else if (e.buttons & 6 || e.ctrlKey) orbit.pan(x, y);
+      else orbit.turn(4 * x, 4 * y);
+      fingers.set(e.pointerId, e);
+      this.later("draw");
+    };
+    canvas.addEventListener("wheel", e => { e.preventDefault(); orbit.zoom(exp(Math.sign(e.deltaY) * 0.1)); this.later("draw"); }, {passive: false});
+    canvas.onkeydown = e => {
+      const move = {ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1]}[e.key];
+      if (move) { if (e.shiftKey) this.shine(this.turn + 50 * move[0]); else orbit.turn(...move); }
+      else if (e.key === "+" || e.key === "-") orbit.zoom(e.key === "+" ? 0.9 : 1.1);
+      else return;
+      e.preventDefault();
+      this.later("draw");
+    };
+  }
+
+  // Turn the light to so many degrees, where it can be turned.
+  shine(degrees) {
+    if (!this.light.turning) return;
+    this.turn = degrees - 360 * floor((degrees + 180) / 360);
+    $("turn").value = this.turn;
+    this.later("relight");
+  }
+}
+
+async function begin() {
+  const data = window.PRT_DATA, canvas = $("canvas");
+  if (!data) fail("The bake's data are missing: data.js must lie beside this page.");
+  const gl = canvas.getContext("webgl2", {antialias: true, alpha: false, preserveDrawingBuffer: true});
+  if (!gl) fail("This page needs WebGL 2: use a newer browser, or turn hardware acceleration on.");
+  const page = PRT.page = new Page(gl, await unpack(data.arrays), data);
+  page.controls();
+  page.resize();
+  const {light} = data.start, names = [...page.images.keys()];
+  page.choose(light === "image" ? names[0] : light === "world" && data.world_factor ? "The scene's world" : "None");
+  const percent = x => `${(100 * x).toFixed(1)} %`;
+  $("about").textContent = `${data.n_points.toLocaleString()} points. Colours are within ${percent(data.error)} of exact ones in the mean` +
+    `, ${percent(data.worst)} at worst, under these lights.` + (data.bits ? "" : " Without visibility bits: suns are soft.") +
+    (data.gloss ? " Gloss is shown as an even colour." : "");
+  document.body.classList.remove("loading");
+  say("");
+}
+
+PRT.ready = begin().catch(error => {
+  say(error instanceof Trouble ? error.message : `The page cannot be shown: ${error.message}`, true);
+});

@@ -1,0 +1,118 @@
+"""Lights by name in a .json file: what the add-on keeps as sets, for the command line and others.
+
+    {"day": {"environment": "noon.exr", "rotation": 30, "weight": 1},
+     "night": {"environment": "moon.hdr", "lamps": {"Desk": 0.5}, "emission": {"Neon": 2}}}
+
+Each has fields of `Lighting` by their names, and a weight (1). `lamps` is true, or the factors of
+some of the baked scene's lamps by their names, of which `*` means all others. Paths are seen from
+the folder of the file.
+"""
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from prt_core.errors import PRTError, expect, expect_path, shown, system_errors
+from prt_core.relight.blend import WeightedLight
+from prt_core.relight.lighting import Lighting
+from prt_core.runtime.files import written
+
+
+def read_lights(path, bake):
+    """The lights of a file, for a bake.
+
+    Parameters
+    ----------
+    path : str or Path
+        `NAME.json`.
+    bake : Bake
+        Whose lamps are meant.
+
+    Returns
+    -------
+    list of WeightedLight
+
+    Raises
+    ------
+    PRTError
+        The file, or a light in it, is not as it should be.
+    """
+    path = expect_path("lights", path)
+    with system_errors(path):
+        text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        lights = json.loads(text)
+    except ValueError as error:
+        raise PRTError(f"{path}: is no .json file ({error})") from error
+    good = isinstance(lights, dict) and lights and all(isinstance(v, dict) for v in lights.values())
+    expect(good, f'{path}: expected lights by name, as {{"day": {{"environment": "noon.exr"}}}}')
+    return [_light(path, name, values, bake) for name, values in lights.items()]
+
+
+def write_lights(path, lights):
+    """Write lights by name (see `read_lights`), whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        `NAME.json`.
+    lights : dict of str -> dict
+        Paths in them are written as seen from the folder of the file, where they can be.
+    """
+    path = expect_path("lights", path)
+    expect(path.suffix.lower() == ".json", f"{path}: expected a name that ends in .json")
+    good = isinstance(lights, dict) and all(isinstance(v, dict) for v in lights.values())
+    expect(good, f"{path}: expected lights by name, got {shown(lights)}")
+    near = {}
+    for name, values in lights.items():
+        near[name] = dict(values)
+        image = values.get("environment")
+        if image not in (None, "world"):
+            image, folder = Path(image).resolve(), path.resolve().parent
+            inside = image.is_relative_to(folder)
+            near[name]["environment"] = (image.relative_to(folder) if inside else image).as_posix()
+    try:
+        text = json.dumps(near, indent=1, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise PRTError(f"{path}: a light holds what .json cannot ({error})") from error
+    with written(path) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+def _light(path, name, values, bake):
+    known = [field.name for field in fields(Lighting)]
+    values, where = dict(values), f"{path.name}: light '{name}'"
+    weight = values.pop("weight", 1.0)
+    unknown = sorted(set(values) - set(known))
+    expect(not unknown, f"{where}: has no {', '.join(unknown)}; there are {', '.join(known)}, "
+           "weight")  # fmt: skip
+    image = values.get("environment")
+    if isinstance(image, str) and image != "world":
+        values["environment"] = path.parent / image
+    if isinstance(values.get("lamps"), dict):
+        # The light of the world holds some of its suns already, on its texels.
+        lamps = [lamp for lamp in bake.lamps if not (image == "world" and lamp.is_on_texels)]
+        values["lamps"] = _dimmed(where, values["lamps"], lamps)
+    try:
+        return WeightedLight(name, Lighting(**values), weight)
+    except PRTError as error:
+        raise PRTError(f"{where}: {error}") from error
+
+
+def _dimmed(where, factors, lamps):
+    """The lamps of a bake, each times its factor; without one they are as baked."""
+    lamps = [lamp for lamp in lamps if not lamp.of_world]
+    names = {lamp.name for lamp in lamps}
+    unknown = sorted(set(factors) - names - {"*"})
+    expect(not unknown, f"{where}: the baked scene has no lamp '{unknown and unknown[0]}'; there "
+           f"are {', '.join(sorted(names)) or 'none'}")  # fmt: skip
+    dimmed = []
+    for lamp in lamps:
+        factor = factors.get(lamp.name, factors.get("*", 1.0))
+        good = isinstance(factor, int | float) and not isinstance(factor, bool) and factor >= 0
+        expect(good, f"{where}: expected a factor of lamp '{lamp.name}', got {shown(factor)}")
+        if factor > 0:
+            dimmed.append(replace(lamp, power=np.asarray(lamp.power) * factor))
+    return dimmed

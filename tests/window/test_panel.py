@@ -1,0 +1,32 @@
+"""An artist's first picture, and the height of the panel (see inside/panel_story.py)."""
+
+import numpy as np
+import pytest
+
+# Blender's sky and grid stand around: the mean of the middle may differ by so much.
+_SAME = 0.02
+
+
+@pytest.fixture(scope="module")
+def report(blender):
+    result = blender.play("panel_story")
+    print(f"Blender {blender.version}: pictures and report.json in {blender.folder}")
+    assert result["error"] is None, result["error"] + result["said_all"]
+    return result
+
+
+def test_the_panel_is_no_higher_than_a_window(report):
+    for found in (report["height"], report["height_baked"]):
+        assert found["panel"] < 1000, found
+
+
+def test_every_mode_shows_the_same_and_no_white_floor(report):
+    solid, material = (np.array(report[mode]["mean"]) for mode in ("solid", "material"))
+    assert np.abs(solid - material).max() < _SAME
+    assert report["solid"]["white"] < 0.02 and report["material"]["white"] < 0.02
+
+
+def test_own_materials_are_seen_and_come_back(report):
+    assert report["slots"] and not report["left"] and not report["modifiers"]
+    own, plain = np.array(report["own"]["mean"]), np.array(report["material"]["mean"])
+    assert np.abs(own - plain).max() > 0.002

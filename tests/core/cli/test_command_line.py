@@ -238,7 +238,7 @@ BAD = {
     "bake": "required: scene",
     "info": "required: bake",
     "bench": "required: WHAT",
-    "relight a.prt --lights sky.exr --output o.npz": "unrecognized arguments",
+    "relight a.prt --lihgt sky.exr --output o.npz": "unrecognized arguments",
 }
 
 

@@ -88,7 +88,7 @@ def test_codes_stand_for_the_form(bake):
     coded = coded_form(model)
     light = RNG.random((bake.transport.n_directions, 3)).astype(np.float32)
     exact, near = model.product(light), coded.model.product(light)
-    assert 0 < np.linalg.norm(near - exact) < 0.01 * np.linalg.norm(exact)
+    assert 0 < np.linalg.norm(near - exact) < 0.015 * np.linalg.norm(exact)
     first = coded.rows[0] * coded.steps[0][_kinds(coded)]
     assert np.allclose(first, coded.model.affine_[0].mean, atol=1e-7)
 

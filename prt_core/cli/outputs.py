@@ -1,11 +1,12 @@
 """What commands write: images, and .blend files with colours."""
 
 import math
+from contextlib import suppress
 from pathlib import Path
 
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.cli.show import Hushed
-from prt_core.errors import expect
+from prt_core.errors import PRTError, expect
 from prt_core.light import write_image
 
 
@@ -72,7 +73,9 @@ def bpy_where_needed():
     from prt_core.rays.caster import known_casters
 
     if "embree" not in known_casters():
-        import_bpy()
+        # Where there is neither, who makes the caster says what to install.
+        with suppress(PRTError):
+            import_bpy()
 
 
 def write_blend(baked, colours, options, after=None, **how):

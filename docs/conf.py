@@ -67,9 +67,9 @@ def moved(text, source, page):
     page : Path
         Where it lies in the site, below `DOCS`.
     """
-    places = {path: DOCS / name for name, path in GUESTS.items()} | {
-        ROOT / "README.md": DOCS / "index.md"
-    }
+    places = {path: DOCS / name for name, path in GUESTS.items()}
+    places[ROOT / "README.md"] = DOCS / "index.md"
+    places[DOCS / "tutorials" / "GALLERY_HEADER.rst"] = DOCS / "learn" / "index.rst"
 
     def link(match):
         image, label, target, section = match[1], match[2], match[3], match[4] or ""

@@ -143,7 +143,7 @@ def refine_steps(meshes, lamps=(), world=None, settings=None, caster="auto", mak
     settings : RefineSettings, optional
     caster : str
         See `make_caster`.
-    make : callable(function, *arguments) -> RayCaster, optional
+    make : callable(function, ...) -> RayCaster, optional
         Has a caster made by the function, in the thread that it needs; default: in this one.
 
     Returns

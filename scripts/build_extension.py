@@ -5,9 +5,9 @@
     make extension PLATFORMS=linux-x64 TOGETHER=1    # one zip for all Pythons, and as large
 
 A zip holds blender_addon/, prt_core as a wheel, and the wheels of scripts/extension_wheels/,
-unmodified, from PyPI, for the Python of its Blender (3.11: Blender 4.2 to 5.0; 3.13: 5.1 and 5.2;
-3.14: builds of 5.2 by distributions). Its name says which, and so does its manifest, by which
-Blender refuses one that is not for it. numpy is Blender's own. Downloads are kept in build/wheels
+unmodified, from PyPI, for the Python of its Blender (3.11: Blender 4.2 to 5.0; 3.13: 5.1 and 5.2,
+and Debian's 4.3; 3.14: Debian's 5.2). Its name says which; Blender refuses one for another Python.
+numpy is Blender's own. Downloads are kept in build/wheels
 and checked against the hashes; Blender's own tool builds and validates the zips.
 """
 
@@ -25,13 +25,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PINS = Path(__file__).resolve().parent / "extension_wheels"
-# Which Blenders run a Python: the first, the first that does not any more, and how a zip is called.
-BLENDERS = {
-    "3.11": ("4.2.0", "5.1.0", "blender-4.2-to-5.0"),
-    "3.13": ("5.1.0", None, "blender-5.1-to-5.2"),
-    "3.14": ("5.2.0", None, "blender-5.2-python-3.14"),
+# How the zip for a Python is called: that Python, and which of blender.org's Blenders run it.
+# Distributions build others: Debian's 4.3 runs 3.13, its 5.2 runs 3.14.
+CALLED = {
+    "3.11": "python-3.11-blender-4.2-to-5.0",
+    "3.13": "python-3.13-blender-5.1-to-5.2",
+    "3.14": "python-3.14",
 }
-PYTHONS = tuple(BLENDERS)
+PYTHONS = tuple(CALLED)
 
 # What pip calls the systems that Blender's builds run on, the most demanding first.
 PLATFORMS = {
@@ -64,7 +65,7 @@ def main():
     options = parser.parse_args()
     if options.pin:
         return pin(options.wheels)
-    unknown = [python for python in options.pythons if python not in BLENDERS]
+    unknown = [python for python in options.pythons if python not in CALLED]
     if unknown:
         sys.exit(f"extension: no wheels for Python {unknown[0]}; their list would be in {PINS}")
     zips = [options.pythons] if options.together else [[python] for python in options.pythons]
@@ -78,7 +79,8 @@ def main():
 
 def build(addon, platform, pythons, output, wheels):
     """Build and validate one zip; returns its path."""
-    manifest, called = manifest_of(addon, pythons)
+    manifest = (addon / "blender_manifest.toml").read_text()
+    called = "" if len(pythons) > 1 else f"-{CALLED[pythons[0]]}"
     attributes = tomllib.loads(manifest)
     with tempfile.TemporaryDirectory() as folder:
         stage = Path(folder) / attributes["id"]
@@ -104,19 +106,6 @@ def build(addon, platform, pythons, output, wheels):
         blender_ext("build", "--source-dir", stage, "--output-filepath", path)
         blender_ext("validate", path)
     return path
-
-
-def manifest_of(addon, pythons):
-    """Text of the manifest for some Pythons, and how a zip with it is called after its platform."""
-    manifest = (addon / "blender_manifest.toml").read_text()
-    if len(pythons) > 1:
-        return manifest, ""
-    first, after, called = BLENDERS[pythons[0]]
-    versions = f'blender_version_min = "{first}"\n'
-    if after:
-        versions += f'blender_version_max = "{after}"\n'
-    line = r"^blender_version_min = .*\n"
-    return re.sub(line, versions, manifest, count=1, flags=re.MULTILINE), f"-{called}"
 
 
 def core_wheel(folder):

@@ -52,15 +52,13 @@ def test_every_python_that_a_blender_runs_is_in_the_zips():
     assert all(f"{python}:" in source for python in build_extension.PYTHONS)
 
 
-def test_a_zip_says_which_blenders_it_is_for(zip_path):
-    first, after, called = build_extension.BLENDERS[PYTHON]
+def test_a_zip_says_which_python_it_is_for(zip_path):
+    assert zip_path.stem.endswith(f"{PLATFORM}-{build_extension.CALLED[PYTHON]}")
+    assert all(f"python-{python}" in name for python, name in build_extension.CALLED.items())
+    # Distributions run other Pythons than blender.org: no Blender is kept out by its version.
     with zipfile.ZipFile(zip_path) as archive:
         manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
-    assert zip_path.stem.endswith(f"{PLATFORM}-{called}")
-    assert manifest["blender_version_min"] == first
-    assert manifest.get("blender_version_max") == after
-    text, name = build_extension.manifest_of(ROOT / "blender_addon", ["3.11", "3.13"])
-    assert name == "" and text == (ROOT / "blender_addon" / "blender_manifest.toml").read_text()
+    assert manifest["blender_version_min"] == "4.2.0" and "blender_version_max" not in manifest
 
 
 @pytest.fixture(scope="module")

@@ -222,7 +222,7 @@ def play_frames(hand, report):
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 60
     scene.frame_set(1)
-    yield from hand.click("prt.turntable", at=0.85)
+    yield from hand.click("prt.turntable", at=0.75)
     yield from compare(hand, report, "frame 1")
     frames, means = set(), set()
     yield from hand.to_view()

@@ -26,6 +26,8 @@ from . import (
     showing,
     work,
 )
+from .evaluated import what_changed
+from .idle_work import IdleWork
 from .own_changes import are_own, is_own, own_changes
 from .request import request
 
@@ -37,15 +39,14 @@ _IDLE, _QUIET, _BUDGET, _HOLD, _FEW = 0.05, 0.35, 0.02, 0.2, 20000
 _DRAFT = 4
 
 
-class _State:
-    """What is to be done and what is under way; nothing of it outlives the file."""
+class _State(IdleWork):
+    """What is to be done beside what is under way."""
 
-    def __init__(self):
+    def forget(self):
         self.scene = None  # session_uid of the scene to relight
         self.show = False  # whether the look has changed, not only the light
         self.touched = 0.0  # when something changed last
-        self.job = None  # generator under way
-        self.kind = None  # "draft", "full", "check" or "plan"
+        self.kind = None  # of the job: "draft", "full", "check" or "plan"
         self.previewed = False  # whether a scene of the file showed a preview when last looked at
         self.at = None  # session_uid of the scene that was looked at
         self.rearrange = False  # whether objects came or went
@@ -127,9 +128,8 @@ def stop():
 
 
 def _drop():
-    if _NOW.job is not None:
-        _NOW.job.close()
-    _NOW.job = _NOW.kind = None
+    _NOW.stop()
+    _NOW.kind = None
 
 
 def _tick():
@@ -199,12 +199,9 @@ def _soon():
 
 def _go_on(seconds):
     """So many seconds of the job, or the rest of it."""
-    end = time.perf_counter() + seconds
     try:
-        while _NOW.job is not None and time.perf_counter() < end:
-            next(_NOW.job)
-    except StopIteration:
-        _NOW.job = _NOW.kind = None
+        if _NOW.go_on(seconds):
+            _NOW.kind = None
     except work.FAILURES as error:
         _NOW.job = _NOW.kind = _NOW.scene = None
         work.say(str(error), True)
@@ -314,7 +311,7 @@ def _updated(scene, depsgraph):
     """Blender evaluated a change: was it the light, or what is baked?"""
     if are_own() or bpy.app.background or is_own(scene):
         return
-    light, geometry = _what_changed(depsgraph)
+    light, geometry = what_changed(depsgraph)
     if any(isinstance(update.id, bpy.types.Material) for update in depsgraph.updates):
         _NOW.show |= preview.outdate_materials(scene)
     if not geometry and any(isinstance(u.id, bpy.types.Collection) for u in depsgraph.updates):
@@ -327,32 +324,13 @@ def _updated(scene, depsgraph):
         touch(scene)
 
 
-def _what_changed(depsgraph):
-    """(whether the light, whether what is baked) is among what was evaluated anew."""
-    light = geometry = False
-    for update in depsgraph.updates:
-        changed = update.id
-        if isinstance(changed, bpy.types.World | bpy.types.Light | bpy.types.Image):
-            light = True
-        elif isinstance(changed, bpy.types.Object):
-            if changed.type == "LIGHT":
-                light = True
-            elif changed.type in plan.GEOMETRY or changed.instance_type != "NONE":
-                geometry |= update.is_updated_transform or update.is_updated_geometry
-        elif isinstance(changed, bpy.types.Material):
-            geometry = True
-        elif isinstance(changed, bpy.types.NodeTree):
-            light = True
-    return light, geometry
-
-
 @persistent
 def _frame_changed(scene, depsgraph=None):
     """A new frame: at once where it is rendered or there is no window, else by the timer."""
     if not scene.prt.loaded or is_own(scene):
         return
     if not (rendering.is_under_way() or bpy.app.background):
-        if depsgraph is not None and _what_changed(depsgraph)[1]:
+        if depsgraph is not None and what_changed(depsgraph)[1]:
             geometry_changed(scene)
         touch(scene)
         return

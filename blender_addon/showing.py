@@ -13,6 +13,7 @@ from prt_core.bake.pictures import Pictures
 from prt_core.blender.identity import by_uid
 
 from . import preview, views, work
+from .idle_work import IdleWork
 from .own_changes import own_changes
 from .request import request
 
@@ -28,13 +29,14 @@ _NOW = []
 delays = []
 
 
-class _Showing:
+class _Showing(IdleWork):
     """One bake's pictures on the meshes of its scene."""
 
     def __init__(self, scene, pictures):
+        super().__init__()
         self.uid, self.pictures, self.caster = scene.session_uid, pictures, scene.prt.caster
         self.began, self.had_views = time.perf_counter(), views.shown()
-        self.newest = self.shown = self.job = None
+        self.newest = self.shown = None
         self.is_new = self.is_draft = False
         self.seen = None
         self.written = self.failed = False
@@ -59,16 +61,12 @@ class _Showing:
             elif self.is_new or (self.is_draft and quiet):
                 self.job = self._steps(self.newest, False)
                 self.is_new = self.is_draft = False
-        end = time.perf_counter() + _BUDGET
-        while self.job is not None and time.perf_counter() < end:
-            try:
-                next(self.job)
-            except StopIteration:
-                self.job = None
-            except work.FAILURES as error:
-                # What is wrong with the light, or the scene, may be right again with the next.
-                self.job, self.failed = None, True
-                work.note(str(error))
+        try:
+            self.go_on(_BUDGET)
+        except work.FAILURES as error:
+            # What is wrong with the light, or the scene, may be right again with the next.
+            self.job, self.failed = None, True
+            work.note(str(error))
         return 0.0 if self.job is not None else None
 
     def _steps(self, bake, turned):
@@ -97,8 +95,7 @@ class _Showing:
         delays.append((now - start, now - self.began, bake.known_percent, bake.error, turned))
 
     def close(self, finished):
-        if self.job is not None:
-            self.job.close()
+        self.stop()
         if self.shown is not None:
             self.shown.blend.close()
         scene = self.scene

@@ -2,11 +2,14 @@
 
 import argparse
 import sys
+from contextlib import suppress
 
 import numpy as np
 
+from prt_core.blender_access import import_bpy
 from prt_core.compress import candidate_names, method_names
 from prt_core.errors import PRTError, expect
+from prt_core.rays.caster import known_casters
 from prt_core.transport import View
 
 _IN_BLENDER = "the scene that is open"
@@ -42,6 +45,24 @@ def caster_argument(parser):
         "--caster", default="auto", choices=("auto", "blender", "bvhtree", "embree"),
         help="who traces rays; auto: Embree where installed, else Blender",
     )  # fmt: skip
+
+
+def bpy_for_rays(caster, casts=True):
+    """Load Blender where its rays are asked for by name, or `auto` may come to them.
+
+    Parameters
+    ----------
+    caster : str
+        Of `--caster`.
+    casts : bool
+        Whether any rays are cast.
+    """
+    if caster in ("blender", "bvhtree"):
+        import_bpy()
+    elif casts and caster == "auto" and "embree" not in known_casters():
+        # Where there is neither, who makes the caster says what to install.
+        with suppress(PRTError):
+            import_bpy()
 
 
 def methods_help():

@@ -4,8 +4,8 @@ import json
 
 import prt_core
 from prt_core.api.export import export_glb
-from prt_core.blender_access import import_bpy
 from prt_core.cli.arguments import (
+    bpy_for_rays,
     caster_argument,
     expect_used,
     form_argument,
@@ -17,7 +17,6 @@ from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.export.glb import GLBSettings
 from prt_core.export.glb.settings import ENCODINGS, MATERIALS
-from prt_core.rays.caster import known_casters
 from prt_core.runtime.files import expect_output
 
 _NEEDED = {
@@ -87,8 +86,7 @@ def _export(options):
         "--form: lamps are always exact; it changes nothing without --light",
     )
     casts = options.lamps or options.sharp_sun or options.light == "world"
-    if options.caster in ("blender", "bvhtree") or (casts and "embree" not in known_casters()):
-        import_bpy()
+    bpy_for_rays(options.caster, casts)
     baked = prt_core.load(options.bake)
     view = view_named(options.view, baked)
     with working(options.quiet or options.json) as bar:

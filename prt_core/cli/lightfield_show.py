@@ -13,12 +13,10 @@ from prt_core.bake.light_field_view import (
     uncaptured,
     view_of,
 )
-from prt_core.blender_access import import_bpy
-from prt_core.cli.arguments import caster_argument, size
+from prt_core.cli.arguments import bpy_for_rays, caster_argument, size
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate import to_srgb, write_png
 from prt_core.evaluate.view import expect_view
-from prt_core.rays.caster import known_casters
 from prt_core.relight.emission import emission_of
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
@@ -67,8 +65,7 @@ def _show(options):
         camera = camera_at(field, place)
     width, height = options.size or (field.camera or Camera(np.eye(4), 1)).size()
     expect_view(width, height)
-    if options.caster in ("blender", "bvhtree") or "embree" not in known_casters():
-        import_bpy()
+    bpy_for_rays(options.caster)
     begun = time.perf_counter()
     radiance, used = field_toward(field, view_of(camera), strengths, options.form)
     spent = time.perf_counter() - begun

@@ -4,11 +4,10 @@ import time
 
 import numpy as np
 
-import prt_core
 from prt_core.bake.occlusion import baked_occlusion_steps
-from prt_core.blender_access import expect_blend, import_bpy
-from prt_core.cli.arguments import caster_argument, expect_used, size
-from prt_core.cli.outputs import bpy_where_needed, expect_png_bits, write_blend, write_pixels
+from prt_core.blender_access import expect_blend
+from prt_core.cli.arguments import bpy_for_rays, caster_argument, expect_used, size
+from prt_core.cli.outputs import baked_for, expect_png_bits, write_blend, write_pixels
 from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.evaluate.sequence import PictureWriter, write_npz
@@ -87,16 +86,9 @@ def add_occlusion(commands, in_blender):
 
 def _occlusion(options):
     asked = _expect_request(options)
-    if options.caster in ("blender", "bvhtree") or options.blend:
-        import_bpy()
-    baked = prt_core.load(options.bake)
-    expect(
-        not options.image or baked.scene.image is not None,
-        "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
-    )
+    baked = baked_for(options)
     casts = asked.distance is not None or options.png
-    if casts and options.caster == "auto":
-        bpy_where_needed()
+    bpy_for_rays(options.caster, casts)
     start = time.perf_counter()
     with working(options.quiet) as bar:
         values = run(baked_occlusion_steps(baked, asked, options.caster), bar)

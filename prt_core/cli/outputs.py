@@ -1,12 +1,13 @@
 """What commands write: images, and .blend files with colours."""
 
 import math
-from contextlib import suppress
 from pathlib import Path
 
+from prt_core.bake import load
 from prt_core.blender_access import import_bpy, open_blend
+from prt_core.cli.arguments import bpy_for_rays
 from prt_core.cli.show import Hushed
-from prt_core.errors import PRTError, expect
+from prt_core.errors import expect
 from prt_core.light import write_image
 
 
@@ -68,14 +69,17 @@ def expect_png_bits(options):
     expect(options.bits is None or png, "--bits: an .exr has 32; leave it out")
 
 
-def bpy_where_needed():
-    """`auto` may need Blender's rays where Embree is not installed."""
-    from prt_core.rays.caster import known_casters
-
-    if "embree" not in known_casters():
-        # Where there is neither, who makes the caster says what to install.
-        with suppress(PRTError):
-            import_bpy()
+def baked_for(options):
+    """The `Bake` that a command writes outputs of; Blender is loaded where these need it."""
+    bpy_for_rays(options.caster, casts=False)
+    if options.blend:
+        import_bpy()
+    baked = load(options.bake)
+    expect(
+        not options.image or baked.scene.image is not None,
+        "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
+    )
+    return baked
 
 
 def write_blend(baked, colours, options, after=None, **how):

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-import prt_core
-from prt_core.blender_access import expect_blend, import_bpy
+from prt_core.blender_access import expect_blend
 from prt_core.cli.arguments import (
+    bpy_for_rays,
     caster_argument,
     expect_used,
     form_argument,
@@ -18,7 +18,7 @@ from prt_core.cli.arguments import (
 from prt_core.cli.each_light import each_light
 from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
 from prt_core.cli.outputs import (
-    bpy_where_needed,
+    baked_for,
     expect_png_bits,
     image_notes,
     write_blend,
@@ -120,13 +120,7 @@ def _relight(options):
 
 def _relight_one(options):
     lighting = _expect_request(options)
-    if options.caster in ("blender", "bvhtree") or options.blend:
-        import_bpy()
-    baked = prt_core.load(options.bake)
-    expect(
-        not options.image or baked.scene.image is not None,
-        "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
-    )
+    baked = baked_for(options)
     camera, view = asked_view(options, baked)
     options.size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
@@ -141,7 +135,7 @@ def _relight_one(options):
             radiance = relighter.received if options.light_only else radiance
             spent = time.perf_counter() - start
         if options.png:
-            bpy_where_needed()
+            bpy_for_rays(options.caster)
             pictures = PictureWriter(baked, options.size, options.caster, camera)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
@@ -258,7 +252,7 @@ def _wear(baked, options):
 
 def _relight_turn(baked, lighting, options, camera, view):
     """A turntable: the light turns once, what the camera sees is traced once."""
-    bpy_where_needed()
+    bpy_for_rays(options.caster)
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
@@ -307,8 +301,7 @@ def _print_notes(baked, options, notes):
 def _bpy_for(options):
     """Blender's rays for shadows where there are no others."""
     casts = options.lamps or options.sharp_sun or options.light == "world"
-    if casts and options.caster == "auto":
-        bpy_where_needed()
+    bpy_for_rays(options.caster, casts)
 
 
 def _of(options):

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import prt_core
-from prt_core.blender_access import import_bpy
-from prt_core.cli.arguments import view_named
-from prt_core.cli.outputs import bpy_where_needed
+from prt_core.cli.arguments import bpy_for_rays, view_named
 from prt_core.errors import expect
 from prt_core.evaluate import to_srgb, write_png
 from prt_core.evaluate.sequence import PictureWriter, light_path, write_npz
@@ -57,10 +55,7 @@ def _weight(text):
 def relight_lights(options):
     """Colours and pictures under the lights of a file; returns 0."""
     outputs = _expect_request(options)
-    if options.caster in ("blender", "bvhtree"):
-        import_bpy()
-    elif options.caster == "auto":
-        bpy_where_needed()
+    bpy_for_rays(options.caster)
     baked = prt_core.load(options.bake)
     lights = _lights(options, baked)
     chosen = {light.name: [replace(light, weight=1.0)] for light in lights}

@@ -1,6 +1,5 @@
 """`Relighter`: one bake under changing light, keeping what did not change."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,7 @@ from prt_core.relight.gloss import Gloss
 from prt_core.relight.gloss_form import GlossFormInUse
 from prt_core.relight.lamps import LampLight, chosen_lamps, world_suns
 from prt_core.relight.lighting import Lighting, lighting_of
+from prt_core.relight.sent_light import SentLight, exposed
 from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed, renamed_keyword
@@ -185,7 +185,7 @@ class Relighter:
         if evaluator is not None:
             own = self._compressed.read().of == of
             if own and baked_view:
-                pixels = shown.shaped(_exposed(distant, lighting))
+                pixels = shown.shaped(exposed(distant, lighting))
             else:
                 radiance = (subject.radiance if own else subject.radiance_of_points)(distant)
                 received_in_all.append(distant)
@@ -201,7 +201,7 @@ class Relighter:
             radiance = shining if radiance is None else shining + radiance
             received_in_all.append(emitted[0])
         if of == "points":
-            self.received = _exposed(sum(received_in_all), lighting)
+            self.received = exposed(sum(received_in_all), lighting)
         if pixels is not None and radiance is None:
             return pixels
         gloss_form = None
@@ -227,7 +227,7 @@ class Relighter:
             self._sent = yield from maybe_in_thread(pace, "gloss", *work)
             if isinstance(view, CameraRays):
                 # Rays of mirrors may be Blender's, which are cast where the caller is.
-                return _exposed(self._of_pixels(view), lighting)
+                return self._sent.of_pixels(view)
             if not baked_view:
                 return (yield from self.view_steps(view, pace))
             radiance = yield from self.view_steps(self._camera_view(), pace)
@@ -235,7 +235,7 @@ class Relighter:
             self._sent = self._sent if pixels is None else None
             exact = shown.image.pixels(radiance)
             return exact if pixels is None else pixels + exact
-        return subject.shaped(_exposed(radiance, lighting))
+        return subject.shaped(exposed(radiance, lighting))
 
     def view_steps(self, view, pace=None, every=1):
         """Another view under the same light, as a generator of `Progress`: only lobes are new.
@@ -265,10 +265,7 @@ class Relighter:
         expect_kind("view", view, View)
         expect_whole("every", every, 1)
         expect(self._sent is not None, "view: no light is known yet; relight with a view first")
-        sent = self._sent
-        reflected, share = yield from sent.gloss.toward_steps(view, sent.lamps, pace, every)
-        radiance = (sent.even - sent.own) * share + sent.own + reflected
-        return _exposed(radiance, sent.lighting)
+        return (yield from self._sent.toward_steps(view, pace, every))
 
     @property
     def lit(self):
@@ -331,7 +328,7 @@ class Relighter:
         return self._fixed.view
 
     def _reflecting(self, radiance, received, own, lighting, distant, sun, lamps, form):
-        """The `_Sent` of a light, which lobes reflect from now on.
+        """The `SentLight` of a light, which lobes reflect from now on.
 
         `radiance` is what leaves evenly to all sides, with what stands in for gloss; `distant` the
         lighting whose light from far away is reflected, or None; `form` the `GlossForm` that
@@ -340,7 +337,7 @@ class Relighter:
         even = radiance - self.bake.transport.materials.stand_in * received
         own = 0 if own is None else own
         if form is not None:
-            return _Sent(
+            return SentLight(
                 even, own, lamps, lighting, form.light(self._environments.on_texels(distant))
             )
         texels = sky = detailed = None
@@ -351,14 +348,7 @@ class Relighter:
             sky = self._environments.sky(distant, exposed=False) if is_fine else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
         self._gloss.light(texels, radiance, even, sky, detailed)
-        return _Sent(even, own, lamps, lighting, self._gloss)
-
-    def _of_pixels(self, rays):
-        """(n_lit, 3) float32 of the samples of a picture's rays, under the light that is known."""
-        sent = self._sent
-        own = None if np.ndim(sent.own) == 0 else sent.own
-        even = sent.even - sent.own
-        return self._gloss.radiance_of_pixels(rays, even, own, sent.lamps)
+        return SentLight(even, own, lamps, lighting, self._gloss)
 
     def replace(self, bake):
         """Relight another state of the bake, as it comes nearer while it is made.
@@ -394,26 +384,3 @@ class Relighter:
         parts = self._environments, self._lamps, self._emitted, self._compressed, self._gloss_form
         for part in parts:
             part.close()
-
-
-@dataclass(frozen=True)
-class _Sent:
-    """What points send out under a light beside what lobes reflect."""
-
-    even: np.ndarray  # (n_points, 3) float32, without what stands in for gloss
-    own: np.ndarray  # (n_points, 3) float32 of their own, or 0
-    lamps: list  # of (Lamp, (n_points, 3) float32): what points receive of each
-    lighting: Lighting
-    gloss: object  # what reflects it: `Gloss`, or a `GlossForm`
-
-
-def _exposed(radiance, lighting):
-    if lighting.exposure == 0:
-        return radiance
-    with np.errstate(over="ignore"):
-        radiance = radiance * np.float32(lighting.exposure_factor)
-    expect(
-        np.isfinite(radiance).all(),
-        f"exposure: {lighting.exposure:g} stops take the colours beyond what float32 holds",
-    )
-    return radiance

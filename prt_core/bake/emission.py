@@ -166,7 +166,8 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds, memory=None)
     yield Progress("emission", 0, len(scene.emitters))
     with damage_as_error(store.path, "'gather'"):
         blocked = store.read("blocked", (n_points,), "float32")
-        gather = read_gather(store.array("gather"), range(rounds), blocked, memory)
+        hits, room = store.array("gather"), (memory, store.path.parent)
+        gather = read_gather(hits, range(rounds), blocked, *room)
     direct, albedo = store.array(_DIRECT), scene.points.mean_albedo
     shape = len(scene.emitters), n_points, 6
     received = store.create(_RECEIVED, shape, "float32", (1, visibility.BLOCK, 6))

@@ -20,7 +20,8 @@ ROW = 768
 @pytest.fixture(scope="module")
 def scene():
     ball = sphere(10, 0.4, (0, 0, 0.5), name="ball", albedo=(0.9, 0.3, 0.1))
-    return Scene.from_meshes([ball, plane(25, -1.2, 1.2, name="floor", albedo=0.7)])
+    floor = plane(25, -1.2, 1.2, name="floor", albedo=0.7)
+    return Scene.from_meshes([ball, floor], max_hidden=0)
 
 
 def tiles_of_size(monkeypatch, size):

@@ -7,9 +7,10 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
-from prt_core import BakeSettings, PRTError, Scene, bake_steps, finish, load, run
+from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, finish, load, run
 from prt_core.bake.blocks import block_figures, compute, missing_blocks, stages
 from prt_core.bake.plan import finish_steps, plan_steps
 from prt_core.bake.stages import BlocksMissing, Stage, ranges_text
@@ -29,7 +30,8 @@ def small_tiles(monkeypatch):
 @pytest.fixture(scope="module")
 def scene():
     ball = sphere(8, 0.4, (0, 0, 0.5), name="ball", albedo=(0.9, 0.3, 0.1))
-    return Scene.from_meshes([ball, plane(25, -1.2, 1.2, name="floor", albedo=0.7)])
+    floor = plane(24, -1.2, 1.2, name="floor", albedo=0.7)
+    return Scene.from_meshes([ball, floor], max_hidden=0)
 
 
 @pytest.fixture(scope="module")
@@ -173,10 +175,12 @@ def test_blocks_write_nothing_of_what_is_said_of_the_bake(planned):
 def test_every_entry_traced_and_surfaces_that_shine_come_by_blocks_as_well(tmp_path, monkeypatch):
     monkeypatch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", 64)
     settings = BakeSettings(resolution=4, tolerance=0.05, method="exhaustive")
-    glowing = ball_on_paint()
-    report = run(bake_steps(glowing, tmp_path / "a.prt", settings))
+    glowing = ball_on_paint(max_hidden=0)
+    world = np.random.default_rng(3).random((96, 3)).astype(np.float32)
+    lights = [Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")], world
+    report = run(bake_steps(glowing, tmp_path / "a.prt", settings, *lights))
     path = tmp_path / "b.prt"
-    assert run(plan_steps(glowing, path, settings))[0].blocks == -(-report["points"] // 64) > 1
+    assert run(plan_steps(glowing, path, settings, *lights))[0].blocks == -(-report["points"] // 64) > 1
     by_blocks = finished(
         path, lambda stage, blocks: [compute(path, stage, i) for i in reversed(blocks)]
     )
@@ -184,6 +188,7 @@ def test_every_entry_traced_and_surfaces_that_shine_come_by_blocks_as_well(tmp_p
     assert by_blocks["emitters"] == report["emitters"]
     assert by_blocks["rays"] == report["rays"]
     assert set(report["messages"]) <= set(by_blocks["messages"])
+    assert np.array_equal(load(path).world, world)
 
 
 def test_what_cannot_be_done_is_said(scene, planned, tmp_path):

@@ -105,6 +105,12 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
     ----------
     store : BakeStore
         Its attribute "tile" says how large tiles are.
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : BakeSettings
+    lights, pace, pictures
+        See `bake_steps`.
     here : bool
         Whether tiles that are missing are sampled; otherwise they are said.
     memory : Memory

@@ -36,6 +36,11 @@ from prt_core.errors import expect, expect_one_of, expect_path, expect_whole, sy
 from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
+from prt_core.store.attributes import read_attributes
+
+# What the last call of this process opened, for the next one.
+_lock = threading.Lock()
+_stores, _kept = {}, {}
 
 
 @dataclass(frozen=True)
@@ -156,8 +161,7 @@ def block_figures(store, stage):
 
 def _planned(store):
     if not isinstance(store, BakeStore):
-        # To read: who may write attributes also removes what a kill left, which may be another's.
-        store = BakeStore(expect_path("store", store))
+        store = _opened(expect_path("store", store))
     expect(
         not store.is_complete,
         f"{store.path}: the bake is finished; nothing of it is left to compute",
@@ -168,6 +172,17 @@ def _planned(store):
         f"--plan -o {store.path}'",
     )
     return store
+
+
+def _opened(path):
+    """The store at a path, to read: who may write also removes what a kill left, another's too."""
+    with _lock:
+        store = _stores.get(path)
+        # To open one looks at every file; while nothing is said anew that was done for the last.
+        if store is None or read_attributes(store.files) != store.attributes:
+            _stores.clear()
+            store = _stores[path] = BakeStore(path)
+        return store
 
 
 def _stage_of(store, stage):
@@ -193,10 +208,6 @@ def _holds(store, stage):
     bits, counts = store.array(VISIBILITY), store.array(VISIBILITY_RAYS)
     parts = blocks(len(bits))
     return lambda index: bits.holds(parts[index]) and counts.holds(index)
-
-
-_lock = threading.Lock()
-_kept = {}
 
 
 def _workplace(store):

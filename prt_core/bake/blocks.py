@@ -86,9 +86,7 @@ def stages(store):
     PRTError
         There is no such bake, or it is not planned.
     """
-    store = _planned(store)
-    with damage_as_error(store.path, "its plan"):
-        return open_stages(store)
+    return open_stages(_planned(store))
 
 
 def missing_blocks(store, stage):
@@ -186,8 +184,7 @@ def _opened(path):
 
 
 def _stage_of(store, stage):
-    with damage_as_error(store.path, "its plan"):
-        known = {each.name: each for each in open_stages(store)}
+    known = {each.name: each for each in open_stages(store)}
     name = stage.name if isinstance(stage, Stage) else stage
     return known[expect_one_of("stage", name, tuple(known))]
 

@@ -250,3 +250,15 @@ def test_ranges_are_short():
     assert ranges_text([]) == ""
     assert ranges_text([4]) == "4"
     assert ranges_text([0, 1, 2, 7, 9, 10]) == "0-2,7,9-10"
+
+
+@pytest.mark.parametrize(
+    "stages_said", [[["../x", 3]], [["visibility", -1]], [["visibility"]], "visibility", None]
+)
+def test_a_damaged_plan_is_said_in_one_line(planned, stages_said):
+    store = BakeStore(planned, "r+")
+    store.update(work={**store.attributes["work"], "stages": stages_said})
+    for ask in (stages, lambda path: compute(path, "visibility", 0)):
+        with pytest.raises(PRTError, match="its plan is damaged") as caught:
+            ask(planned)
+        assert "\n" not in str(caught.value)

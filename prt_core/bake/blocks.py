@@ -33,6 +33,7 @@ from prt_core.bake.visibility import RAYS as VISIBILITY_RAYS
 from prt_core.bake.visibility import STAGE as VISIBILITY
 from prt_core.bake.visibility import ExhaustiveBlocks, blocks
 from prt_core.errors import expect, expect_one_of, expect_path, expect_whole, system_errors
+from prt_core.runtime.machine import return_memory
 from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
@@ -236,6 +237,7 @@ class _Workplace:
         self._scene.open_points = store.read(OPEN, (n_points,), "bool")
         self._caster = self._scene.make_caster(name, "diffuse", self._settings.resolution)
         self._blocks, self._lock = {}, threading.Lock()
+        return_memory()
 
     def compute(self, store, stage, index):
         """Compute a block: `BlockDone`."""

@@ -22,6 +22,7 @@ from prt_core.bake.sampled import (
 from prt_core.bake.stages import WORK, BlocksMissing, open_stage
 from prt_core.bake.tile_rows import COUNTS, TileArrays, TileRows
 from prt_core.bake.visibility import STAGE
+from prt_core.runtime.machine import return_memory
 from prt_core.runtime.progress import Pace, Progress
 from prt_core.sampling import (
     Sampled,
@@ -182,6 +183,7 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
         if pictures is not None:
             pictures.block(tiles[index], work.bits_of(index))
         yield Progress("visibility", done, n_points)
+    return_memory()
     sampled = _joined(work, memory)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
 

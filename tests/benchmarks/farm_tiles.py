@@ -168,21 +168,28 @@ def growth(rows=None):
     return lines
 
 
+def further(rows, name, n_points):
+    """A figure at more points, by what each point took between the last two rows."""
+    before, last = rows[-2:]
+    each = (last[name] - before[name]) / (last["points"] - before["points"])
+    return last[name] + each * (n_points - last["points"])
+
+
 def reckoned(rows=None):
     """Lines of what larger bakes would cost, by the exponents of the largest that was measured."""
     rows = rows or [_apart(n_points) for n_points in POINTS[-2:]]
     last, slopes = rows[-1], exponents(rows)
     lines = [
-        "Reckoned, not measured: the last row above, with the exponents of the last step.",
+        "Reckoned, not measured: the last row above, with rays and seconds by the exponents of the "
+        "last step; memory and bytes by what each further point took in it.",
         "",
         "| points | " + " | ".join(FIGURES.values()) + " |",
         "|---" * (1 + len(FIGURES)) + "|",
     ]
     for n_points in FURTHER:
-        more = {
-            name: last[name] * (n_points / last["points"]) ** max(slopes[name][-1], 0)
-            for name in FIGURES
-        }
+        more = {name: further(rows, name, n_points) for name in ("memory", "memory_build", "bytes")}
+        for name in ("rays", "rays_visibility", "seconds"):
+            more[name] = last[name] * (n_points / last["points"]) ** slopes[name][-1]
         lines.append(
             f"| {n_points:,} | {more['rays'] / 1e9:.1f} G | {more['rays_visibility'] / 1e9:.1f} G "
             f"| {more['seconds'] / 3600:.1f} h | {more['memory'] / 1e9:.1f} GB "
@@ -231,6 +238,11 @@ def worker(rows=None):
             f"| {row['points']:,} | {row['blocks']} | {row['memory'] / 1e6:,.0f} "
             f"| {row['seconds_opening']:.1f} | {row['seconds']:.1f} | {row['rays'] / 1e6:.2f} |"
         )
+    lines += [
+        "",
+        f"Reckoned by what each further point took: {further(rows, 'memory', 10**7) / 1e9:.1f} GB "
+        "for ten million points.",
+    ]
     return lines
 
 

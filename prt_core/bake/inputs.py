@@ -74,7 +74,7 @@ def unless_begun(path):
     try:
         yield
     except Exception:
-        rays = [path / name / "c" for name in ("visibility", "ray_journal")]
+        rays = [path / name / "c" for name in ("visibility", "ray_journal", "tile_bits0")]
         if not exists and not any(chunks.exists() for chunks in rays):
             shutil.rmtree(path, ignore_errors=True)
         raise

@@ -34,6 +34,8 @@ class Request:
         From where gloss is seen.
     every : int
         One of so many points has its own lobes (see `Relighter.view_steps`).
+    mapped : bool
+        Whether wide lobes are looked up in maps of views.
     """
 
     lights: tuple
@@ -41,6 +43,7 @@ class Request:
     key: tuple
     view: View | None = None
     every: int = 1
+    mapped: bool = False
 
     @staticmethod
     def of(lights, form, view):
@@ -76,7 +79,8 @@ class Request:
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
         shown.blend.form = self.form
-        radiance = yield from shown.blend.steps(self.lights, pace, self.view, self.every)
+        how = pace, self.view, self.every, self.mapped
+        radiance = yield from shown.blend.steps(self.lights, *how)
         shown.received = shown.blend.received
         return radiance
 
@@ -89,9 +93,9 @@ class Request:
         for light in self.lights:
             yield light.name, self.of([replace(light, weight=1.0)], self.form, self.view)
 
-    def seen_from(self, view, every=1):
+    def seen_from(self, view, every=1, mapped=False):
         """The same light seen from elsewhere."""
-        return replace(self, view=view, every=every)
+        return replace(self, view=view, every=every, mapped=mapped)
 
     @property
     def place(self):
@@ -100,7 +104,7 @@ class Request:
 
     def looks_like(self, other):
         """Whether the colours of two requests are the same."""
-        one, two = ((each.key, each.place, each.every) for each in (self, other))
+        one, two = ((each.key, each.place, each.every, each.mapped) for each in (self, other))
         return one == two
 
 

@@ -51,7 +51,7 @@ class ViewFactors:
                 self._tables[lobe.name] = table
         self._tables["diffuse"] = np.ascontiguousarray(lobes.diffuse_weight(view), np.float32)
 
-    def at(self, rows, cosine):
+    def at(self, rows, cosine, names=None):
         """The factors of points towards a view.
 
         Parameters
@@ -59,6 +59,8 @@ class ViewFactors:
         rows : (k,) int
         cosine : (k,) float
             Between view and normal, 0 to 1.
+        names : sequence of str, optional
+            Of the factors that are asked for; default: all there are.
 
         Returns
         -------
@@ -71,8 +73,17 @@ class ViewFactors:
         share = (place - low).astype(np.float32)[:, None]
         index = self._kind[rows] * np.int32(_N) + low
         result = {}
-        for name, table in self._tables.items():
-            flat = table.reshape(-1, 3)
+        for name in self._tables if names is None else names:
+            flat = self._tables[name].reshape(-1, 3)
             below, above = flat.take(index, axis=0), flat.take(index + 1, axis=0)
             result[name] = below + (above - below) * share
         return result
+
+    def labels(self, names):
+        """(n, m) float64: points of equal numbers have the same factors `names`, and only they."""
+        columns = []
+        for name in names:
+            table = self._tables[name].reshape(len(self._tables[name]), -1)
+            _, which = np.unique(table, axis=0, return_inverse=True)
+            columns.append(which.ravel()[self._kind])
+        return np.stack(columns, axis=1).astype(np.float64)

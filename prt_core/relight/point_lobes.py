@@ -82,6 +82,37 @@ class PointLobes:
             groups.append((group.alpha[rows], powers))
         return groups, factors["diffuse"]
 
+    def diffuse(self, rows, cosine):
+        """(k, 3) float32: what is left of diffuse light alone, as `at` has it."""
+        return self._factors.at(rows, cosine, ("diffuse",))["diffuse"]
+
+    def kinds(self):
+        """Points that have the same lobes, but for the axes of these.
+
+        Returns
+        -------
+        kinds : (n,) int32
+            Equal for equal lobes.
+        first : (n_kinds,) int64
+            A point of each kind.
+        least : (n,) float32
+            The smallest alpha of any lobe of each point; 0 where one is stretched.
+        """
+        n = len(self.normals)
+        names = [name for group in self._groups for name in group.lobes]
+        columns, least = [self._factors.labels(names)[:n]], np.ones(n, np.float32)
+        for group in self._groups:
+            alpha, powers = group.alpha[:n], [each[:n] for each in group.lobes.values()]
+            width = np.where(alpha[:, 0] == alpha[:, 1], alpha[:, 0], np.float32(0))
+            there = np.any([each.any(axis=(1, 2)) for each in powers], axis=0)
+            least = np.where(there, np.minimum(least, width), least)
+            columns += [alpha, *(each.reshape(n, -1) for each in powers)]
+        # Equal rows, and as good as only those, have equal products with a random vector.
+        columns = np.concatenate(columns, axis=1).astype(np.float64)
+        way = np.random.default_rng(0).uniform(1, 2, columns.shape[1])
+        _, first, kinds = np.unique(columns @ way, return_index=True, return_inverse=True)
+        return kinds.ravel().astype(np.int32), first, least
+
     def between(self, rows, weights, cosine):
         """The lobes of places between points, as `at` has those of points.
 

@@ -237,11 +237,35 @@ class Relighter:
             return exact if pixels is None else pixels + exact
         return subject.shaped(exposed(radiance, lighting))
 
-    def view_steps(self, view, pace=None, every=1):
+    def map_views_steps(self, pace=None):
+        """Make maps of all views of what has wide lobes, for views to come under the same light.
+
+        A generator of `Progress`, for views that move: each is then a few look-ups a point (see
+        `transport.view_map`), and nearly as exact. Where it is dropped, the next call goes on.
+
+        Parameters
+        ----------
+        pace : float, optional
+            As for `steps`.
+
+        Raises
+        ------
+        PRTError
+            No light is known yet.
+        """
+        expect(self._sent is not None, "view: no light is known yet; relight with a view first")
+        yield from self._sent.gloss.map_views_steps(pace)
+
+    @property
+    def maps_views(self):
+        """Whether `map_views_steps` came to its end under the light that is known."""
+        return self._sent is not None and self._sent.gloss.maps_views
+
+    def view_steps(self, view, pace=None, every=1, mapped=False):
         """Another view under the same light, as a generator of `Progress`: only lobes are new.
 
-        The light is that of the last `steps` with a view that came to its end. The colours are
-        those that it would give for this view, bit by bit.
+        The light is that of the last `steps` with a view that came to its end. Of all points, not
+        looked up, the colours are those that it would give for this view, bit by bit.
 
         Parameters
         ----------
@@ -251,6 +275,8 @@ class Relighter:
         every : int
             Evaluate the lobes at one of so many points, which those between follow: for a view
             that moves.
+        mapped : bool
+            Look wide lobes up in the maps of views, where these are made (see `map_views_steps`).
 
         Returns
         -------
@@ -264,8 +290,9 @@ class Relighter:
         """
         expect_kind("view", view, View)
         expect_whole("every", every, 1)
+        expect_flag("mapped", mapped)
         expect(self._sent is not None, "view: no light is known yet; relight with a view first")
-        return (yield from self._sent.toward_steps(view, pace, every))
+        return (yield from self._sent.toward_steps(view, pace, every, mapped))
 
     @property
     def lit(self):

@@ -73,12 +73,6 @@ class IncomingField:
             for first in range(0, len(reflections), _PART)
         ]
         self._parts = parts
-        patterns = on_all_cores(
-            lambda part: blocks.patterns(self._bits[reflections.points[part]]), parts
-        )
-        n_bytes = -(-blocks.n_texels // 8)
-        empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
-        self._patterns = np.concatenate([empty, *patterns])
         self.nodes, self._lights = field_nodes(blocks.side), []
         self.values = np.zeros((len(reflections), 3, len(self.nodes)), np.uint16)
 
@@ -90,7 +84,7 @@ class IncomingField:
         whole = np.maximum(blocks.sums(angles), 1e-30)
 
         def one(part):
-            share = blocks.pattern_sums(self._patterns[part], angles) / whole
+            share = blocks.pattern_sums(self._patterns(part), angles) / whole
             return np.rint(255 * np.minimum(share, 1)).astype(np.uint8)
 
         parts = on_all_cores(one, self._parts)
@@ -99,6 +93,10 @@ class IncomingField:
     @cached_property
     def _mean_open(self):
         return self.open.mean(axis=0, dtype=np.float64) / 255
+
+    def _patterns(self, part):
+        """Bits of some of the points, block by block: quicker to make than they are large."""
+        return self.reflections.blocks.patterns(self._bits[self.reflections.points[part]])
 
     def update(self, light, sent, detailed=None):
         """Fill the field in for a light.
@@ -143,7 +141,7 @@ class IncomingField:
         np.multiply(sent, np.float32(1 / 255), out=shining[:-2])
 
         def one(part):
-            patterns = self._patterns[part]
+            patterns = self._patterns(part)
             total = np.zeros((patterns.shape[0] * len(blocks), 3), np.float32)
             for byte, table in enumerate(tables):
                 index = (base + patterns[..., byte]).ravel()
@@ -257,7 +255,7 @@ class IncomingField:
     @property
     def nbytes(self):
         """Of the arrays."""
-        own = self.values.nbytes + self._patterns.nbytes + self.open.nbytes
+        own = self.values.nbytes + self.open.nbytes
         own += sum(light.values.nbytes for light in self._lights)
         return own + self.reflections.nbytes
 

@@ -2,8 +2,8 @@
 
 The timer of the live preview asks here. A move is looked for, never told of, and what is seen when
 it is looked for is shown: moves never queue. While the view moves, lobes are evaluated at as many
-points as fit into a moment, and at all of them when it stands still. After a first move, maps of all
-views are made in quiet moments; then wide lobes of all points are looked up while it moves.
+points as fit into a moment, and at all of them when it stands still. After a first move, maps of
+all views are made in quiet moments; then wide lobes of all points are looked up while it moves.
 """
 
 import time

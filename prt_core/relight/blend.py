@@ -158,7 +158,8 @@ class LightBlend:
         relighter.form, key = self.form, (self.form, lighting.key)
         known = view is not None and self._knows(light.name, key)
         kept = self._kept.get(light.name)
-        asked = key, None if view is None else (id(view), *((every, mapped) if known else (1, False)))
+        how = (every, mapped) if known else (1, False)
+        asked = key, None if view is None else (id(view), *how)
         if kept is not None and kept[0] == asked and _lasts(lighting):
             return kept[1]
         if known:

@@ -60,7 +60,7 @@ class Gloss:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
         self._metal = self._light = self._sky = self._maps = None
-        self._coarse = {}
+        self._glimpses, self._coarse = [], {}
         self._pixels = GlossyPixels(
             bake.scene, self._parts, self.lobes, lambda: bake.make_caster(caster, "diffuse")
         )
@@ -76,8 +76,9 @@ class Gloss:
 
     @property
     def nbytes(self):
-        """Of the fields, and of maps of views."""
-        return sum(part.nbytes for part in self._parts)
+        """Of the fields, of maps of views, and of what is kept for metal that metal sees."""
+        glimpses = sum(one.nbytes for _, one in self._glimpses)
+        return sum(part.nbytes for part in self._parts) + glimpses
 
     @property
     def mirror_rays(self):
@@ -113,10 +114,10 @@ class Gloss:
         if seen is not None:
             # What stood in for it until now.
             before = np.zeros((len(seen), 3), np.float32)
-            for index, part in enumerate(self._parts):
-                mine = seen.part == index
+            for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
                 who = part.points[seen.row[mine]]
                 before[mine] = sent[who] - even[who]
+                glimpses.light()
         for _ in range(_SWEEPS if seen is not None else 0):
             reflected = self._of_seen(seen)
             change = reflected - before
@@ -130,15 +131,18 @@ class Gloss:
     def _seen_metal(self):
         """Where reflections see what reflects as much as metals do, and from where; or None."""
         if self._metal is None:
-            self._metal = SeenMetal(self._parts, len(self._world))
+            seen = self._metal = SeenMetal(self._parts, len(self._world))
+            for index, part in enumerate(self._parts):
+                mine = np.flatnonzero(seen.part == index)
+                glimpses = part.glimpses(seen.row[mine], seen.outgoing[mine])
+                self._glimpses.append((mine, glimpses))
         return self._metal if len(self._metal) else None
 
     def _of_seen(self, seen):
         """(k, 3) radiance that what is seen reflects towards where it is seen from."""
         result = np.zeros((len(seen), 3), np.float32)
-        for index, part in enumerate(self._parts):
-            mine = np.flatnonzero(seen.part == index)
-            result[mine] = part.glimpse(seen.row[mine], seen.outgoing[mine])
+        for mine, glimpses in self._glimpses:
+            result[mine] = glimpses.reflected()
         return result
 
     @property
@@ -199,7 +203,7 @@ class Gloss:
         for part in self._parts:
             rows = part.facing(outgoing[part.points])
             facing[part.points[rows]] = True
-            if mapped:
+            if mapped and self.maps_views:
                 there = part.mapped[rows]
                 some, rows = rows[there], rows[~there]
                 looked_up[part.points[some]] = True

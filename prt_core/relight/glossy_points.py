@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.reflectance import principled_lobes
-from prt_core.transport.glimpse import glimpse
+from prt_core.transport.glimpse import Glimpses
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -149,13 +149,14 @@ class GlossyPoints:
         )  # fmt: skip
         return result
 
-    def glimpse(self, rows, outgoing):
-        """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""
+    def glimpses(self, rows, outgoing):
+        """`Glimpses` of points by `rows` (k,) from where `outgoing` (k, 3) leads."""
         cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
-        result = np.zeros((len(rows), 3), np.float32)
-        for alpha, powers in self._lobes.at(self._first + rows, cosine)[0]:
-            result += glimpse(self.field, self._normals, rows, outgoing, alpha, powers)
-        return result
+
+        def lobes_at(some):
+            return self._lobes.at(self._first + rows[some], cosine[some])[0]
+
+        return Glimpses(self.field, self._normals, rows, outgoing, lobes_at)
 
     def reflected(self, rows, normals, outgoing, alpha, powers, frames):
         """What lobes reflect of the fields of points.

@@ -238,20 +238,10 @@ class Relighter:
         return subject.shaped(exposed(radiance, lighting))
 
     def map_views_steps(self, pace=None):
-        """Make maps of all views of what has wide lobes, for views to come under the same light.
+        """Make maps of views of what has wide lobes, for views to come under the light.
 
-        A generator of `Progress`, for views that move: each is then a few look-ups a point (see
-        `transport.view_map`), and nearly as exact. Where it is dropped, the next call goes on.
-
-        Parameters
-        ----------
-        pace : float, optional
-            As for `steps`.
-
-        Raises
-        ------
-        PRTError
-            No light is known yet.
+        A generator of `Progress`; where it is dropped, the next call goes on. A view is then a few
+        look-ups a point (see `transport.view_map`). `pace` and errors: see `view_steps`.
         """
         expect(self._sent is not None, "view: no light is known yet; relight with a view first")
         yield from self._sent.gloss.map_views_steps(pace)
@@ -264,8 +254,8 @@ class Relighter:
     def view_steps(self, view, pace=None, every=1, mapped=False):
         """Another view under the same light, as a generator of `Progress`: only lobes are new.
 
-        The light is that of the last `steps` with a view that came to its end. Of all points, not
-        looked up, the colours are those that it would give for this view, bit by bit.
+        The light is that of the last `steps` with a view that came to its end; as long as nothing
+        is left out or looked up, the colours are those that it would give, bit by bit.
 
         Parameters
         ----------
@@ -273,8 +263,7 @@ class Relighter:
         pace : float, optional
             As for `steps`.
         every : int
-            Evaluate the lobes at one of so many points, which those between follow: for a view
-            that moves.
+            For a view that moves: evaluate lobes at one of so many points, which others follow.
         mapped : bool
             Look wide lobes up in the maps of views, where these are made (see `map_views_steps`).
 
@@ -286,7 +275,7 @@ class Relighter:
         Raises
         ------
         PRTError
-            There was none.
+            There was no light.
         """
         expect_kind("view", view, View)
         expect_whole("every", every, 1)

@@ -24,6 +24,8 @@ from prt_core.transport.lobe_values import lobe_values
 
 # Nodes along an edge of a map, and cells of normals along an edge of a cube's face.
 N_NODES, _CELLS = 16, 16
+# Within which the sum of a lobe over blocks is taken to be wrong.
+_MOST_OFF = 0.25, 4.0
 # Nodes at and beyond the horizon are of views that graze so much.
 _LEAST_COSINE = 0.04
 # Points whose maps are made at once, and whose maps are looked up at once.
@@ -54,6 +56,8 @@ class ViewMap:
         (k, N_POWERS, 3) of their Fresnel terms (see `fresnel_powers`).
     least : int
         Points a group that shares lobes should have in the mean.
+    lobe : callable(directions, normals, outgoing) -> (v, m) float32, optional
+        Another lobe times the cosine than that of microfacets, as `GlossyView.reflected` takes it.
 
     Attributes
     ----------
@@ -64,7 +68,7 @@ class ViewMap:
         Pieces of work that are to be done, and that were at first.
     """
 
-    def __init__(self, field, normals, kinds, lobes_of, least=_LEAST):
+    def __init__(self, field, normals, kinds, lobes_of, least=_LEAST, lobe=None):
         self._normals = np.ascontiguousarray(normals, np.float32)
         self._kinds, self.has = np.asarray(kinds, np.int32), np.zeros(len(normals), bool)
         self._rows = rows = np.flatnonzero(self._kinds >= 0)
@@ -76,13 +80,15 @@ class ViewMap:
         classes, groups = _classes(self._kinds[rows], cells, n_kinds, lobes_of, least)
         if groups is None:
             return
-        self._shares = _shares_of_kinds(n_kinds, lobes_of)
+        self._shares = np.ones((n_kinds, _SHARES, 3), np.float32)
+        if lobe is None:
+            self._shares = _shares_of_kinds(n_kinds, lobes_of)
         self._group = np.zeros(len(normals), np.int32)
         self._group[rows] = groups
         self._frames = np.zeros((int(groups.max()) + 1, 3, 3), np.float32)
         self._nodes = np.zeros((len(normals), 3, N_NODES * N_NODES), np.uint8)
         self._scale = np.zeros((len(normals), 3), np.float32)
-        self._light, self._views = _Light(field), _node_views()
+        self._light, self._views = _Light(field, lobe), _node_views()
         self._plan(groups, classes, lobes_of)
 
     def make(self, pieces=None):
@@ -215,8 +221,8 @@ class ViewMap:
 class _Light:
     """What arrives at points: from the smallest blocks of a field, and its bright texels."""
 
-    def __init__(self, field):
-        self._field, n = field, field.nodes.first[1]
+    def __init__(self, field, lobe=None):
+        self._field, self._lobe, n = field, lobe, field.nodes.first[1]
         bright = field.apart
         ways = np.concatenate([field.directions[:n], bright.directions])
         self.directions = np.ascontiguousarray(ways.T)
@@ -233,14 +239,23 @@ class _Light:
         grey = all((powers == powers[..., :1]).all() for _, powers in lobes)
         total = [np.zeros((len(views), len(there)), np.float32) for _ in range(1 if grey else 3)]
         for alpha, powers in lobes:
-            n_powers = powers_used(powers)
-            values = lobe_values(ways, normals, views, alpha, None, n_powers, spread)
+            if self._lobe is None:
+                n_powers = powers_used(powers)
+                values = lobe_values(ways, normals, views, alpha, None, n_powers, spread)
+            else:
+                values = [self._lobe(ways, normals, views)]
             for power, value in enumerate(values):
                 if powers[:, power].any():
                     for channel, weight in enumerate(total):
                         weight += value * powers[:, power, channel, None]
+        n_blocks = np.count_nonzero(there < self._n_blocks)
         for weight in total:
             weight *= angles
+            if self._lobe is not None:
+                continue
+            # Blocks are few where lobes are narrow, but share out all that is reflected.
+            blocks = weight[:, :n_blocks]
+            blocks /= np.clip(blocks.sum(axis=1, keepdims=True), *_MOST_OFF)
         return total
 
     def arriving(self, rows, there):

@@ -5,14 +5,10 @@ For each point that faces the viewer the lobe is evaluated at the blocks of a cu
 close to the mirror direction of narrow lobes the light of the sky has its finer detail, as far as
 the block is open; and the brightest texels come in by their own visibility bits. The lobe's Fresnel
 term is a sum of powers, so that all lobes of one roughness are evaluated together.
-
-Where views graze, a lobe is narrow and cut off by the horizon, and its values at a few blocks are
-off in sum; what round lobes reflect of even light is known, so blocks share that out.
 """
 
 import numpy as np
 
-from prt_core.reflectance.energy import ggx_albedo
 from prt_core.reflectance.fresnel_powers import powers_used
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
@@ -29,8 +25,6 @@ _STEP = 0.1
 _WIDEST = 0.5
 # Cosines between view and normal below which lobes count as narrower, and by how much.
 _GRAZING, _NARROWER = (0.2, 0.45), (0.35, 0.7, 1.0)
-# Within which the sum of a lobe over blocks is taken to be wrong.
-_MOST_OFF = 0.25, 4.0
 
 
 class GlossyView:
@@ -105,8 +99,6 @@ class GlossyView:
             array.take(chosen, axis=0) for array in (np.asarray(rows), normals, outgoing, alpha)
         )
         powers = powers[:, :n_powers].take(chosen, axis=0)
-        known = lobe is None and alpha.ndim == 1
-        albedo = ggx_albedo(np.sqrt(alpha), facing[chosen]).astype(np.float32) if known else None
         axes = None if axes is None else axes.take(chosen, axis=0)
         ordered, jobs = np.empty((len(chosen), 3), np.float32), []
         for first, last in zip(bounds[:-1], bounds[1:], strict=True):
@@ -124,8 +116,7 @@ class GlossyView:
                 values = lobe_values(*ways, alpha[some], frame, n_powers, places.spread)
             else:
                 values = [lobe(*ways)]
-            albedos = None if albedo is None else albedo[some]
-            terms = self._terms(places, rows[some], values, albedos)
+            terms = self._terms(places, rows[some], values)
             np.einsum("pkc,pkc->pc", terms, powers[some], out=ordered[some])
 
         on_all_cores(one, jobs)
@@ -144,11 +135,8 @@ class GlossyView:
         lowest = -np.sqrt(max(1 - float((normals @ mean).min()) ** 2, 0)) - 1e-6
         return self.field.places(lobe_cut(self._side, *cell, width, parts)).above(mean, lowest)
 
-    def _terms(self, places, rows, lobe, albedo):
-        """(p, n_powers, 3): what each power of the Fresnel term brings.
-
-        `albedo` (p,) is what lobes reflect of even light, or None.
-        """
+    def _terms(self, places, rows, lobe):
+        """(p, n_powers, 3): what each power of the Fresnel term brings."""
         field, n_blocks = self.field, len(places.core)
         n_core, n_nodes = n_blocks * places.n_parts, len(places.nodes)
         n_bright = len(field.apart.spread)
@@ -156,14 +144,8 @@ class GlossyView:
         if n_core:
             shared = field.open[rows[:, None], places.core] * np.float32(1 / 255)
             detail = np.empty((len(lobe), len(rows), 3), np.float32)
-        scale = None
         for power, values in enumerate(lobe):
             values *= places.solid_angles
-            if albedo is not None:
-                if scale is None:
-                    whole = values[:, : n_core + n_nodes].sum(axis=1)
-                    scale = np.clip(albedo / np.maximum(whole, 1e-6), *_MOST_OFF)[:, None]
-                values[:, : n_core + n_nodes] *= scale
             weights[:, n_blocks:, power] = values[:, n_core:]
             if n_core:
                 parts = values[:, :n_core].reshape(-1, places.n_parts, n_blocks)

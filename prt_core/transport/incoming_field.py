@@ -62,6 +62,8 @@ class IncomingField:
         close together as one. In fields of wide blocks both are the same.
     rest : (n_texels, 3) float32
         The light in detail without that.
+    mean_light : (n_texels,) float
+        What comes from where in the mean of all points, of what the blocks hold.
     """
 
     def __init__(self, reflections, bits):
@@ -221,7 +223,8 @@ class IncomingField:
         sky = self.rest.mean(axis=1, dtype=np.float64) * self._mean_open[fine.of_texel]
         of_sky = fine.sums(sky * self.light_map.solid_angles) / blocks.solid_angles
         met = np.maximum(mean - of_sky, 0)
-        self.directions, self.spread = self.nodes.placed(self.light_map, sky + met[fine.of_texel])
+        self.mean_light = sky + met[fine.of_texel]
+        self.directions, self.spread = self.nodes.placed(self.light_map, self.mean_light)
 
     def places(self, cut):
         """The `Places` of a `LobeCut` under the light."""

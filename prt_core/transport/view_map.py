@@ -16,24 +16,27 @@ from functools import lru_cache
 
 import numpy as np
 
+from prt_core.reflectance.energy import ggx_power_albedos
 from prt_core.reflectance.fresnel_powers import N_POWERS, powers_used
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
-from prt_core.sphere import CubeMap, tangent_frames
+from prt_core.sphere import Blocks, CubeMap, tangent_frames
+from prt_core.transport.field_nodes import field_nodes
+from prt_core.transport.lobe_cuts import pieces
 from prt_core.transport.lobe_values import lobe_values
 
 # Nodes along an edge of a map, and cells of normals along an edge of a cube's face.
-N_NODES, _CELLS = 16, 16
-# Within which the sum of a lobe over blocks is taken to be wrong.
-_MOST_OFF = 0.25, 4.0
+N_NODES, _CELLS = 14, 16
 # Nodes at and beyond the horizon are of views that graze so much.
 _LEAST_COSINE = 0.04
+# Cosines of views whose lobes are evaluated at four places of each block.
+_GRAZING = 0.45
 # Points whose maps are made at once, and whose maps are looked up at once.
 _MADE, _LOOKED_UP = 2048, 4096
 # Cosines at which reflected shares are known, closer where views graze.
 _SHARES = 33
-# Sliders of roughness at which they are, and texels along an edge of a face that they sum over.
-_SLIDERS, _TEXELS = np.linspace(0.3, 1, 23), 24
+# Sliders of roughness at which they are.
+_SLIDERS = np.linspace(0.3, 1, 23)
 # Steps by which lobes are told apart: of the logarithm of alpha, and of what is reflected straight
 # back; of few kinds each is a class of its own.
 _STEPS, _FEW = ((0.05, 0.15), (0.1, 0.3), (0.2, 1.0)), 32
@@ -223,22 +226,45 @@ class _Light:
 
     def __init__(self, field, lobe=None):
         self._field, self._lobe, n = field, lobe, field.nodes.first[1]
-        bright = field.apart
-        ways = np.concatenate([field.directions[:n], bright.directions])
-        self.directions = np.ascontiguousarray(ways.T)
-        self._spread = np.concatenate([field.spread[:n], bright.spread])
-        ones = np.ones(len(bright.spread), np.float32)
-        self._angles = np.concatenate([field.nodes.solid_angles[:n], ones])
-        self._n_blocks = n
+        self.directions = np.concatenate([field.directions[:n], field.apart.directions]).T
+        self._n_blocks, self._angles = n, field.nodes.solid_angles[:n]
+        self._whole = field.directions[:n, None], field.spread[:n, None], np.ones((n, 1))
+        self._parts = self._whole
+        side, cube_map = field.nodes.sides[0], field.light_map
+        if cube_map.resolution % (2 * side) == 0:
+            order = pieces(side, 2).T
+            directions, spread = field_nodes(2 * side).placed(cube_map, field.mean_light)
+            light = field.mean_light * cube_map.solid_angles
+            share = Blocks(cube_map, 2 * side).sums(light + 1e-9 * light.mean() + 1e-30)[order]
+            share /= share.sum(axis=1, keepdims=True)
+            self._parts = directions[order], spread[order], share
 
     def weights(self, there, frame, views, lobes):
         """Of some blocks `there` (m,) for views (v, 3): (v, m) a channel, or of all at once."""
-        ways = np.ascontiguousarray(self.directions[:, there])
-        normals = np.broadcast_to(frame[2], views.shape)
-        spread, angles = self._spread[there], self._angles[there]
         grey = all((powers == powers[..., :1]).all() for _, powers in lobes)
         total = [np.zeros((len(views), len(there)), np.float32) for _ in range(1 if grey else 3)]
+        blocks, n = there[there < self._n_blocks], np.count_nonzero(there < self._n_blocks)
+        bright, apart = there[n:] - self._n_blocks, self._field.apart
+        grazes = views @ frame[2] < _GRAZING
+        for some, (directions, spread, share) in ((~grazes, self._whole), (grazes, self._parts)):
+            angles = (share[blocks] * self._angles[blocks, None]).ravel()
+            ways = np.concatenate([directions[blocks].reshape(-1, 3), apart.directions[bright]])
+            spread = np.concatenate([spread[blocks].ravel(), apart.spread[bright]])
+            angles = np.concatenate([angles, np.ones(len(bright))]).astype(np.float32)
+            for channel, weight in enumerate(
+                self._of_views(ways.T, angles, spread, frame, views[some], some, lobes, grey)
+            ):
+                n_values = weight.shape[1] - len(bright)
+                whole = weight[:, :n_values].reshape(len(weight), n, share.shape[1]).sum(axis=2)
+                total[channel][some] = np.concatenate([whole, weight[:, n_values:]], axis=1)
+        return total
+
+    def _of_views(self, ways, angles, spread, frame, views, some, lobes, grey):
+        """Lobes at directions (3, m), times solid angles, for some of the views."""
+        ways, normals = np.ascontiguousarray(ways), np.broadcast_to(frame[2], views.shape)
+        total = [np.zeros((len(views), len(angles)), np.float32) for _ in range(1 if grey else 3)]
         for alpha, powers in lobes:
+            alpha, powers = alpha[some], powers[some]
             if self._lobe is None:
                 n_powers = powers_used(powers)
                 values = lobe_values(ways, normals, views, alpha, None, n_powers, spread)
@@ -248,14 +274,8 @@ class _Light:
                 if powers[:, power].any():
                     for channel, weight in enumerate(total):
                         weight += value * powers[:, power, channel, None]
-        n_blocks = np.count_nonzero(there < self._n_blocks)
         for weight in total:
             weight *= angles
-            if self._lobe is not None:
-                continue
-            # Blocks are few where lobes are narrow, but share out all that is reflected.
-            blocks = weight[:, :n_blocks]
-            blocks /= np.clip(blocks.sum(axis=1, keepdims=True), *_MOST_OFF)
         return total
 
     def arriving(self, rows, there):
@@ -353,17 +373,6 @@ def white_shares():
     (n_sliders, _SHARES, N_POWERS) float32
         By roughness and the cosine of the view.
     """
-    cube_map = CubeMap(_TEXELS)
-    above = cube_map.directions[:, 2] > 0
-    ways = np.ascontiguousarray(cube_map.directions[above].T, np.float32)
-    angles = cube_map.solid_angles[above].astype(np.float32)
-    cosine = np.maximum(np.linspace(0, 1, _SHARES) ** 2, 1e-4).astype(np.float32)
-    views = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=1)
-    up = np.tile(np.float32([[0, 0, 1]]), (_SHARES, 1))
-
-    def one(slider):
-        alpha = np.full(_SHARES, slider**2, np.float32)
-        lobes = lobe_values(ways, up, views, alpha, None, N_POWERS)
-        return np.stack([lobe @ angles for lobe in lobes], axis=1)
-
-    return np.stack(on_all_cores(one, _SLIDERS))
+    cosines = np.maximum(np.linspace(0, 1, _SHARES) ** 2, 1e-4)
+    shares = on_all_cores(lambda slider: ggx_power_albedos(slider, cosines), _SLIDERS)
+    return np.stack(shares).astype(np.float32)

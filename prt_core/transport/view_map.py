@@ -4,7 +4,8 @@ What a wide lobe reflects changes slowly with the direction in which the view is
 point has a small map of these directions, on the disc into which the half space above it is laid
 with equal areas. Entries are in parts of what lobes reflect of light from all sides, which is known
 exactly and changes fast where views graze. They are coefficients of quadratic B-splines: smooth
-between its nodes, a view is nine look-ups a point.
+between its nodes, a view is nine look-ups a point. The brightest texels, which show the very shape
+of lobes, are evaluated for the view.
 
 A map is lobes times the field of incoming light, as a view is (see `transport.glossy_view`), but
 lobes are made for many points at once: for those with lobes of one class and about one normal. As
@@ -32,7 +33,7 @@ _LEAST_COSINE = 0.04
 # Cosines of views whose lobes are evaluated at four places of each block.
 _GRAZING = 0.45
 # Points whose maps are made at once, and whose maps are looked up at once.
-_MADE, _LOOKED_UP = 2048, 4096
+_MADE, _LOOKED_UP = 2048, 2048
 # Cosines at which reflected shares are known, closer where views graze.
 _SHARES = 33
 # Sliders of roughness at which they are.
@@ -92,7 +93,8 @@ class ViewMap:
         self._nodes = np.zeros((len(normals), 3, N_NODES * N_NODES), np.uint8)
         self._scale = np.zeros((len(normals), 3), np.float32)
         self._light, self._views = _Light(field, lobe), _node_views()
-        self._plan(groups, classes, lobes_of)
+        self._bright, self._lobes_of, self._lobe = field.apart, lobes_of, lobe
+        self._plan(groups, classes)
 
     def make(self, pieces=None):
         """Make so many pieces of the maps, or all that are left.
@@ -154,8 +156,30 @@ class ViewMap:
                 values *= values
                 values *= weights
                 np.multiply(values.sum(axis=0), share[:, channel], out=result[some, channel])
+            if len(self._bright.spread):
+                result[some] += self._of_bright(row, normal, out, cosine)
 
         on_all_cores(one, range(0, len(rows), _LOOKED_UP))
+        return result
+
+    def _of_bright(self, rows, normals, outgoing, cosine):
+        """(k, 3): what comes of bright texels, which no smooth map holds."""
+        bright, result = self._bright, np.zeros((len(rows), 3), np.float32)
+        ways, light = np.ascontiguousarray(bright.directions.T), wholes(bright.values[rows])
+        lit = light.any(axis=(1, 2))
+        for alpha, powers in self._lobes_of(self._kinds.take(rows), cosine):
+            some = np.flatnonzero(lit & powers.any(axis=(1, 2)))
+            if not len(some):
+                continue
+            if self._lobe is None:
+                width, n_powers = alpha[some].astype(np.float32), powers_used(powers)
+                work = ways, normals[some], outgoing[some], width, None, n_powers, bright.spread
+                lobes = lobe_values(*work)
+            else:
+                lobes = [self._lobe(ways, normals[some], outgoing[some])]
+            for power, values in enumerate(lobes):
+                brought = np.matmul(light[some], values[:, :, None])[..., 0]
+                result[some] += brought * powers[some, power]
         return result
 
     def _share_at(self, rows, cosine):
@@ -167,14 +191,14 @@ class ViewMap:
         below = table.take(index, axis=0)
         return below + (table.take(index + 1, axis=0) - below) * (place - low)[:, None]
 
-    def _plan(self, groups, classes, lobes_of):
+    def _plan(self, groups, classes):
         """Which points are worked on together, about which normal, and with which lobes."""
         order, lobes = np.argsort(groups, kind="stable"), {}
         bounds = np.flatnonzero(np.diff(groups[order], prepend=-1, append=-1))
         for first, last in zip(bounds[:-1], bounds[1:], strict=True):
             kind, group = int(classes[order[first]]), groups[order[first]]
             if kind not in lobes:
-                lobes[kind] = self._lobes_at(kind, self._views[:, 2], lobes_of)
+                lobes[kind] = self._lobes_at(kind, self._views[:, 2])
             mine = self._rows[order[first:last]]
             mean = self._normals[mine].mean(axis=0, dtype=np.float64)
             self._frames[group] = tangent_frames(mean[None] / np.linalg.norm(mean))[0]
@@ -206,9 +230,9 @@ class ViewMap:
         self._nodes[mine] = np.rint(nodes, out=nodes)
         self._scale[mine] = most / np.float32(255.0**2)
 
-    def _lobes_at(self, kind, cosine, lobes_of):
+    def _lobes_at(self, kind, cosine):
         """Lobes of a kind towards all nodes, in parts of what they reflect of even light."""
-        groups = lobes_of(np.full(len(cosine), kind), cosine)
+        groups = self._lobes_of(np.full(len(cosine), kind), cosine)
         place = np.sqrt(cosine) * (_SHARES - 1)
         share = np.stack(
             [np.interp(place, np.arange(_SHARES), s) for s in self._shares[kind].T], axis=1
@@ -222,12 +246,11 @@ class ViewMap:
 
 
 class _Light:
-    """What arrives at points: from the smallest blocks of a field, and its bright texels."""
+    """What arrives at points from the smallest blocks of a field."""
 
     def __init__(self, field, lobe=None):
         self._field, self._lobe, n = field, lobe, field.nodes.first[1]
-        self.directions = np.concatenate([field.directions[:n], field.apart.directions]).T
-        self._n_blocks, self._angles = n, field.nodes.solid_angles[:n]
+        self.directions, self._angles = field.directions[:n].T, field.nodes.solid_angles[:n]
         self._whole = field.directions[:n, None], field.spread[:n, None], np.ones((n, 1))
         self._parts = self._whole
         side, cube_map = field.nodes.sides[0], field.light_map
@@ -243,48 +266,31 @@ class _Light:
         """Of some blocks `there` (m,) for views (v, 3): (v, m) a channel, or of all at once."""
         grey = all((powers == powers[..., :1]).all() for _, powers in lobes)
         total = [np.zeros((len(views), len(there)), np.float32) for _ in range(1 if grey else 3)]
-        blocks, n = there[there < self._n_blocks], np.count_nonzero(there < self._n_blocks)
-        bright, apart = there[n:] - self._n_blocks, self._field.apart
         grazes = views @ frame[2] < _GRAZING
         for some, (directions, spread, share) in ((~grazes, self._whole), (grazes, self._parts)):
-            angles = (share[blocks] * self._angles[blocks, None]).ravel()
-            ways = np.concatenate([directions[blocks].reshape(-1, 3), apart.directions[bright]])
-            spread = np.concatenate([spread[blocks].ravel(), apart.spread[bright]])
-            angles = np.concatenate([angles, np.ones(len(bright))]).astype(np.float32)
-            for channel, weight in enumerate(
-                self._of_views(ways.T, angles, spread, frame, views[some], some, lobes, grey)
-            ):
-                n_values = weight.shape[1] - len(bright)
-                whole = weight[:, :n_values].reshape(len(weight), n, share.shape[1]).sum(axis=2)
-                total[channel][some] = np.concatenate([whole, weight[:, n_values:]], axis=1)
-        return total
-
-    def _of_views(self, ways, angles, spread, frame, views, some, lobes, grey):
-        """Lobes at directions (3, m), times solid angles, for some of the views."""
-        ways, normals = np.ascontiguousarray(ways), np.broadcast_to(frame[2], views.shape)
-        total = [np.zeros((len(views), len(angles)), np.float32) for _ in range(1 if grey else 3)]
-        for alpha, powers in lobes:
-            alpha, powers = alpha[some], powers[some]
-            if self._lobe is None:
-                n_powers = powers_used(powers)
-                values = lobe_values(ways, normals, views, alpha, None, n_powers, spread)
-            else:
-                values = [self._lobe(ways, normals, views)]
-            for power, value in enumerate(values):
-                if powers[:, power].any():
-                    for channel, weight in enumerate(total):
-                        weight += value * powers[:, power, channel, None]
-        for weight in total:
-            weight *= angles
+            angles = (share[there] * self._angles[there, None]).ravel().astype(np.float32)
+            ways = np.ascontiguousarray(directions[there].reshape(-1, 3).T)
+            normals = np.broadcast_to(frame[2], (np.count_nonzero(some), 3))
+            for alpha, powers in lobes:
+                powers = powers[some]
+                if self._lobe is None:
+                    values = lobe_values(
+                        ways, normals, views[some], alpha[some], None, powers_used(powers),
+                        spread[there].ravel(),
+                    )  # fmt: skip
+                else:
+                    values = [self._lobe(ways, normals, views[some])]
+                for power, value in enumerate(values):
+                    if powers[:, power].any():
+                        value *= angles
+                        value = value.reshape(len(value), len(there), -1).sum(axis=2)
+                        for channel, weight in enumerate(total):
+                            weight[some] += value * powers[:, power, channel, None]
         return total
 
     def arriving(self, rows, there):
-        """(k, 3, m) float32: radiance, and radiance times solid angle of bright texels."""
-        blocks = there[there < self._n_blocks]
-        bright = there[len(blocks) :] - self._n_blocks
-        parts = self._field.values.take(rows, axis=0).take(blocks, axis=2)
-        more = self._field.apart.values.take(rows, axis=0).take(bright, axis=2)
-        return wholes(np.concatenate([parts, more], axis=2))
+        """(k, 3, m) float32 radiance from some blocks."""
+        return wholes(self._field.values.take(rows, axis=0).take(there, axis=2))
 
 
 def _on_disc(x, y, z):

@@ -203,7 +203,7 @@ class Gloss:
         for part in self._parts:
             rows = part.facing(outgoing[part.points])
             facing[part.points[rows]] = True
-            if mapped and self.maps_views:
+            if mapped and part.mapped.any():
                 there = part.mapped[rows]
                 some, rows = rows[there], rows[~there]
                 looked_up[part.points[some]] = True

@@ -161,7 +161,7 @@ def test_maps_of_views_serve_views_that_move_until_the_light_changes(bake, monke
     np.testing.assert_array_equal(run(relighter.view_steps(OTHER, mapped=True)), fine)
     assert not relighter.maps_views
     # So few points would not be worth it.
-    monkeypatch.setattr(ViewMap.__init__, "__defaults__", (0,))
+    monkeypatch.setattr(ViewMap.__init__, "__defaults__", (0, None))
     steps = relighter.map_views_steps()
     next(steps)
     steps.close()
@@ -182,6 +182,13 @@ def test_maps_of_views_serve_views_that_move_until_the_light_changes(bake, monke
     assert not relighter.maps_views
     with pytest.raises(PRTError, match="mapped: expected"):
         run(relighter.view_steps(OTHER, mapped=3))
+    # Where maps do not pay, lobes are evaluated as ever.
+    monkeypatch.setattr(ViewMap.__init__, "__defaults__", (10**6, None))
+    run(relighter.map_views_steps())
+    assert relighter.maps_views
+    np.testing.assert_array_equal(
+        run(relighter.view_steps(OTHER, mapped=True)), run(relighter.view_steps(OTHER))
+    )
 
 
 def test_lobes_below_a_coat_that_is_narrow_have_no_map(bake):
@@ -191,7 +198,7 @@ def test_lobes_below_a_coat_that_is_narrow_have_no_map(bake):
     np.testing.assert_allclose(np.unique(least), [0.16, 0.25], rtol=1e-5)
     materials = bake.scene.points.materials[np.arange(3)]
     coat = {"coat": [[0], [1], [1]], "coat_roughness": [[0.1], [0.1], [0.8]]}
-    brushed = {"metal": np.ones((3, 3)), "anisotropy": [[0], [0], [0.5]]}
+    brushed = {"metal": np.ones((3, 3)), "anisotropy": [[0], [0], [0.5]], "tangent": np.eye(3)}
     for more, wanted in ((coat, [0.25, 0.01, 0.25]), (brushed, [0.25, 0.25, 0])):
         more = {name: np.float32(value) for name, value in more.items()}
         lobes = PointLobes(materials.replaced(**more), bake.scene.points.normals[:3])

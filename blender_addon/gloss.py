@@ -87,7 +87,7 @@ def tick():
             _begin(scene)
         if _NOW.job is None and _NOW.turned and not moving:
             _map_views(scene)
-        if _NOW.go_on(_BUDGET):
+        if _NOW.go_on(_BUDGET) and not _NOW.maps:
             _NOW.failed = _NOW.said = None
     except work.FAILURES as error:
         stop()

@@ -165,21 +165,20 @@ class ViewMap:
     def _of_bright(self, rows, normals, outgoing, cosine):
         """(k, 3): what comes of bright texels, which no smooth map holds."""
         bright, result = self._bright, np.zeros((len(rows), 3), np.float32)
-        ways, light = np.ascontiguousarray(bright.directions.T), wholes(bright.values[rows])
-        lit = light.any(axis=(1, 2))
-        for alpha, powers in self._lobes_of(self._kinds.take(rows), cosine):
-            some = np.flatnonzero(lit & powers.any(axis=(1, 2)))
-            if not len(some):
-                continue
+        ways, light = np.ascontiguousarray(bright.directions.T), bright.values.take(rows, axis=0)
+        lit = np.flatnonzero(light.any(axis=2).any(axis=1))
+        light, total = wholes(light.take(lit, axis=0)), np.zeros((len(lit), 3), np.float32)
+        places = normals.take(lit, axis=0), outgoing.take(lit, axis=0)
+        for alpha, powers in self._lobes_of(self._kinds.take(rows[lit]), cosine[lit]):
             if self._lobe is None:
-                width, n_powers = alpha[some].astype(np.float32), powers_used(powers)
-                work = ways, normals[some], outgoing[some], width, None, n_powers, bright.spread
-                lobes = lobe_values(*work)
+                n_powers, alpha = powers_used(powers), alpha.astype(np.float32)
+                lobes = lobe_values(ways, *places, alpha, None, n_powers, bright.spread)
             else:
-                lobes = [self._lobe(ways, normals[some], outgoing[some])]
+                lobes = [self._lobe(ways, *places)]
             for power, values in enumerate(lobes):
-                brought = np.matmul(light[some], values[:, :, None])[..., 0]
-                result[some] += brought * powers[some, power]
+                if powers[:, power].any():
+                    total += np.einsum("kcm,km->kc", light, values) * powers[:, power]
+        result[lit] = total
         return result
 
     def _share_at(self, rows, cosine):

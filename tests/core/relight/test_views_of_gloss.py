@@ -94,6 +94,11 @@ def test_points_between_follow_those_that_face_the_viewer(bake):
     coarse.follow(values, facing)
     np.testing.assert_allclose(values[rest & (points.normals[:, 2] > 0.3)], 7, rtol=1e-6)
     assert (values[rest & ~facing] == -1).all()
+    # What is known besides stays as it is.
+    values = np.where(coarse.chosen, 7.0, -1.0).astype(np.float32)[:, None]
+    coarse.follow(values, facing, rest & (points.object_index == 1))
+    ball = points.object_index == 1
+    assert (values[rest & ball] == -1).all() and (values[rest & ~ball & facing] == 7).any()
     # Values of one object do not reach the other.
     values = points.object_index.astype(np.float32)[:, None].copy()
     coarse.follow(values, np.ones(n, bool))

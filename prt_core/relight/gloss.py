@@ -126,6 +126,9 @@ class Gloss:
             if np.abs(change).sum() <= tolerance * np.abs(reflected).sum():
                 break
             before = reflected
+        if seen is not None:
+            for part in self._parts:
+                part.settle()
         self._light = key
 
     def _seen_metal(self):

@@ -65,6 +65,10 @@ class GlossyPoints:
         self.field.resend(entries, which, change)
         self._mirror.resend(entries, which, change)
 
+    def settle(self):
+        """End a number of `resend`, as `IncomingField.settle` does."""
+        self.field.settle()
+
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
         return self._lobes.strength()[self._first : self._first + len(self.points)]

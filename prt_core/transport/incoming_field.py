@@ -168,6 +168,8 @@ class IncomingField:
     def resend(self, entries, which, change):
         """Take in what some entries of the reflections send beyond what they did.
 
+        Larger blocks follow in `settle`.
+
         Parameters
         ----------
         entries : (m,) int
@@ -177,23 +179,33 @@ class IncomingField:
         change : (k, 3) float32
             Of radiance towards the points that see it.
         """
-        reflections, blocks = self.reflections, self.reflections.blocks
+        reflections, values = self.reflections, self.values.reshape(-1)
+        start, n_nodes = reflections.start, len(self.nodes)
 
         def one(part):
-            first, last = np.searchsorted(entries, reflections.start[[part.start, part.stop]])
-            if first == last:
-                return
-            places, all_entries = reflections.places(part)
+            first, last = np.searchsorted(entries, start[[part.start, part.stop]])
             some = entries[first:last]
-            share = reflections.share[some, None] * np.float32(1 / 255)
-            n = part.stop - part.start
-            more = np.zeros((n * len(blocks), 3), np.float32)
-            more[places[some - all_entries.start]] = change[which[first:last]] * share
-            total = wholes(self.values[part, :, : len(blocks)])
-            total += more.reshape(n, len(blocks), 3).swapaxes(1, 2)
-            # What rounding leaves of light that has gone.
-            np.maximum(total, 0, out=total)
-            self.values[part] = halves(self.nodes.means(total))
+            rows = np.repeat(
+                np.arange(part.start, part.stop), np.diff(start[part.start : part.stop + 1])
+            )[some - start[part.start]]
+            places = rows * (3 * n_nodes) + reflections.block[some]
+            more = change[which[first:last]]
+            more *= reflections.share[some, None] * np.float32(1 / 255)
+            for channel in more.T:
+                total = wholes(values.take(places))
+                total += channel
+                # What rounding leaves of light that has gone.
+                values[places] = halves(np.maximum(total, 0, out=total))
+                places += n_nodes
+
+        on_all_cores(one, self._parts)
+
+    def settle(self):
+        """Give larger blocks what `resend` gave to the smallest, after the last of it."""
+
+        def one(part):
+            smallest = wholes(self.values[part, :, : self.nodes.first[1]])
+            self.values[part] = halves(self.nodes.means(smallest))
 
         on_all_cores(one, self._parts)
 

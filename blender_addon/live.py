@@ -22,6 +22,7 @@ from . import (
     gloss,
     plan,
     preview,
+    reflections,
     rendering,
     showing,
     work,
@@ -151,6 +152,7 @@ def _tick():
             touch(bpy.context.scene, show=True)
         if _NOW.job is None and bpy.context.mode == "OBJECT":
             preview.see_again(bpy.context.scene)
+            reflections.follow(bpy.context.scene)
         return min([_work(), _IDLE, *(look for look in looks if look is not None)])
     except Exception:
         stop()

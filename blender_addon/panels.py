@@ -91,7 +91,7 @@ def draw_warnings(layout, context):
     told = [text for text in status().notes.split("\n") if text and text not in known]
     missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
-        lines(layout, text, "ERROR", context)
+        clipped_lines(layout, text, "ERROR", context)
     more = max(len(warnings) - gravest, 0) + len(told) - len(missed[:_GRAVEST])
     if more:
         layout.operator("prt.notes", text=f"{more} More to Know…", icon="INFO")

@@ -93,7 +93,7 @@ def kept_objects(scene, originals, attribute, target):
         if is_kept(item):
             by_name[item[KEPT]] = item
             by_original.setdefault(item.get(ORIGINAL), []).append(item)
-    material, home = _kept_material(attribute), _home(target, KEPT_COLLECTION)
+    material, home = kept_material(attribute), _home(target, KEPT_COLLECTION)
     by_object, used, left = {}, set(), []
     for item, mesh, mirrored in _meshes(scene, originals):
         original = originals[item.name]
@@ -246,8 +246,8 @@ def preview_material(attribute):
     return _emission(attribute, PREVIEW, f"{attribute} colours")
 
 
-def _kept_material(attribute):
-    """The same for the user's kept objects."""
+def kept_material(attribute):
+    """The same for what is kept, which is the user's."""
     return _emission(attribute, KEPT, f"{attribute} kept colours")
 
 

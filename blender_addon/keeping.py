@@ -56,7 +56,7 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
         scene = self.begin(context)
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
-        asked = request(self.scene)
+        asked = request(self.scene).all_around()
         lights = asked.each() if self.each_light else [("", asked)]
         radiances = {}
         for name, light in lights:

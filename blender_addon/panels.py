@@ -92,7 +92,8 @@ def draw_warnings(layout, context):
     missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
         clipped_lines(layout, text, "ERROR", context)
-    more = max(len(warnings) - gravest, 0) + len(told) - len(missed[:_GRAVEST])
+    # What is cut off here as well.
+    more = max(len(warnings) - gravest, 0) + len(told)
     if more:
         layout.operator("prt.notes", text=f"{more} More to Know…", icon="INFO")
 

@@ -34,6 +34,8 @@ class Request:
         From where gloss is seen.
     every : int
         One of so many points has its own lobes (see `Relighter.view_steps`).
+    around : bool
+        Whether colours are looked at from elsewhere too (see `viewport.from_all_sides`).
     """
 
     lights: tuple
@@ -41,12 +43,13 @@ class Request:
     key: tuple
     view: View | None = None
     every: int = 1
+    around: bool = False
 
     @staticmethod
-    def of(lights, form, view):
+    def of(lights, form, view, around=False):
         """The `Request` of some lights, with its key."""
-        key = form, view is not None, *(light.key for light in lights)
-        return Request(tuple(lights), form, key, view)
+        key = form, view is not None, around, *(light.key for light in lights)
+        return Request(tuple(lights), form, key, view, around=around)
 
     @property
     def shining(self):
@@ -76,9 +79,19 @@ class Request:
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
         shown.blend.form = self.form
-        radiance = yield from shown.blend.steps(self.lights, pace, self.view, self.every)
+        radiance = yield from shown.blend.steps(self.lights, pace, self.view_of(shown), self.every)
         shown.received = shown.blend.received
         return radiance
+
+    def view_of(self, shown):
+        """The `View` by which a `Preview`'s points are seen; None where gloss is not shown."""
+        if self.view is None or not self.around:
+            return self.view
+        return viewport.from_all_sides(self.view, shown.bake.scene)
+
+    def all_around(self):
+        """The same for colours that stay, and are looked at from everywhere."""
+        return self.of(self.lights, self.form, self.view, around=True)
 
     def sky(self, shown):
         """What is behind the scene, as a function of directions; None where nothing is."""
@@ -87,7 +100,8 @@ class Request:
     def each(self):
         """(name, `Request`) of each light alone, at weight 1."""
         for light in self.lights:
-            yield light.name, self.of([replace(light, weight=1.0)], self.form, self.view)
+            one = [replace(light, weight=1.0)]
+            yield light.name, self.of(one, self.form, self.view, self.around)
 
     def seen_from(self, view, every=1):
         """The same light seen from elsewhere."""
@@ -139,7 +153,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False, shown=None):
         WeightedLight(name, _lighting(scene, light, lamps, samples, shown), weight)
         for name, weight, light in sets
     ]
-    return Request.of(lights, "auto" if settings.use_compressed else "exact", view)
+    around = settings.seen_from == "CAMERA" and not rendered
+    return Request.of(lights, "auto" if settings.use_compressed else "exact", view, around)
 
 
 def _lighting(scene, light, lamps, samples, shown):

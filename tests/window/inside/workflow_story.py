@@ -12,7 +12,7 @@ import numpy as np
 import workflow_scenes as scenes
 from hand import FOLDER, Until
 from relight_story import from_api, install, on_meshes, part, settled, status
-from rooms import confirm, press, to_panel
+from rooms import press, to_panel
 
 # Pixels of the pictures beside Cycles, its samples, and of how many pixels a side means are taken:
 # its noise is not ours.
@@ -318,9 +318,13 @@ def keep(hand, report):
     own = rendered("keep 1 cycles' own", "CYCLES", _SAMPLES)
     bpy.context.scene.render.engine = "CYCLES"
     yield from bake(hand, report, "keep 2 baked")
-    yield from confirm(hand, "prt.keep", status)
+    bpy.ops.prt.keep("INVOKE_DEFAULT", show=True)
+    yield 1.0
+    hand.picture("keep 3 dialog")
+    yield from hand.key("RET")
+    yield Until("colours are kept", lambda: status().message.startswith("'Relit' kept"), 60)
     report["said"]["kept"] = {"message": status().message, "notes": status().notes.splitlines()}
-    hand.picture("keep 3 kept")
+    hand.picture("keep 4 kept")
     yield from press(hand, "prt.clear", status, at=0.75)
     report["active"] = {
         o.name: o.data.color_attributes[o.data.color_attributes.render_color_index].name
@@ -328,5 +332,5 @@ def keep(hand, report):
     }  # fmt: skip
     report["engines"] = {}
     for name, engine in (("eevee", eevee()), ("cycles", "CYCLES")):
-        report["engines"][name] = apart(rendered(f"keep 4 {name}", engine, 16), own)
-    yield from looked_at(hand, "keep 5 material preview")
+        report["engines"][name] = apart(rendered(f"keep 5 {name}", engine, 16), own)
+    yield from looked_at(hand, "keep 6 material preview")

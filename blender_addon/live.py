@@ -247,7 +247,7 @@ def _plan_steps(scene):
     field_list.refresh(scene)
     uid = scene.session_uid
     try:
-        yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
+        yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)), again=False)
     except work.FAILURES:
         pass  # the plan keeps what is wrong, and the panel draws it
     freshness.note(by_uid(bpy.data.scenes, uid))

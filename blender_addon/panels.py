@@ -74,7 +74,7 @@ def draw_cost(layout, scene):
         text = f"{cost.points:,} points, ~{seconds(cost.seconds)}, {megabytes(cost.memory_bytes)}"
         if scene.prt.refine:
             text += f", up to {scene.prt.refine_vertices:.3g} x refined"
-        row.label(text=text if holds else text + " (before the change)")
+        row.label(text=text if holds else f"Was {text}")
     row.operator("prt.refresh", text="", icon="FILE_REFRESH")
 
 

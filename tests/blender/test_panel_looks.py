@@ -190,19 +190,20 @@ def test_another_quality_costs_no_new_reading(floor_scene, monkeypatch):
     assert holds and after.cost.rays > 4 * before.cost.rays
     assert (after.messages, after.digests) == (before.messages, before.digests)
     # What is of the scene is read anew, and so is gloss.
-    for change in (lambda: live.geometry_changed(floor_scene), use_gloss):
-        change()
-        plan.outdate(floor_scene, geometry=False)
-        reads = []
-        with monkeypatch.context() as counted:
-            read = plan.read_steps
-            counted.setattr(plan, "read_steps", lambda *a, **k: reads.append(1) or read(*a, **k))
-            run(plan.steps(floor_scene, again=False))
-        assert reads
+    live.geometry_changed(floor_scene)
+    assert reads_again(floor_scene, monkeypatch)
+    floor_scene.prt.gloss = True
+    assert reads_again(floor_scene, monkeypatch)
+    assert not reads_again(floor_scene, monkeypatch)
 
 
-def use_gloss():
-    bpy.context.scene.prt.gloss = True
+def reads_again(scene, monkeypatch):
+    """Whether the next plan reads the scene."""
+    read, reads = plan.read_steps, []
+    with monkeypatch.context() as counted:
+        counted.setattr(plan, "read_steps", lambda *a, **k: reads.append(1) or read(*a, **k))
+        run(plan.steps(scene, again=False))
+    return bool(reads)
 
 
 def test_missing_gloss_is_said_before_the_bake_with_what_helps(floor_scene):

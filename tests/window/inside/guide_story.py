@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 from hand import FOLDER, Until
-from relight_story import install, on_meshes, part, settled, status
-from workflow_story import looked_at
+from relight_story import install, part, settled, status
+from workflow_story import by_mesh, looked_at
 
 TURN = 90
 
@@ -108,7 +108,7 @@ def turn(hand, report):
     yield 0.3
     yield Until("the preview has settled", settled)
     report["turned"] = float(np.degrees(bpy.context.scene.prt.rotation))
-    shown, wanted = on_meshes(), from_studio()
+    shown, wanted = by_mesh(), from_studio()
     report["difference"] = max(float(np.abs(shown[n] - wanted[n]).max()) for n in wanted)
     report["objects"] = sorted(shown)
 

@@ -65,7 +65,7 @@ def compare(hand, report, name, colours=from_api):
     yield from hand.to_view()
     yield 1.5
     hand.picture(name)
-    shown, wanted = on_meshes(), colours()
+    shown, wanted = by_mesh(), colours()
     largest = max(values.max() for values in wanted.values())
     report["core"][name] = {
         "same objects": sorted(shown) == sorted(wanted),
@@ -77,6 +77,12 @@ def compare(hand, report, name, colours=from_api):
         "message": status().message, "failed": status().failed, "warned": held.warned,
         "notes": status().notes.splitlines(), "burnt": held.burnt,
     }  # fmt: skip
+
+
+def by_mesh():
+    """What is on the meshes, by the names that these have in the bake."""
+    named = {o.name: o.get("prt_copy") or o.name for o in bpy.context.scene.objects}
+    return {named[name]: values for name, values in on_meshes().items()}
 
 
 def looked_at(hand, name, shading="MATERIAL", seconds=4.0):

@@ -5,6 +5,7 @@ views get theirs back with Restore, or with another look.
 """
 
 import math
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -35,9 +36,9 @@ def follow(scene):
         place = screen.name, key
         if wanted is None or _TOLD.get(place) == wanted:
             continue
-        kept = dict(screen.get(_KEPT, {}))
+        kept = screen[_KEPT].to_dict() if _KEPT in screen else {}
         if key not in kept:
-            kept[key] = [getattr(shading, name) for name in _NAMES]
+            kept[key] = {name: getattr(shading, name) for name in _NAMES}
             screen[_KEPT] = kept
         _TOLD[place] = wanted
         _tell(shading, wanted)
@@ -46,11 +47,9 @@ def follow(scene):
 def restore():
     """Give the views back what they reflected; those that are in another mode wait for theirs."""
     for screen, key, shading in _views():
-        kept = dict(screen.get(_KEPT, {}))
+        kept = screen[_KEPT].to_dict() if _KEPT in screen else {}
         if key in kept and shading.type == "MATERIAL":
-            before = list(kept.pop(key))
-            _tell(shading, dict(zip(_NAMES, [bool(before[0]), bool(before[1]), *before[2:]],
-                                    strict=True)))  # fmt: skip
+            _tell(shading, kept.pop(key))
             _TOLD.pop((screen.name, key), None)
             if kept:
                 screen[_KEPT] = kept
@@ -99,7 +98,6 @@ def _loaded(path):
 def _tell(shading, values):
     for name, value in values.items():
         if getattr(shading, name) != value:
-            try:
-                setattr(shading, name, value)
-            except TypeError:
-                pass  # a studio light that is not there any more
+            # A studio light may not be there any more.
+            with suppress(TypeError):
+                setattr(shading, name, type(getattr(shading, name))(value))

@@ -24,4 +24,6 @@ def test_copies_wear_own_materials_and_views_reflect_the_light_of_the_panel(repo
     world, lights, name, turned = report["reflects"]
     assert (world, lights, name) == (False, True, "city.exr")
     assert abs(turned) == pytest.approx(np.pi / 2, abs=1e-5)
+    there, other_way = report["sun"]
+    assert there > 0.9 and there > other_way + 0.1, report["sun"]
     assert report["reflects again"] != report["reflects"] and not report["left"]

@@ -1,6 +1,6 @@
 """An artist's days, each from an empty window to a picture (see inside/workflow_story.py).
 
-Six materials under an image and a sun are in test_materials.py, an image by UV in test_lightmap.py.
+An image by UV is in test_lightmap.py.
 """
 
 import pytest
@@ -10,6 +10,7 @@ import pytest
 _APART, _MEANS = 0.12, 0.04
 STORIES = {
     "default_cube": ["Cube"],
+    "six_materials": ["chrome", "floor", "glass", "gold", "lacquer", "tube", "wall"],
     "textured_asset": ["crate", "floor"],
     "shared_meshes": ["floor", "pillar", *(f"pillar {n}" for n in range(1, 6))],
     "instances": ["floor", *(f"tree {n}/{part}" for n in range(7) for part in ("crown", "trunk"))],
@@ -40,7 +41,9 @@ def test_a_picture_is_that_of_the_core_and_near_cycles(blender, story):
     report = play(blender, story)
     first = next(iter(report["core"].values()))
     assert set(first["mean"]) == set(STORIES[story])
-    assert report["cycles"]["l2"] < _APART, report["cycles"]
+    # Glass is taken for thin, and vertices are too few for what chrome mirrors.
+    apart = 3 * _APART if story == "six_materials" else _APART
+    assert report["cycles"]["l2"] < apart, report["cycles"]
     assert max(abs(ratio - 1) for ratio in report["cycles"]["ratio"]) < _MEANS, report["cycles"]
     if "own materials" in report:
         assert report["own materials"]["l2"] < 2 * _APART, report["own materials"]

@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 from hand import FOLDER, Until
+from mathutils import Vector
 from relight_story import install, part, settled, status
 from workflow_story import by_mesh, looked_at
 
@@ -34,6 +35,7 @@ def story(hand, report):
     shading = hand.view.spaces.active.shading
     names = ("use_scene_world", "use_scene_lights", "studio_light", "studiolight_rotate_z")
     report["reflects"] = [getattr(shading, name) for name in names]
+    report["sun"] = yield from suns(hand)
     report["copies"] = {
         o.name: [m.name for m in o.data.materials]
         for o in scene.objects if o.get("prt_copy")
@@ -111,6 +113,48 @@ def turn(hand, report):
     shown, wanted = by_mesh(), from_studio()
     report["difference"] = max(float(np.abs(shown[n] - wanted[n]).max()) for n in wanted)
     report["objects"] = sorted(shown)
+
+
+def suns(hand):
+    """How bright the background is where the turned light has its sun, and where it would have it
+    were it turned the other way."""
+    from prt_core.light import EnvironmentMap
+
+    scene, space = bpy.context.scene, hand.view.spaces.active
+    lights = bpy.context.preferences.studio_lights
+    (path,) = (each.path for each in lights if each.name == scene.prt.studio)
+    pixels = EnvironmentMap.read(path).pixels
+    height, width = pixels.shape[:2]
+    row, column = np.unravel_index(pixels.sum(axis=2).argmax(), (height, width))
+    around, up = np.pi * (1 - 2 * (column + 0.5) / width), np.pi * (0.5 - (row + 0.5) / height)
+    kept = space.region_3d.view_rotation.copy()
+    space.shading.studiolight_background_alpha, space.overlay.show_overlays = 1.0, False
+    space.shading.studiolight_background_blur = 0.0
+    brightness = []
+    for sign in (1, -1):
+        turned = around + sign * scene.prt.rotation
+        way = Vector((np.cos(turned) * np.cos(up), np.sin(turned) * np.cos(up), np.sin(up)))
+        space.region_3d.view_rotation = way.to_track_quat("-Z", "Y")
+        hand.view.tag_redraw()
+        yield 3.0
+        name = f"guide 4 sun {sign}"
+        hand.picture(name)
+        seen = picture(name)
+        across, middle = int(hand.view.x + hand.view.width / 2), hand.view.y + hand.view.height // 2
+        brightness.append(float(seen[middle - 20 : middle + 20, across - 20 : across + 20].mean()))
+    space.region_3d.view_rotation = kept
+    space.shading.studiolight_background_alpha = 0.0
+    return brightness
+
+
+def picture(name):
+    """(height, width, 3) of a picture of the window, from below."""
+    image = bpy.data.images.load(str(FOLDER / f"{name.replace(' ', '_')}.png"))
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    size = image.size[1], image.size[0], 4
+    bpy.data.images.remove(image)
+    return pixels.reshape(size)[..., :3]
 
 
 def from_studio():

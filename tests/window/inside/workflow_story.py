@@ -8,6 +8,7 @@ was beside one of the scene as it is shown.
 import time
 
 import bpy
+import materials_story
 import numpy as np
 import workflow_scenes as scenes
 from hand import FOLDER, Until
@@ -183,6 +184,36 @@ def textured_asset(hand, report):
     yield 0.3
     yield Until("the preview has settled", settled)
     yield from beside_cycles(hand, report, "textured 3")
+
+
+def six_materials(hand, report):
+    """With gloss by its checkbox, seen from the camera."""
+    yield from begin(hand, report, materials_story.build)
+    yield from hand.click("prt.gloss", at=0.6)
+    yield Until("gloss is asked for", lambda: bpy.context.scene.prt.gloss, 5)
+    yield 0.5
+    yield from press(hand, "prt.bake", status, seconds=300)
+    yield Until("the preview has settled", settled, 120)
+    yield from hand.click("prt.seen_from", at=0.85)
+    yield Until("it is the camera", lambda: bpy.context.scene.prt.seen_from == "CAMERA", 10)
+    yield from compare(hand, report, "six 1 baked", with_gloss)
+    yield from looked_at(hand, "six 2 material preview")
+    yield from beside_cycles(hand, report, "six 3")
+
+
+def with_gloss():
+    """The colours by the core, of the bake on the disk, as the camera sees them."""
+    import prt_core
+    from prt_core.relight.relighter import Relighter
+
+    scene, held = bpy.context.scene, part("preview").held()
+    asked = part("request").request(scene)
+    loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))
+    relighter = Relighter(loaded, scene.prt.caster)
+    try:
+        return loaded.colours(relighter.radiance(asked.lighting, view=asked.view_of(held)))
+    finally:
+        relighter.close()
 
 
 def shared_meshes(hand, report):

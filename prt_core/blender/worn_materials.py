@@ -48,8 +48,8 @@ def wear_own(copy, item, owner, normals, attribute):
 
 def wear_colours(copy, material):
     """Give a copy back the one material that shows colours."""
-    if len(copy.data.materials) != 1 or copy.data.materials[0] != material:
-        _fill_slots(copy.data, [material])
+    # Faces keep the numbers of their slots only where no slot goes.
+    _fill_slots(copy.data, [material] * max(len(copy.data.materials), 1))
 
 
 def _source(owner, name):
@@ -69,12 +69,8 @@ def _material(name, source):
 
 
 def _fill_slots(mesh, materials):
-    """Set the slots, and leave the faces with the numbers that they have."""
     while len(mesh.materials) < len(materials):
         mesh.materials.append(None)
-    while len(mesh.materials) > len(materials):
-        # From the end, so that no face changes its number.
-        mesh.materials.pop(index=len(mesh.materials) - 1)
     for slot, material in enumerate(materials):
         if mesh.materials[slot] != material:
             mesh.materials[slot] = material

@@ -44,6 +44,10 @@ def copy_of(name):
     return next(item for item in bpy.context.scene.objects if item.get("prt_copy") == name)
 
 
+def names_of(copy):
+    return {material.name for material in copy.data.materials}
+
+
 def world_places(item):
     places = np.empty(3 * len(item.data.vertices), np.float32)
     item.data.vertices.foreach_get("co", places)
@@ -72,11 +76,31 @@ def test_a_copy_is_where_it_was_in_the_materials_of_its_object(copied_scene, nam
     np.testing.assert_allclose(world_normals(copy), wanted, atol=2e-3)
     light = baked.colours(preview.held(copied_scene).received)[name]
     assert (colours_on(copy, "PRT Light") == light).all()
-    copied_scene.prt.look = "COLOURS"
-    bpy.ops.prt.relight()
-    assert copy_of(name) == copy and [m.name for m in copy.data.materials] == ["PRT colours"]
+    numbers = [face.material_index for face in copy.data.polygons]
+    for look, shown in (("COLOURS", {"PRT colours"}), ("MATERIALS", names_of(copy))):
+        copied_scene.prt.look = look
+        bpy.ops.prt.relight()
+        assert copy_of(name) == copy and names_of(copy) == shown
+        assert [face.material_index for face in copy.data.polygons] == numbers
     bpy.ops.prt.clear()
     assert not [m.name for m in bpy.data.materials if "relit" in m.name or "PRT" in m.name]
+
+
+@pytest.mark.parametrize("look", ["COLOURS", "MATERIALS"])
+def test_copies_are_those_of_the_bake_that_is_shown(copied_scene, look):
+    copied_scene.prt.look = look
+    bpy.ops.prt.bake()
+    before = world_places(copy_of("group/box"))
+    faces = copied_scene.objects["ball"].data.polygons
+    faces.foreach_set("material_index", np.zeros(len(faces), np.int32))
+    copied_scene.objects["group"].location.x += 0.25
+    bpy.context.view_layer.update()
+    bpy.ops.prt.bake()
+    assert not preview.held(copied_scene).warned
+    after = world_places(copy_of("group/box"))
+    np.testing.assert_allclose(after, before + (0.25, 0, 0), atol=1e-5)
+    if look == "MATERIALS":
+        assert {face.material_index for face in copy_of("ball").data.polygons} == {0}
 
 
 def test_slots_and_uv_maps_are_those_of_the_object(copied_scene):

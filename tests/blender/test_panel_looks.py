@@ -187,7 +187,7 @@ def test_another_quality_costs_no_new_reading(floor_scene, monkeypatch):
         alone.setattr(plan, "read_steps", None)
         run(plan.steps(floor_scene, again=False))
     after, holds = plan.of(floor_scene)
-    assert holds and after.cost.rays > 4 * before.cost.rays
+    assert holds and after.cost.rays > before.cost.rays
     assert (after.messages, after.digests) == (before.messages, before.digests)
     # What is of the scene is read anew, and so is gloss.
     live.geometry_changed(floor_scene)

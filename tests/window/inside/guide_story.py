@@ -74,8 +74,18 @@ def build(hand):
     shader.inputs["Base Color"].default_value = 0.745, 0.162, 0.014, 1  # E07020
     shader.inputs["Roughness"].default_value = 0.2
     monkey.data.materials.append(material)
+    with bpy.context.temp_override(
+        window=hand.window,
+        area=hand.view,
+        region=next(r for r in hand.view.regions if r.type == "WINDOW"),
+    ):
+        bpy.ops.view3d.view_selected()
     yield from hand.to_view()
-    yield from hand.key("HOME")
+    for _ in range(2):
+        yield from hand.key("WHEELDOWNMOUSE")
+    hand.view.spaces.active.overlay.show_overlays = False
+    # Software OpenGL draws a view eight times after each change otherwise.
+    bpy.context.preferences.system.viewport_aa = "OFF"
     yield 0.5
 
 
@@ -128,7 +138,7 @@ def suns(hand):
     row, column = np.unravel_index(pixels.sum(axis=2).argmax(), (height, width))
     around, up = np.pi * (1 - 2 * (column + 0.5) / width), np.pi * (0.5 - (row + 0.5) / height)
     kept = space.region_3d.view_rotation.copy()
-    space.shading.studiolight_background_alpha, space.overlay.show_overlays = 1.0, False
+    space.shading.studiolight_background_alpha = 1.0
     space.shading.studiolight_background_blur = 0.0
     brightness = []
     for sign in (1, -1):

@@ -91,10 +91,10 @@ def build(hand):
 
 def light_and_bake(hand, report):
     scene = bpy.context.scene
-    yield from hand.click("prt.light", at=0.8)
-    yield Until("it is a studio light", lambda: scene.prt.light == "STUDIO", 5)
     yield from hand.click("prt.quality", at=0.2)
     yield Until("it is a draft", lambda: scene.prt.quality == "DRAFT", 5)
+    yield from hand.click("prt.light", at=0.8)
+    yield Until("it is a studio light", lambda: scene.prt.light == "STUDIO", 5)
     yield 1.0
     hand.picture("guide 1 before")
     yield from hand.click("prt.bake")

@@ -77,7 +77,8 @@ def _wanted(scene):
             return None
         wanted |= {
             "studio_light": name,
-            "studiolight_rotate_z": math.remainder(light.rotation, 2 * math.pi),
+            # Blender turns what is looked up, so that the light turns the other way.
+            "studiolight_rotate_z": math.remainder(-light.rotation, 2 * math.pi),
             "studiolight_intensity": light.strength * 2.0**scene.prt.exposure,
         }
     return wanted

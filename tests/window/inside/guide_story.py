@@ -139,6 +139,7 @@ def suns(hand):
     around, up = np.pi * (1 - 2 * (column + 0.5) / width), np.pi * (0.5 - (row + 0.5) / height)
     kept = space.region_3d.view_rotation.copy()
     space.shading.studiolight_background_alpha = 1.0
+    space.show_object_viewport_mesh = False
     space.shading.studiolight_background_blur = 0.0
     brightness = []
     for sign in (1, -1):
@@ -154,6 +155,7 @@ def suns(hand):
         brightness.append(float(seen[middle - 20 : middle + 20, across - 20 : across + 20].mean()))
     space.region_3d.view_rotation = kept
     space.shading.studiolight_background_alpha = 0.0
+    space.show_object_viewport_mesh = True
     return brightness
 
 

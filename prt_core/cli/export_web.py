@@ -22,6 +22,10 @@ def add_web(commands):
         "--light", nargs="+", metavar="IMAGE", help="what it offers (four images of its own)"
     )
     web.add_argument(
+        "--lights", nargs="+", metavar="JSON", help="lights by name, as the add-on writes them: a "
+        "button each",
+    )  # fmt: skip
+    web.add_argument(
         "--light-field", metavar="NAME.slf", help="shown on the same page beside the bake"
     )
     web.add_argument("--title", help="of the page (the name of the bake)")
@@ -45,6 +49,7 @@ def _web(options):
             one_file=options.one_file or None,
             bits=not options.no_bits,
             lights=options.light,
+            sets=options.lights,
             title=options.title,
             lamp_samples=options.lamp_samples,
             caster=options.caster,

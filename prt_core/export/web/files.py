@@ -21,6 +21,7 @@ SCRIPTS = {
     "exr.js": ("exr.js", "piz.js"),
     "gloss.js": ("gloss_shaders.js", "gloss.js"),
     "lightfield.js": ("lightfield.js",),
+    "sets.js": ("sets.js",),
 }  # fmt: skip
 # By which a page of this project is known, in its first bytes.
 _MARK, _HEAD = b'name="generator" content="prt_core"', 1024

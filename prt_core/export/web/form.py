@@ -28,7 +28,7 @@ _SHARE = 0.0025
 # Points a cluster has on average, and components, where there is no form to take; of few points
 # there are more clusters, up to so many, of so many points at least.
 _POINTS_A_CLUSTER, _COMPONENTS = 1000, 24
-_FEW_CLUSTERS, _FEW_POINTS = 24, 100
+_FEW_CLUSTERS, _FEW_POINTS = 64, 100
 _MOST = 127
 # The step of the strongest feature of bounced light over the expected size of a texel in it.
 _BASIS_STEP = 0.0015
@@ -49,7 +49,9 @@ def form_steps(bake):
     if form is not None and form.of == "points" and _is_apart(form.model):
         return form.model, f"the bake's own {form.method}"
     n_points = bake.transport.n_points
-    n_clusters = max(round(n_points / _POINTS_A_CLUSTER), 1, min(_FEW_CLUSTERS, n_points // _FEW_POINTS))
+    n_clusters = max(
+        round(n_points / _POINTS_A_CLUSTER), 1, min(_FEW_CLUSTERS, n_points // _FEW_POINTS)
+    )
     model = ClusteredPCA(n_clusters, _COMPONENTS)
     task = Task.of(bake.transport, bake.scene.points, dense=bake.dense)
     yield from model.fit_steps(task.rows)

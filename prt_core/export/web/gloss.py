@@ -20,10 +20,10 @@ from prt_core.transport.lobe_cuts import parts_along
 
 # Blocks along an edge of a face, at most; and parts of a block that have a bit.
 _SIDE, _CELLS = 8, (4, 2, 1)
-# A page's patches, which 12 bits number, and those of metal, which take longer; points of a patch,
-# and the least cosine between its normals.
-_MOST_PATCHES, _MOST_METAL = 4095, 512
-_RUN, _ALIKE = 16, 0.7
+# A page's patches, which 14 bits number, and those of metal, which take longer; the least cosine
+# between the normals of a patch.
+_MOST_PATCHES, _MOST_METAL = 16383, 1024
+_ALIKE = 0.7
 # Texels of the field, at most.
 _MOST_FIELD = 1 << 25
 _PART = 1024
@@ -102,6 +102,8 @@ def pack_gloss(pack, bake, points):
     patch = np.repeat(np.arange(len(start) - 1), np.diff(start))
     pack.add("patch", start.astype(np.uint32), differences=True)
     pack.add("metal", metal.astype(np.uint16), differences=True)
+    number_of = np.full(len(start), -1)
+    number_of[metal + 1] = np.arange(len(metal))
     rows, n_wide, row_of = _rows(bake, tree, points, number)
     pack.add("gloss_row", row_of.astype(np.uint32), differences=True)
     pack.add("gloss_point", rows.astype(np.uint32), differences=True)
@@ -110,13 +112,19 @@ def pack_gloss(pack, bake, points):
     met, hidden, gathered = _in_the_way(bake, tree, points[rows], patch_of)
     order = tree.order()
     # Block by block: neighbours along the curve are alike in each.
-    pack.add("met", met[:, order].T)
+    met = met[:, order]
+    pack.add("met", met.T)
+    # From where metal is seen: blocks of directions in which others have it.
+    seen = number_of[met]
+    row, block = np.nonzero(seen >= 0)
+    glimpses = np.unique(seen[row, block] * len(order) + block)
+    pack.add("glimpse", glimpses.astype(np.uint32), differences=True)
     pack.add("hidden", hidden[:, order].T)
     pack.add("gloss_met", gathered[order].astype(np.float32))
     pack.add("gloss_open", _mean_visibility(bake, points[rows]))
     # Blocks are cut into parts where lobes are narrower than these.
     fine = FINER * bake.cube_map.resolution if n_wide < len(rows) else bake.cube_map.resolution
-    parts = parts_along(2 * tree.blocks.side, 2 * facts["narrowest"], fine)
+    parts = parts_along(2 * tree.blocks.side, facts["narrowest"], fine)
     return lobes.notes, facts | {
         "top": tree.top,
         "levels": tree.levels,
@@ -215,7 +223,7 @@ def _patches(scene, points, strong):
     metal : (m,) int
         Those of metal.
     """
-    run, metal_run = _RUN, _RUN
+    run = metal_run = 1
     normals, group = scene.points.normals[points], scene.points.object_index[points]
     kind = 2 * group + strong
     while True:
@@ -255,7 +263,7 @@ def _in_the_way(bake, tree, rows, patch_of):
     met : (n_rows, n_blocks) uint16
         A patch, from 1 on; 0 where nothing is that returns light.
     hidden : (n_rows, n_blocks) uint8
-        In 15ths: the rest lies below the horizon.
+        In thirds: the rest lies below the horizon.
     gathered : (n_blocks,) float
         Light that all rows see there in the mean, under an even sky of 1.
     """
@@ -299,7 +307,7 @@ def _in_the_way(bake, tree, rows, patch_of):
             ratio = np.clip(share / np.maximum(rest, 1e-6), 0, 1)
             mine = where >= 0
             patch = np.where(share > 0, patch_of[table], 0)
-            met[where[mine]], hidden[where[mine]] = patch[mine], np.rint(15 * ratio)[mine]
+            met[where[mine]], hidden[where[mine]] = patch[mine], np.rint(3 * ratio)[mine]
             gathered += (share * even[table])[mine].sum(axis=0)
     return met, hidden, gathered / max(len(rows), 1)
 

@@ -13,9 +13,9 @@ from prt_core.relight.glossy_points import METAL, narrowest_of
 from prt_core.relight.point_lobes import PointLobes
 
 # Every so many of the nodes of `ViewFactors`, and materials that are told apart by them.
-_EVERY, _KINDS = 3, 256
+_EVERY, _KINDS = 1, 256
 # Steps of Fresnel terms, and of the logarithm of alphas.
-_STEP, _ALPHA_STEP = 1 / 1024, 1 / 64
+_STEP, _ALPHA_STEP = 1 / 4096, 1 / 512
 # Objects that a note names.
 _NAMED = 5
 

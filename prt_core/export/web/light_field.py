@@ -84,7 +84,7 @@ def pack_light_field_steps(pack, field):
             "columns": columns,
             "points": len(shown),
         },
-        "about": f"{len(shown):,} points of a light field, within {np.mean(errors):.1%} of its file.",
+        "about": f"A light field of {len(shown):,} points, within {np.mean(errors):.1%} of it.",
     }
     grey = uncaptured(field)
     report = {

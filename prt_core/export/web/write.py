@@ -6,12 +6,20 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake.light_field_load import LightField
-from prt_core.errors import expect, expect_flag, expect_kind, expect_offers, expect_whole
+from prt_core.errors import (
+    expect,
+    expect_all,
+    expect_flag,
+    expect_kind,
+    expect_offers,
+    expect_whole,
+)
 from prt_core.export.web.error import error_steps
 from prt_core.export.web.files import DATA, FIELD_DATA, expect_place, page_files, write_page
 from prt_core.export.web.form import coded_form, form_steps, pack_bits, pack_form
 from prt_core.export.web.gloss import pack_gloss, pack_highlight
 from prt_core.export.web.light_field import pack_light_field_steps
+from prt_core.export.web.light_sets import image_paths, page_sets, read_sets
 from prt_core.export.web.pack import Pack, shared_exponent
 from prt_core.export.web.sources import (
     emitter_steps,
@@ -40,6 +48,8 @@ class WebSettings:
         The visibility bits, by which suns are sharp; without them a page is small and suns soft.
     lights : sequence of str or Path, optional
         Images that it offers, shrunk; default: four of its own.
+    sets : sequence of str or Path, optional
+        .json files of lights by name (see `relight.light_file`), each of which has a button.
     title : str, optional
         Default: the name of the bake.
     lamp_samples : int
@@ -51,6 +61,7 @@ class WebSettings:
     one_file: bool | None = None
     bits: bool = True
     lights: object = None
+    sets: object = None
     title: str | None = None
     lamp_samples: int = 256
     caster: str = "auto"
@@ -104,6 +115,7 @@ def write_web_steps(bake, output, settings=None, pace=None, field=None):
         report, pack = yield from _bake_steps(bake, settings, title, pace)
         data[DATA] = pack.script()
         scripts += ["exr.js"] + ["gloss.js"] * ("gloss" in pack.facts)
+        scripts += ["sets.js"] * ("sets" in pack.facts)
     if field is not None:
         pack = Pack({"title": title, "version": __version__, "sources": [], "images": []})
         shown = yield from pack_light_field_steps(pack, field)
@@ -119,7 +131,11 @@ def write_web_steps(bake, output, settings=None, pace=None, field=None):
 
 def _bake_steps(bake, settings, title, pace):
     """What is to be told of a bake's page, and its `Pack`; a generator of `Progress`."""
-    images = yield from in_thread("lights", page_images, settings.lights)
+    sets = [] if settings.sets is None else read_sets(settings.sets, bake)
+    own = settings.lights
+    own = [] if own is None else expect_all("lights", own, str | Path, "images")
+    paths = [*own, *image_paths(sets)] or settings.lights
+    images = yield from in_thread("lights", page_images, paths)
     expect_images(images)
     surface = yield from in_thread("surface", surface_of, bake.scene)
     sources = yield from lamp_steps(bake, settings.caster, settings.lamp_samples, pace)
@@ -138,6 +154,8 @@ def _bake_steps(bake, settings, title, pace):
     pack = Pack({"title": title, "version": __version__, "bits": settings.bits, "about": about})
     work = _pack, pack, pack.facts, bake, surface, sources, coded, images
     notes = yield from in_thread("pack", *work)
+    if sets:
+        pack.facts["sets"] = page_sets(sets, bake, sources, len(own))
     report = {
         "parts": pack.sizes,
         "form": form,

@@ -83,7 +83,7 @@ function haar(faces, n) {
 const EVEN_HEIGHT = 256, BRIGHT = 4, HOT = 384, HOT_PARTS = 40000;
 
 class TurningLight {
-  constructor(image, n, finer = 3) {
+  constructor(image, n) {
     this.n = n;
     this.solid = solidAngles(n);
     const {width, height, pixels} = image, count = width * height, mean = [0, 0, 0];
@@ -99,7 +99,7 @@ class TurningLight {
       }
       if (small) bright.push(i);
     }
-    this.even = onFineTexels(shrunk({width, height, pixels: even}), min(finer * n, 1024), 16);
+    this.even = onFineTexels(shrunk({width, height, pixels: even}), min(3 * n, 1024), 16);
     const above = i => [0, 1, 2].map(c => pixels[3 * i + c] > BRIGHT * mean[c] ? pixels[3 * i + c] - mean[c] : 0);
     this.bright = bright.length ? suns(width, height, bright, above, n) : null;
   }

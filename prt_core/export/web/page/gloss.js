@@ -30,11 +30,10 @@ class Gloss {
     Object.assign(this, {gpu, ...facts.gloss, n: facts.resolution, met: arrays.gloss_met, open: arrays.gloss_open});
     this.side = top << levels - 1;
     this.blocks = 6 * this.side ** 2;
-    const narrow = rows > wide, way = max(levels - 2, 0), {head} = gpu;
+    const narrow = rows > wide, {head} = gpu;
     this.sizes = levels + narrow;
     gpu.head += Object.entries({TOP: 6 * top * top, LEVELS: levels, CELLS: cells, QUADS: max(1, cells * cells / 4), WIDE_ROWS: wide,
-      ROWS: rows, PARTS: parts, LOBES: lobes.length, GROUPS: lobes.join(), KNOTS: nodes, SURFACES: surfaces, WAY_LEVEL: way,
-      WAYS: 6 * top * top * 4 ** way}).map(([name, value]) => `#define ${name} ${value}\n`).join("");
+      ROWS: rows, PARTS: parts, LOBES: lobes.length, GROUPS: lobes.join(), KNOTS: nodes, SURFACES: surfaces}).map(([name, value]) => `#define ${name} ${value}\n`).join("");
     this.patchMeans = gpu.program(PATCHES, null);
     this.field = gpu.program(CORNER, FIELD);
     this.glimpses = gpu.program(GLIMPSES, null);
@@ -47,13 +46,16 @@ class Gloss {
       metals[patch] = k + 1;
       middles[k] = arrays.patch[patch] + arrays.patch[patch + 1] - 1 >> 1;
     });
+    const views = new Uint32Array(max(1, this.metal) * this.blocks);
+    arrays.glimpse.forEach((code, k) => { views[code] = k; });
     const direct = new Uint32Array(lamps.length * n || 1), count = (rows - wide) * this.nodesOf(1) + wide * this.nodesOf(0);
     lamps.forEach(({lamp}, k) => { if (lamp) direct.set(arrays["direct" + k], k * n); });
     Object.assign(data, {
       codes: gpu.table("u32", this.codes(arrays, bits, width), this.blocks * rows), field: gpu.table("u32", null, count),
       patches: gpu.table("u32", arrays.patch, patches + 1), metals: gpu.table("u32", metals, patches),
       middles: gpu.table("u32", middles, middles.length), sends: gpu.target(patches), glossed: gpu.target(n),
-      glimpsed: gpu.target(max(1, this.metal) * 6 * top * top * 4 ** way), glossRow: gpu.table("u32", arrays.gloss_row, n),
+      views: gpu.table("u32", views, views.length), glimpses: gpu.table("u32", arrays.glimpse, arrays.glimpse.length),
+      glimpsed: gpu.target(max(1, arrays.glimpse.length)), glossRow: gpu.table("u32", arrays.gloss_row, n),
       surfaces: gpu.table("u32", arrays.surface, n), matter: gpu.table("f32x4", arrays.lobe, arrays.lobe.length / 4),
       light: gpu.table("f32x4", null, this.table.length / 4), brightBits: gpu.table("u8", null, MOST_GLINTS * width),
       direct: gpu.table("shared", direct, n, max(1, lamps.length)),
@@ -64,6 +66,7 @@ class Gloss {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, data.field.texture, 0);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.rowBytes = width;
+    this.glimpsed = arrays.glimpse.length;
   }
 
   // Nodes of a row, without the smallest ones or with them.
@@ -73,7 +76,7 @@ class Gloss {
   codes({met, hidden, gloss_point: points}, bits, width) {
     const {top, levels, cells, rows, n, side} = this, many = cells * cells, out = new Uint32Array(this.blocks * rows);
     const order = treeOrder(top, levels + Math.log2(cells)), edge = side * cells, step = n / edge;
-    for (let i = 0; i < out.length; i++) out[i] = met[i] << 16 | hidden[i] << 28;
+    for (let i = 0; i < out.length; i++) out[i] = met[i] << 16 | hidden[i] << 30;
     for (let c = 0; c < order.length; c++) {
       const face = order[c] / (edge * edge) | 0, row = order[c] / edge % edge | 0, half = step >> 1;
       const texel = (face * n + row * step + half) * n + order[c] % edge * step + half;
@@ -146,7 +149,7 @@ class Gloss {
   finer(texels, source, turn) {
     const {fine, n} = this, step = fine / n;
     if (step === 1) return texels;
-    if (source.turning) return (source.finer ||= new TurningLight(source.image, fine, 2)).at(turn);
+    if (source.turning) return (source.finer ||= new TurningLight(source.image, fine)).at(turn);
     const out = floats(18 * fine * fine);
     for (let i = 0; i < out.length / 3; i++) {
       const from = 3 * (((i / (fine * fine) | 0) * n + (i / fine % fine / step | 0)) * n + (i % fine / step | 0));
@@ -235,8 +238,8 @@ class Gloss {
     this.more = {strengths: ["1fv", own], lit: ["1fv", shine], lamps: ["4fv", lamps], nLamps: ["1i", strengths.length]};
     gpu.run(this.patchMeans, ["radiance", "patches"], {}, "sends");
     this.fill(0);
-    for (let sweep = 0; sweep < 2 && this.metal; sweep++) {
-      gpu.run(this.glimpses, [...LOBE_TABLES, "middles"], numbers, "glimpsed");
+    for (let sweep = 0; sweep < 2 && this.glimpsed; sweep++) {
+      gpu.run(this.glimpses, [...LOBE_TABLES, "middles", "glimpses"], numbers, "glimpsed");
       this.fill(1);
     }
   }
@@ -247,7 +250,7 @@ class Gloss {
     gl.viewport(0, 0, WIDE, data.field.high);
     gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.CULL_FACE);
-    gpu.use(this.field, ["codes", "metals", "light", "sends", "glimpsed"], {...this.numbers, again: ["1i", again]});
+    gpu.use(this.field, ["codes", "metals", "views", "light", "sends", "glimpsed"], {...this.numbers, again: ["1i", again]});
     gl.bindVertexArray(gpu.nothing);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);

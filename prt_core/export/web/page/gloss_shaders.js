@@ -35,17 +35,17 @@ void main() {
 // The field: of each node of a row the mean of the light from there, of the sky by the bits of four
 // texels or cells of a block at once, and of what is in the way.
 const CORNER = `void main() { gl_Position = vec4(ID == 1 ? 3 : -1, ID == 2 ? 3 : -1, 0, 1); }`;
-const FIELD = TREE + SHARED + `uniform usampler2D codes, metals; uniform sampler2D light, sends, glimpsed;
+const FIELD = TREE + SHARED + `uniform usampler2D codes, metals, views; uniform sampler2D light, sends, glimpsed;
 uniform float environment, scale; uniform int tables; uniform bool again; out uint value;
 vec3 sky(int block, int quad, uint bits) { return get(light, tables + (block * QUADS + quad) * 16 + int(bits)).rgb * environment; }
 vec3 behind(uint code, int block) {
-  int patch_ = int(code >> 16 & 4095u);
+  int patch_ = int(code >> 16 & 16383u);
   if (patch_ == 0) return vec3(0);
   int metal = again ? int(get(metals, patch_ - 1).r) : 0;
-  if (metal > 0) return get(glimpsed, (metal - 1) * WAYS + (block >> 2 * (DEEP - WAY_LEVEL))).rgb;
+  if (metal > 0) return get(glimpsed, int(get(views, (metal - 1) * BLOCKS + block).r)).rgb;
   return get(sends, patch_ - 1).rgb;
 }
-float hidden(uint code) { return float(code >> 28) / 15.; }
+float hidden(uint code) { return float(code >> 30) / 3.; }
 float open(uint bits) { return float((bits & 1u) + (bits >> 1 & 1u) + (bits >> 2 & 1u) + (bits >> 3 & 1u)) / 4.; }
 float solid(int node) { return get(light, 2 * node + 1).w; }
 void main() {
@@ -181,11 +181,11 @@ vec3 even(int i) { return get(radiance, i).rgb - get(matter, surface + 1).rgb * 
 `;
 
 // What metal sends to each block of directions from which others see it.
-const GLIMPSES = LOBES_OVER + `uniform usampler2D middles; out vec4 value;
+const GLIMPSES = LOBES_OVER + `uniform usampler2D middles, glimpses; out vec4 value;
 void main() {
-  int i = int(get(middles, ID / WAYS).r), row = int(get(glossRow, i).r) - 1;
+  int code = int(get(glimpses, ID).r), i = int(get(middles, code / BLOCKS).r), row = int(get(glossRow, i).r) - 1;
   prepare(i);
-  vec3 way = -get(light, 2 * (first(WAY_LEVEL) + ID % WAYS) + 1).xyz;
+  vec3 way = -get(light, 2 * (first(DEEP) + code % BLOCKS) + 1).xyz;
   look(normalize(way + max(0.05 - dot(way, N), 0.) * N));
   value = vec4(max(even(i) + reflected(i, row, 0.1), 0.), 0);
 }`;

@@ -50,6 +50,8 @@ class Gloss {
     arrays.glimpse.forEach((code, k) => { views[code] = k; });
     const direct = new Uint32Array(lamps.length * n || 1), count = (rows - wide) * this.nodesOf(1) + wide * this.nodesOf(0);
     lamps.forEach(({lamp}, k) => { if (lamp) direct.set(arrays["direct" + k], k * n); });
+    if (ceil(max(count, this.blocks * rows) / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+      fail("This device's graphics hold no tables as large as the gloss of this bake needs.");
     Object.assign(data, {
       codes: gpu.table("u32", this.codes(arrays, bits, width), this.blocks * rows), field: gpu.table("u32", null, count),
       patches: gpu.table("u32", arrays.patch, patches + 1), metals: gpu.table("u32", metals, patches),

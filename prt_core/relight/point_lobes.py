@@ -121,6 +121,13 @@ class PointLobes:
 class LobeGroup:
     """Lobes that have the same roughness at each point.
 
+    Parameters
+    ----------
+    principled : PrincipledLobes
+        Of n points, and of what has no gloss.
+    names : sequence of str
+        Of lobes.
+
     Attributes
     ----------
     lobes : dict of str -> (n + 1, N_POWERS, 3) float32
@@ -128,10 +135,10 @@ class LobeGroup:
     alpha : (n + 1, 2) float32
     """
 
-    def __init__(self, lobes, names):
-        n = lobes.n_points
+    def __init__(self, principled, names):
+        n = principled.n_points
         self.lobes, self.alpha = {}, np.ones((n, 2), np.float32)
-        for lobe in lobes.lobes:
+        for lobe in principled.lobes:
             if lobe.name in names:
                 powers = np.zeros((n, N_POWERS, 3), np.float32)
                 powers[lobe.rows] = fresnel_powers(lobe.reflectance.fresnel) * lobe.weight

@@ -49,7 +49,7 @@ class GlossyPoints:
         self._mirror = Mirror(self.field, bake.transport.bits)
         self._materials = points.materials[which]
         self._frames = lobes.frames[first : first + len(which)]
-        self.narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
+        self.narrowest = narrowest_of(bake.cube_map)
         # Wide lobes need no detail of the light.
         self._is_wide = reflections.blocks.side <= _WIDE
         self._map = None
@@ -226,6 +226,11 @@ class GlossyPoints:
                 world[self.points[some]], outgoing[lit],
             )  # fmt: skip
         return result
+
+
+def narrowest_of(cube_map):
+    """Alpha (float32) below which lobes are mirrors, for the texels of a `CubeMap`."""
+    return np.float32(_TEXELS * np.pi / 4 / cube_map.resolution)
 
 
 def highlights(materials, frames, lamp, received, world, outgoing):

@@ -30,6 +30,8 @@ class PointLobes:
         Roughness of their diffuse lobes.
     facets : (n + 1, 3) float32
         Colour of the facets of these.
+    groups : list of LobeGroup
+        Lobes of one roughness, those that any point has.
     """
 
     def __init__(self, materials, normals):
@@ -45,13 +47,13 @@ class PointLobes:
             if lobe.name == "diffuse":
                 self.rough[lobe.rows] = lobe.reflectance.diffuse_roughness[..., 0]
                 self.facets[lobe.rows] = lobe.reflectance.colour[:, 0]
-        self._groups = [_Group(lobes, names) for names in _GROUPS]
-        self._groups = [group for group in self._groups if group.lobes]
+        self.groups = [LobeGroup(lobes, names) for names in _GROUPS]
+        self.groups = [group for group in self.groups if group.lobes]
 
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
         result = np.zeros(len(self.normals), np.float32)
-        for group in self._groups:
+        for group in self.groups:
             for powers in group.lobes.values():
                 result += powers[:-1, 0].max(axis=1)
         return result
@@ -75,7 +77,7 @@ class PointLobes:
         """
         factors = self._factors.at(rows, cosine)
         groups = []
-        for group in self._groups:
+        for group in self.groups:
             powers = sum(
                 values[rows] * factors[name][:, None] for name, values in group.lobes.items()
             )
@@ -147,20 +149,27 @@ class PointLobes:
         return local_frames(normals, tangents).astype(np.float32)
 
 
-class _Group:
+class LobeGroup:
     """Lobes that have the same roughness at each point.
+
+    Parameters
+    ----------
+    principled : PrincipledLobes
+        Of n points, and of what has no gloss.
+    names : sequence of str
+        Of lobes.
 
     Attributes
     ----------
-    lobes : dict of str -> (n, N_POWERS, 3) float32
-        Their Fresnel terms.
-    alpha : (n, 2) float32
+    lobes : dict of str -> (n + 1, N_POWERS, 3) float32
+        Their Fresnel terms, by name.
+    alpha : (n + 1, 2) float32
     """
 
-    def __init__(self, lobes, names):
-        n = lobes.n_points
+    def __init__(self, principled, names):
+        n = principled.n_points
         self.lobes, self.alpha = {}, np.ones((n, 2), np.float32)
-        for lobe in lobes.lobes:
+        for lobe in principled.lobes:
             if lobe.name in names:
                 powers = np.zeros((n, N_POWERS, 3), np.float32)
                 powers[lobe.rows] = fresnel_powers(lobe.reflectance.fresnel) * lobe.weight

@@ -18,6 +18,7 @@ from prt_core.bake.visibility import STAGE, ExhaustiveBlocks, chosen_method
 from prt_core.bake.visibility_stage import choose_tile
 from prt_core.errors import expect, expect_flag, expect_kind, expect_path, system_errors
 from prt_core.light.environment import expect_radiance
+from prt_core.runtime.machine import return_memory
 from prt_core.scene import expect_camera
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
@@ -154,6 +155,7 @@ def finish_steps(path, memory=None, compute=False):
         scene = read_scene(store)
         scene.messages[:] = map(str, work["messages"])
         lights = _read_lights(store, work["lights"], cube_map)
+    return_memory()
     scene.open_points = store.read(OPEN, (len(scene.points),), "bool")
     emitted = EmissionResult()
     if scene.emitters:

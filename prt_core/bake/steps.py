@@ -17,6 +17,7 @@ from prt_core.bake.stages import WORK, close_work, is_planned
 from prt_core.bake.visibility_stage import comes_in_blocks, visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
+from prt_core.runtime.machine import return_memory
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
 from prt_core.scene import Scene, expect_camera, with_details
@@ -225,6 +226,8 @@ def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None
     if pictures is not None:
         pictures.detailed(scene)
     keep_lights(store, attributes, world)
+    # What building the scene and looking for details took.
+    return_memory()
     yield Progress("scene", 0, 0)
     return Begun(store, scene, caster, seconds, resumed)
 
@@ -263,6 +266,7 @@ def rest_steps(
     store, scene, caster, seconds = begun.store, begun.scene, begun.caster, begun.seconds
     given = store, scene, cube_map, caster, settings
     seen = yield from visibility_steps(*given, lights, seconds, pace, pictures, here, memory)
+    return_memory()
     reflected = yield from reflection_steps(*given, seconds)
     if emitted is None:
         emitted = yield from emission_steps(store, scene, caster, settings, seconds)
@@ -276,6 +280,7 @@ def rest_steps(
         with damage_as_error(store.path):
             gather = gather_so_far(store, bounced.rounds, memory)
             pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
+    return_memory()
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds, memory)
     planned = is_planned(store)
     if planned:

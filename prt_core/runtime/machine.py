@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -63,6 +64,18 @@ def reset_peak():
     except OSError:
         return False
     return True
+
+
+def return_memory():
+    """Give memory that was freed back to the system, where the C library keeps it (glibc does).
+
+    After large arrays came and went it keeps about as much as the largest of them took together.
+    """
+    if sys.platform.startswith("linux"):
+        import ctypes
+
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _windows_peak():

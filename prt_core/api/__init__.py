@@ -22,18 +22,17 @@ from prt_core.errors import (
     PRTError,
     expect,
     expect_kind,
-    expect_path,
     shown,
 )
 from prt_core.light.environment import named_images
 from prt_core.relight.environments import Environments
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.relighter import Relighter
-from prt_core.runtime.files import expect_output
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
-from prt_core.store import BakeStore, remove_compressed
+from prt_core.store import BakeStore, expect_store_output, remove_compressed
 from prt_core.transport import View
 
 
@@ -121,7 +120,7 @@ def bake(
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
-    output = expect_output("output", output, ".prt", folder=True, create=True)
+    output = expect_store_output("output", output, ".prt", create=True)
     image = ImageSettings(
         camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
         atlas_uv, atlas_margin,
@@ -208,14 +207,14 @@ def compress_bake_steps(
             "method 'none' removes the compressed form; it takes no tolerance, size, time or "
             "lights",
         )
-        path = bake.path if isinstance(bake, Bake) else expect_path("bake", bake)
+        path = bake.path if isinstance(bake, Bake) else expect_store_path("bake", bake)
         remove_compressed(BakeStore(path, "r+"))
         return None
     settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed, of)
     if lights is not None and not isinstance(lights, dict):
         lights = named_images(lights)
     if not isinstance(bake, Bake):
-        bake = yield from in_thread("load", load, expect_path("bake", bake))
+        bake = yield from in_thread("load", load, expect_store_path("bake", bake))
     if lights is None:
         with suppress(PRTError):  # without Blender plain skies stand in
             lights = studio_lights()
@@ -279,7 +278,7 @@ def _view_of(bake, view):
 
 
 def _loaded(bake):
-    return bake if isinstance(bake, Bake) else load(expect_path("bake", bake))
+    return bake if isinstance(bake, Bake) else load(expect_store_path("bake", bake))
 
 
 def environment_light(bake, light, rotation=None, strength=1.0):

@@ -2,8 +2,9 @@
 
 from prt_core.bake import Bake
 from prt_core.bake.load import load
-from prt_core.errors import expect, expect_path
+from prt_core.errors import expect
 from prt_core.export.web import WebSettings, write_web_steps
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import run
 
@@ -41,5 +42,5 @@ def export_web_steps(bake, output, *, pace=None, **settings):
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = WebSettings(**settings)
     if not isinstance(bake, Bake):
-        bake = yield from in_thread("load", load, expect_path("bake", bake))
+        bake = yield from in_thread("load", load, expect_store_path("bake", bake))
     return (yield from write_web_steps(bake, output, settings, pace))

@@ -1,17 +1,16 @@
 """The light field of a scene or of a bake, from Python."""
 
-from pathlib import Path
-
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_transport import TransportCamera
 from prt_core.bake.load import load
 from prt_core.blender_access import import_bpy, open_blend
-from prt_core.errors import expect, expect_all, expect_flag, expect_path, expect_whole
-from prt_core.runtime.files import expect_output
+from prt_core.errors import expect, expect_all, expect_flag, expect_whole
+from prt_core.runtime.address import expect_store_path, folder_of
 from prt_core.runtime.main_thread import each_in_thread, in_thread
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
+from prt_core.store import expect_store_output
 
 
 def light_field(
@@ -66,7 +65,7 @@ def light_field(
     known = LightFieldSettings.__dataclass_fields__
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
-    output = expect_output("output", output, ".slf", folder=True, create=True)
+    output = expect_store_output("output", output, ".slf", create=True)
     asked = LightFieldSettings(**settings), objects, two_sided, grid, hidden, lamps, restart
     return run(light_field_steps(source, output, *asked), report)
 
@@ -99,7 +98,7 @@ def light_field_steps(
         expect_whole("hidden", hidden)
     if grid is not None:
         expect_whole("grid", grid, 1)
-    if source is not None and expect_path("source", source).suffix == ".prt":
+    if source is not None and expect_store_path("source", source).suffix == ".prt":
         given = objects is not None or two_sided or grid is not None or hidden is not None
         expect(not given, f"{source}: its points are those of the bake; name none, and no grid")
         bake = yield from in_thread("load", load, source)
@@ -114,7 +113,7 @@ def light_field_steps(
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 
     scene = scene or bpy.context.scene
-    uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
+    uid, origin = scene.session_uid, origin_of(scene, folder_of(output))
     objects = None if objects is None else expect_all("objects", objects, str, "objects' names")
     two_sided = expect_all("two_sided", two_sided, str, "objects' names")
     meshes = yield from light_field_meshes_steps(uid, objects, two_sided, lamps, pace)

@@ -30,12 +30,12 @@ from prt_core.errors import (
     expect_number,
     expect_offers,
     expect_pair,
-    expect_path,
     expect_seed,
     expect_whole,
     system_errors,
 )
 from prt_core.lightfield.tangent_frames import smooth_frames
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import expect_memory
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
@@ -153,7 +153,7 @@ def capture_light_field(
     expect_offers(
         "camera", camera, ("name", "lights", "most_points", "shoot"), "a camera of light fields"
     )
-    path = expect_path("light field", path)
+    path = expect_store_path("light field", path)
     if restart != "changed":
         expect_flag("restart", restart)
     expect(

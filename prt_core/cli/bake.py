@@ -23,6 +23,7 @@ from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
 from prt_core.runtime.files import expect_output
 from prt_core.scene import PARAMETRISATIONS
+from prt_core.store import expect_store_output
 
 
 def add_bake(commands, in_blender):
@@ -140,7 +141,7 @@ def _bake(options):
     else:
         name = blend
     output = options.output if options.output is not None else Path(name).with_suffix(".prt")
-    output = expect_output("--output", output, ".prt", folder=True)
+    output = expect_store_output("--output", output, ".prt")
     silent, pictures = options.quiet or options.json, None
     if options.show_png is not None:
         path = expect_output("--show-png", options.show_png, ".png")

@@ -16,9 +16,8 @@ from prt_core.cli.lightfield_show import add_show
 from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.lightfield.methods import METHODS
-from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import run
-from prt_core.store import BakeStore, compressed_attributes, damage_as_error
+from prt_core.store import BakeStore, compressed_attributes, damage_as_error, expect_store_output
 
 
 def add_lightfield(commands, in_blender):
@@ -140,7 +139,7 @@ def _bake(options):
         name = import_bpy().data.filepath
         expect(options.output or name, "output: the open scene has no file; name one with -o")
     output = options.output if options.output is not None else Path(name).with_suffix(".slf")
-    output = expect_output("--output", output, ".slf", folder=True)
+    output = expect_store_output("--output", output, ".slf")
     samples = 32 if options.samples is None and options.tolerance is None else options.samples
     more = {} if options.tolerance is None else {"tolerance": options.tolerance}
     with working(options.quiet or options.json) as bar:

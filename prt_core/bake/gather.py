@@ -16,7 +16,7 @@ from prt_core.transport import gather_directions, gather_operator, ray_ends
 from prt_core.transport.gather import ROUND
 
 
-def read_gather(hits, rounds, blocked):
+def read_gather(hits, rounds, blocked, memory=None):
     """K (CSR float32) from the stored hits of some rounds, block by block.
 
     Parameters

@@ -3,9 +3,9 @@
 import numpy as np
 
 from prt_core.bake.bake import Bake
-from prt_core.bake.bounces import MOST_ROUNDS
 from prt_core.bake.emission import read_emission
 from prt_core.bake.gather import read_gather, stored_hits
+from prt_core.bake.gather_blocks import MOST_ROUNDS
 from prt_core.bake.lights import read_lights
 from prt_core.bake.reflections import read_reflections
 from prt_core.bake.settings import BakeSettings

@@ -1,24 +1,29 @@
 """The bake: visibility and gather rays of a scene, block by block into a store."""
 
 import time
+from dataclasses import dataclass, field
 
 from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
 from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
 from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
+from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
 from prt_core.bake.settings import BakeSettings
-from prt_core.bake.visibility import chosen_method, visibility_steps
+from prt_core.bake.stages import WORK, close_work, is_planned
+from prt_core.bake.visibility import chosen_method
+from prt_core.bake.visibility_stage import visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
-from prt_core.scene import expect_camera, with_details
+from prt_core.scene import Scene, expect_camera, with_details
 from prt_core.sphere import CubeMap
 from prt_core.store import (
+    BakeStore,
     begin_bake,
     check_scene,
     damage_as_error,
@@ -44,6 +49,7 @@ def bake_steps(
     origin=None,
     cameras=None,
     pictures=None,
+    memory=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -78,6 +84,9 @@ def bake_steps(
         Kept with the bake: all cameras of the scene by name, for views.
     pictures : Pictures, optional
         Is told what is known while the bake runs, and hands it out; the bake is the same.
+    memory : float, optional
+        Gigabytes that the bake may take, beside the scene; default: half of what there is. Where
+        it is too little for the points, they are sampled in smaller tiles.
 
     Returns
     -------
@@ -99,6 +108,7 @@ def bake_steps(
     world = expect_bake_input(scene, path, cube_map, *given)
     if pictures is not None:
         expect_kind("pictures", pictures, Pictures)
+    memory = Memory.of(memory)
     casters = []
 
     def caster():
@@ -108,7 +118,7 @@ def bake_steps(
     parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
-            given = scene, path, settings, parts, restart, lights, pictures
+            given = scene, path, settings, parts, restart, lights, pictures, memory
             if pace is None:
                 return (yield from _bake(*given, caster))
             calls = MainThreadCalls()
@@ -124,8 +134,60 @@ def bake_steps(
             item.close()
 
 
-def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, pace=None):
+def _bake(scene, path, settings, parts, restart, lights, pictures, memory, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
+    cube_map = CubeMap(settings.resolution)
+    begun = yield from begin_steps(scene, path, settings, parts, restart, new_caster, pictures)
+    if begun.report is not None:
+        return begun.report
+    report = yield from rest_steps(
+        begun, cube_map, settings, lights, pace=pace, pictures=pictures, memory=memory
+    )
+    finish_bake(begun.store, path)
+    return report
+
+
+@dataclass
+class Begun:
+    """A bake whose scene is stored.
+
+    Attributes
+    ----------
+    store : BakeStore
+    scene : Scene
+        With its details; None where the bake is finished.
+    caster : RayCaster, or None
+    seconds : dict of str -> float
+        By stage.
+    resumed : bool
+        Whether some of it was there.
+    report : dict, or None
+        Of a bake that is finished.
+    """
+
+    store: BakeStore
+    scene: Scene | None = None
+    caster: object = None
+    seconds: dict = field(default_factory=dict)
+    resumed: bool = False
+    report: dict | None = None
+
+
+def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None):
+    """The first part of a bake: whose it is, and its scene, in a store; yields `Progress`.
+
+    Parameters
+    ----------
+    scene, path, settings, restart, pictures
+        See `bake_steps`.
+    parts : tuple
+        lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
+    new_caster : callable() -> RayCaster
+
+    Returns
+    -------
+    Begun
+    """
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
     attributes, world = light_attributes(*parts)
@@ -139,7 +201,7 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
         if store.is_sound():
             keep_lights(store, attributes, world)
             with damage_as_error(path):
-                return finish_bake(store, path).attributes["report"]
+                return Begun(store, report=finish_bake(store, path).attributes["report"])
         # What is damaged is made again, as if the bake had been stopped before.
         store.update(complete=False)
     # A caster that cannot be made leaves no folder.
@@ -148,11 +210,7 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
     if not resumed:
         # Whose it is at once: one of an unknown file is never replaced unasked.
         store.update(identity=identity, settings=settings.stored(), **attributes)
-    with damage_as_error(path):
-        seconds = {
-            stage: expect_number(f"seconds of {stage}", value, least=0)
-            for stage, value in store.attributes.get("seconds", {}).items()
-        }
+    seconds = stored_seconds(store)
     if pictures is not None:
         method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
         parts = parts[0], world, *parts[2:]
@@ -163,26 +221,59 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
         pictures.detailed(scene)
     keep_lights(store, attributes, world)
     yield Progress("scene", 0, 0)
-    seen = yield from visibility_steps(
-        store, scene, cube_map, caster, settings, lights, seconds, pace, pictures
-    )
-    reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
-    emitted = yield from emission_steps(store, scene, caster, settings, seconds)
-    certified = yield from gloss_certificate_steps(
-        store, scene, cube_map, caster, settings, lights, seconds
-    )
+    return Begun(store, scene, caster, seconds, resumed)
+
+
+def rest_steps(
+    begun, cube_map, settings, lights, *, emitted=None, pace=None, pictures=None, here=True,
+    memory=None,
+):  # fmt: skip
+    """All of a bake but its beginning, in its store, which is sealed; yields `Progress`.
+
+    Parameters
+    ----------
+    begun : Begun
+    cube_map : CubeMap
+    settings : BakeSettings
+    lights, pace, pictures
+        See `bake_steps`.
+    emitted : EmissionResult, optional
+        Where what emitters send out is baked.
+    here : bool
+        Whether blocks that are missing are computed; otherwise they are said.
+    memory : Memory, optional
+
+    Returns
+    -------
+    dict
+        The report.
+
+    Raises
+    ------
+    BlocksMissing
+    """
+    memory = memory or Memory.of()
+    store, scene, caster, seconds = begun.store, begun.scene, begun.caster, begun.seconds
+    given = store, scene, cube_map, caster, settings
+    seen = yield from visibility_steps(*given, lights, seconds, pace, pictures, here, memory)
+    reflected = yield from reflection_steps(*given, seconds)
+    if emitted is None:
+        emitted = yield from emission_steps(store, scene, caster, settings, seconds)
+    certified = yield from gloss_certificate_steps(*given, lights, seconds)
     if pictures is not None and scene.emitters:
         pictures.emitted(read_direct(store))
     bounced = Bounced()
     if settings.bounces != 0:
-        work = store, scene, cube_map, caster, settings, seconds, emitted.probes, pictures
-        bounced = yield from bounce_steps(*work)
+        bounced = yield from bounce_steps(*given, seconds, emitted.probes, pictures, here, memory)
     if pictures is not None and pictures.to_the_end:
-        with damage_as_error(path):
-            gather = gather_so_far(store, bounced.rounds)
+        with damage_as_error(store.path):
+            gather = gather_so_far(store, bounced.rounds, memory)
             pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
-    yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
-    with damage_as_error(path):
+    yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds, memory)
+    planned = is_planned(store)
+    if planned:
+        seen["too_deep"] = close_work(store, seconds)
+    with damage_as_error(store.path):
         report = bake_report(
             scene,
             cube_map,
@@ -196,13 +287,24 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
             reflected,
             certified,
         )
-    if resumed:
+    if planned:
+        report["messages"].append("baked in blocks of work: times are those of all who computed")
+    elif begun.resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")
+    if begun.resumed:
         # Some of the rays were cast before the clock was started.
         report["rays_per_second"] = None
-    store.seal(report=report, seconds=seconds)
-    finish_bake(store, path)
+    store.seal(without=(WORK,), report=report, seconds=seconds)
     return report
+
+
+def stored_seconds(store):
+    """Seconds by stage that a bake under way has taken."""
+    with damage_as_error(store.path):
+        return {
+            stage: expect_number(f"seconds of {stage}", value, least=0)
+            for stage, value in store.attributes.get("seconds", {}).items()
+        }
 
 
 def _detailed(store, scene, caster, settings, parts, seconds):

@@ -29,7 +29,8 @@ from prt_core.bake.stages import (
 from prt_core.bake.tiled import TILE, TileBlocks
 from prt_core.bake.visibility import STAGE as VISIBILITY
 from prt_core.bake.visibility import ExhaustiveBlocks
-from prt_core.errors import expect, expect_one_of, expect_path, expect_whole, system_errors
+from prt_core.errors import expect, expect_one_of, expect_whole, system_errors
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
@@ -156,7 +157,7 @@ def block_figures(store, stage):
 def _planned(store):
     if not isinstance(store, BakeStore):
         # To read: who may write attributes also removes what a kill left, which may be another's.
-        store = BakeStore(expect_path("store", store))
+        store = BakeStore(expect_store_path("store", store))
     expect(
         not store.is_complete,
         f"{store.path}: the bake is finished; nothing of it is left to compute",
@@ -182,7 +183,8 @@ _kept = {}
 
 def _workplace(store):
     """The `_Workplace` of a store; the last one of this process is kept."""
-    key = str(Path(store.path).absolute()), store.attributes["seal"]
+    path = store.path.absolute() if isinstance(store.path, Path) else store.path
+    key = str(path), store.attributes["seal"]
     with _lock:
         place = _kept.get(key)
         if place is None:
@@ -247,7 +249,8 @@ class _Steps:
 
     def compute(self, index):
         """Compute a block; returns how many rays it took."""
-        return run(self._work.compute_steps(index))
+        result = run(self._work.compute_steps(index))
+        return result[-1] if isinstance(result, tuple) else result
 
 
 class _Rounds:

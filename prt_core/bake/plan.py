@@ -16,8 +16,9 @@ from prt_core.bake.steps import Begun, begin_steps, rest_steps, stored_seconds
 from prt_core.bake.tiled import TILE, TileBlocks
 from prt_core.bake.visibility import STAGE, ExhaustiveBlocks, chosen_method
 from prt_core.bake.visibility_stage import choose_tile
-from prt_core.errors import expect, expect_flag, expect_kind, expect_path, system_errors
+from prt_core.errors import expect, expect_flag, expect_kind, system_errors
 from prt_core.light.environment import expect_radiance
+from prt_core.runtime.address import expect_store_path
 from prt_core.scene import expect_camera
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
@@ -135,7 +136,7 @@ def finish_steps(path, memory=None, compute=False):
     PRTError
         There is no such bake, it was not planned, or it is damaged.
     """
-    path, memory = expect_path("store", path), Memory.of(memory)
+    path, memory = expect_store_path("store", path), Memory.of(memory)
     expect_flag("compute", compute)
     store = BakeStore(path, "r+")
     if store.is_complete:

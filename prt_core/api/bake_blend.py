@@ -1,9 +1,12 @@
 """The bake of a .blend file, or of an open scene, as a generator: read, refine, bake."""
 
+from dataclasses import asdict
 from functools import partial
 
 from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.distribute import distribute_steps
 from prt_core.bake.images import ImageSettings, image_steps
+from prt_core.bake.plan import plan_steps
 from prt_core.bake.refine import refine_meshes_steps
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend
@@ -28,6 +31,9 @@ def bake_blend_steps(
     image=None,
     pictures=None,
     refine=None,
+    memory=None,
+    plan=False,
+    cluster=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -44,6 +50,12 @@ def bake_blend_steps(
         See `bake_steps`.
     refine : RefineSettings, optional
         Default: meshes are baked as they are.
+    memory : float, optional
+        See `bake_steps`.
+    plan : bool
+        Whether the bake is only planned: then the result is a dict of its `stages`.
+    cluster : str or distributed.Client, optional
+        By whose workers blocks are computed (see `distribute_steps`).
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
@@ -111,9 +123,17 @@ def bake_blend_steps(
     if settings.gloss or method != "exhaustive":
         # Where they are Blender tells here; they are read when the certificate asks for them.
         lights = partial(studio_lights, studio_images(), cube_map)
+    if plan or cluster is not None:
+        stages = yield from plan_steps(
+            built, output, settings, lamps, world, camera, source, lights, origin, cameras, memory,
+            finished=cluster is not None,
+        )  # fmt: skip
+        if cluster is not None:
+            return (yield from distribute_steps(output, cluster, memory))
+        return {"stages": [asdict(stage) for stage in stages]}
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        cameras, pictures,
+        cameras, pictures, memory,
     )  # fmt: skip
     return result
 

@@ -15,7 +15,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from prt_core.bake.gather_blocks import GatherBlocks
+from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, GatherBlocks, holds_rays
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.stages import (
     OPEN,
@@ -26,16 +26,16 @@ from prt_core.bake.stages import (
     open_stages,
     read_figures,
 )
+from prt_core.bake.tile_rows import TileArrays
 from prt_core.bake.tiled import TILE, TileBlocks
+from prt_core.bake.visibility import RAYS as VISIBILITY_RAYS
 from prt_core.bake.visibility import STAGE as VISIBILITY
-from prt_core.bake.visibility import ExhaustiveBlocks
+from prt_core.bake.visibility import ExhaustiveBlocks, blocks
 from prt_core.errors import expect, expect_one_of, expect_whole, system_errors
 from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
-
-GATHER = "gather"
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ def missing_blocks(store, stage):
     """
     store = _planned(store)
     known = _stage_of(store, stage)
-    work = _Workplace(store, needs_caster=False).blocks_of(known)
-    return [index for index in range(known.blocks) if not work.is_done(index)]
+    is_done = _holds(store, known)
+    return [index for index in range(known.blocks) if not is_done(index)]
 
 
 def compute(store, stage, index):
@@ -177,6 +177,18 @@ def _stage_of(store, stage):
     return known[expect_one_of("stage", name, tuple(known))]
 
 
+def _holds(store, stage):
+    """A function that tells whether a block of a stage is there."""
+    if stage.name != VISIBILITY:
+        arrays, turns = (store.array(GATHER), store.array(GATHER_RAYS)), _rounds_of(store, stage)
+        return lambda index: holds_rays(*arrays, index, turns)
+    if TILE in store.attributes:
+        return TileArrays.opened(store, 0).holds
+    bits, counts = store.array(VISIBILITY), store.array(VISIBILITY_RAYS)
+    parts = blocks(len(bits))
+    return lambda index: bits.holds(parts[index]) and counts.holds(index)
+
+
 _lock = threading.Lock()
 _kept = {}
 
@@ -197,7 +209,7 @@ def _workplace(store):
 class _Workplace:
     """All that blocks of a store need."""
 
-    def __init__(self, store, needs_caster=True):
+    def __init__(self, store):
         self._store, attributes = store, store.attributes
         with damage_as_error(store.path):
             self._settings = BakeSettings(**attributes["settings"])
@@ -207,9 +219,7 @@ class _Workplace:
         n_points = len(self._scene.points)
         # Found once, for the proof looks at all points together.
         self._scene.open_points = store.read(OPEN, (n_points,), "bool")
-        self._caster = _NoRays()
-        if needs_caster:
-            self._caster = self._scene.make_caster(name, "diffuse", self._settings.resolution)
+        self._caster = self._scene.make_caster(name, "diffuse", self._settings.resolution)
         self._blocks, self._lock = {}, threading.Lock()
 
     def compute(self, stage, index):
@@ -232,7 +242,7 @@ class _Workplace:
             given = self._store, self._scene, self._cube_map, self._caster
             if stage.name != VISIBILITY:
                 gather = GatherBlocks.opened(*given, self._settings.seed)
-                turns = _rounds_of(self._store, stage.name)
+                turns = _rounds_of(self._store, stage)
                 self._blocks[stage.name] = _Rounds(gather, turns)
             elif TILE in self._store.attributes:
                 self._blocks[stage.name] = _Steps(TileBlocks.opened(*given, self._settings))
@@ -269,15 +279,9 @@ class _Rounds:
         return self._gather.compute([(index, turn) for turn in turns])
 
 
-class _NoRays:
-    """Stands for a caster where it is only looked for what is there."""
-
-    name, batch, threads, too_deep = "none", 1, 1, 0
-
-
-def _rounds_of(store, name):
+def _rounds_of(store, stage):
     """The rounds of rays of a stage: from those of the stage before it."""
-    names = [stage.name for stage in open_stages(store) if stage.name.startswith(GATHER)]
-    stops = [0, *(int(each.removeprefix(GATHER)) for each in names)]
-    place = names.index(name)
+    names = [each.name for each in open_stages(store) if each.name.startswith(GATHER)]
+    stops = [0, *(int(name.removeprefix(GATHER)) for name in names)]
+    place = names.index(stage.name)
     return range(stops[place], stops[place + 1])

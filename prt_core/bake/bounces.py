@@ -104,19 +104,21 @@ def bounce_steps(
     blocked = np.clip(1 - probes[:, 0], 0, 1)
     store.keep("blocked", blocked)
     work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed)
-    rounds, error, most = 0, np.inf, most_rounds(n_points)
+    room, most = (memory, store.path.parent), most_rounds(n_points)
+    rounds, error = 0, np.inf
     while rounds < most and error > settings.tolerance:
         turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
         rounds = turns.stop
         yield from _gather_round(store, work, turns, seconds, here)
         start = time.perf_counter()
         with damage_as_error(store.path, f"'{GATHER}'"):
-            error = _bounce_error(work.hits, scene, rounds, probes, blocked, settings, memory)
+            error = _bounce_error(work.hits, scene, rounds, probes, blocked, settings, *room)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
         goes_on = rounds < most and error > settings.tolerance
         if pictures is not None and goes_on and pictures.is_due:
-            pictures.bounced(read_gather(work.hits, range(rounds), blocked, memory), float(error))
+            gather = read_gather(work.hits, range(rounds), blocked, *room)
+            pictures.bounced(gather, float(error))
     counts = work.cut(rounds)
     store.update(rounds=rounds, seconds=seconds)
     cast, short, hidden, *backs = counts[...].sum(axis=(0, 1)).tolist()
@@ -161,7 +163,7 @@ def gather_so_far(store, rounds, memory=None):
         return None
     n_points = store.array(GATHER).shape[0]
     blocked = store.read("blocked", (n_points,), "float32")
-    return read_gather(store.array(GATHER), range(rounds), blocked, memory)
+    return read_gather(store.array(GATHER), range(rounds), blocked, memory, store.path.parent)
 
 
 def _next_rounds(rounds, error, tolerance, most):
@@ -205,7 +207,7 @@ def _probe_light(store, scene, cube_map, parts):
     return np.concatenate(received)
 
 
-def _bounce_error(hits, scene, rounds, probes, blocked, settings, memory):
+def _bounce_error(hits, scene, rounds, probes, blocked, settings, *room):
     """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
     halves = []
     points = scene.points
@@ -214,7 +216,7 @@ def _bounce_error(hits, scene, rounds, probes, blocked, settings, memory):
         for materials in (points.materials, points.mean_materials)
     )
     for half in (0, 1):
-        operator = read_gather(hits, range(half, rounds, 2), blocked, memory)
+        operator = read_gather(hits, range(half, rounds, 2), blocked, *room)
         halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0])
         del operator
     seen = scene.points.visible

@@ -6,6 +6,7 @@ which all must see under the same name (a disk of the network, an object store).
 lost with its worker is done by another; what is done is done, whoever is lost.
 """
 
+import importlib
 import logging
 import os
 import queue
@@ -96,24 +97,16 @@ def cluster_client(cluster):
     ------
     distributed.Client
     """
+    expect_cluster(cluster)
     if not isinstance(cluster, str | os.PathLike):
-        offered = "submit", "nthreads", "run", "cancel"
-        yield expect_offers("cluster", cluster, offered, "text or a distributed.Client")
+        yield cluster
         return
+    import dask
+    from distributed import Client, LocalCluster
+
     text = os.fspath(cluster)
     kind, _, rest = text.partition(":")
-    local = kind == "local"
-    expect(
-        (rest.isdecimal() and 0 < int(rest) <= _MOST_LOCAL) if local else (rest or _is_file(text)),
-        "cluster: expected local:N, an address as tcp://HOST:8786, or a scheduler's file "
-        f"NAME.json, got {shown(text)}",
-    )
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise PRTError(f"cluster: Dask is not installed; {_INSTALL}") from error
-    if not local:
+    if kind != "local":
         where = {"scheduler_file": text} if _is_file(text) else {"address": text}
         try:
             client = Client(**where, timeout=_CONNECT, set_as_default=False)
@@ -139,6 +132,35 @@ def cluster_client(cluster):
         Client(made, set_as_default=False) as client,
     ):
         yield client
+
+
+def expect_cluster(cluster):
+    """Raise `PRTError` unless something names a cluster, or is a client, and Dask is installed.
+
+    Parameters
+    ----------
+    cluster : str or distributed.Client
+        See `cluster_client`.
+    """
+    if not isinstance(cluster, str | os.PathLike):
+        offered = "submit", "nthreads", "run", "cancel"
+        expect_offers("dask", cluster, offered, "text or a distributed.Client")
+        return
+    text = os.fspath(cluster)
+    kind, _, rest = text.partition(":")
+    if kind == "local":
+        good = rest.isdecimal() and 0 < int(rest) <= _MOST_LOCAL
+    else:
+        good = rest or _is_file(text)
+    expect(
+        good,
+        "dask: expected local:N, an address as tcp://HOST:8786, or a scheduler's file NAME.json, "
+        f"got {shown(text)}",
+    )
+    try:
+        importlib.import_module("distributed")
+    except ImportError as error:
+        raise PRTError(f"dask: Dask is not installed; {_INSTALL}") from error
 
 
 def _is_file(text):
@@ -196,7 +218,7 @@ def _wait_steps(client, patience):
     while not _n_workers(client):
         expect(
             time.monotonic() - begun <= patience,
-            "cluster: no worker has come; start some with 'dask worker' and run the same command "
+            "dask: no worker has come; start some with 'dask worker' and run the same command "
             "again",
         )
         yield Progress("workers", 0, 0)
@@ -207,7 +229,7 @@ def _n_workers(client):
     try:
         return len(client.nthreads())
     except Exception as error:
-        raise PRTError(f"cluster: the scheduler is lost ({_line(error)}); {_AGAIN}") from error
+        raise PRTError(f"dask: the scheduler is lost ({_line(error)}); {_AGAIN}") from error
 
 
 def _expect_same(client, path):
@@ -217,7 +239,7 @@ def _expect_same(client, path):
         answers = client.run(_difference, str(path), seal, __version__)
     except Exception as error:
         raise PRTError(
-            f"cluster: its workers cannot run prt-core ({_line(error)}); install prt-core "
+            f"dask: its workers cannot run prt-core ({_line(error)}); install prt-core "
             f"{__version__} there"
         ) from error
     for worker, difference in answers.items():

@@ -138,6 +138,8 @@ def read_direct(store):
 
 def emission_probes(store):
     """The `probes` of an `EmissionResult`, of a bake whose emission is stored."""
+    # Who finishes a bake seals what it has read.
+    store.array(_FIGURES)
     with damage_as_error(store.path, f"'{_DIRECT}'"):
         return _probes(read_direct(store))
 
@@ -166,7 +168,8 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds, memory=None)
     yield Progress("emission", 0, len(scene.emitters))
     with damage_as_error(store.path, "'gather'"):
         blocked = store.read("blocked", (n_points,), "float32")
-        gather = read_gather(store.array("gather"), range(rounds), blocked, memory)
+        hits, room = store.array("gather"), (memory, store.path.parent)
+        gather = read_gather(hits, range(rounds), blocked, *room)
     direct, albedo = store.array(_DIRECT), scene.points.mean_albedo
     shape = len(scene.emitters), n_points, 6
     received = store.create(_RECEIVED, shape, "float32", (1, visibility.BLOCK, 6))

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import scipy.sparse as sp
 
+from prt_core.bake.gather_file import GatherFile
 from prt_core.bake.visibility import blocks
 from prt_core.errors import expect, expect_array, expect_offers, shown
 from prt_core.runtime.threads import on_all_cores
@@ -15,9 +16,14 @@ from prt_core.store import BakeStore, damage_as_error
 from prt_core.transport import gather_directions, gather_operator, ray_ends
 from prt_core.transport.gather import ROUND
 
+# Bytes of an entry of K, of which a ray makes one at most; joining its blocks takes twice as many.
+_ENTRY = 16
+# Blocks made together where K is written to a file.
+_TOGETHER = 8
 
-def read_gather(hits, rounds, blocked, memory=None):
-    """K (CSR float32) from the stored hits of some rounds, block by block.
+
+def read_gather(hits, rounds, blocked, memory=None, folder=None):
+    """K from the stored hits of some rounds, block by block.
 
     Parameters
     ----------
@@ -25,6 +31,14 @@ def read_gather(hits, rounds, blocked, memory=None):
     rounds : iterable of int
     blocked : (n_points,) float32
         See `gather_operator`.
+    memory : Memory, optional
+        Where it may not hold all of K it is kept in a file; default: it is in memory.
+    folder : Path, optional
+        Where that file is made; default: where the system has such files.
+
+    Returns
+    -------
+    (n_points, n_points) CSR float32, or GatherFile
 
     Raises
     ------
@@ -38,7 +52,14 @@ def read_gather(hits, rounds, blocked, memory=None):
         chunk = chunk[:, rounds].reshape(len(chunk), -1)
         return gather_operator(chunk, n_points, blocked[block])
 
-    return _stacked(on_all_cores(one, blocks(n_points)))
+    parts = blocks(n_points)
+    if memory is None or memory.holds(_ENTRY * n_points * len(rounds) * ROUND):
+        return _stacked(on_all_cores(one, parts))
+    kept = GatherFile(folder, n_points)
+    for first in range(0, len(parts), _TOGETHER):
+        for rows in on_all_cores(one, parts[first : first + _TOGETHER]):
+            kept.append(rows)
+    return kept
 
 
 def gather_terms(bake, weigh, blocked=None):

@@ -70,12 +70,11 @@ class GatherBlocks:
 
     def is_done(self, index, turn):
         """Whether the rays of a block in a round are there."""
-        rays = slice(turn * ROUND, (turn + 1) * ROUND)
-        return self.hits.holds(self.parts[index], rays) and self._counts.holds(turn, index)
+        return holds_rays(self.hits, self._counts, index, [turn])
 
     def has(self, index, turns):
         """Whether the rays of a block in some rounds are there."""
-        return all(self.is_done(index, turn) for turn in turns)
+        return holds_rays(self.hits, self._counts, index, turns)
 
     def compute(self, todo):
         """Cast the rays of (block, round) pairs; returns how many rays these were."""
@@ -95,6 +94,16 @@ class GatherBlocks:
     def cut(self, rounds):
         """Take away what is left of rounds that were not needed; returns the counts."""
         return _arrays(self._store, self._scene, rounds)[1]
+
+
+def holds_rays(hits, counts, index, turns):
+    """Whether the arrays of `GatherBlocks` hold the rays of a block in some rounds."""
+    first = index * visibility.BLOCK
+    part = slice(first, min(first + visibility.BLOCK, hits.shape[0]))
+    return all(
+        hits.holds(part, slice(turn * ROUND, (turn + 1) * ROUND)) and counts.holds(turn, index)
+        for turn in turns
+    )
 
 
 def _arrays(store, scene, rounds):

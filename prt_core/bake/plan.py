@@ -36,6 +36,7 @@ def plan_steps(
     origin=None,
     cameras=None,
     memory=None,
+    finished=False,
 ):
     """Put a scene into a store whose blocks of work are computed apart; yields `Progress`.
 
@@ -47,6 +48,8 @@ def plan_steps(
         See `bake_steps`.
     memory : float, optional
         Gigabytes that each of those who compute blocks may take, beside the scene.
+    finished : bool
+        Whether a bake that is finished is left as it is, without stages, and is no error.
 
     Returns
     -------
@@ -75,10 +78,9 @@ def plan_steps(
     try:
         with system_errors(path), unless_begun(path):
             begun = yield from begin_steps(scene, path, settings, parts, False, caster)
-            expect(
-                begun.report is None,
-                f"{path}: the bake is finished; nothing of it is left to plan",
-            )
+            if begun.report is not None:
+                expect(finished, f"{path}: the bake is finished; nothing of it is left to plan")
+                return []
             yield from _planned_steps(begun, cube_map, settings, lights, memory)
             return open_stages(begun.store)
     finally:

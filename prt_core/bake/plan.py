@@ -148,6 +148,7 @@ def finish_steps(path, memory=None, compute=False):
         is_planned(store),
         f"{path}: was not planned for blocks of work; run the same 'prt bake' again and it goes on",
     )
+    store.take_all()
     with damage_as_error(path):
         settings = BakeSettings(**store.attributes["settings"])
         work = dict(store.attributes[WORK])

@@ -14,8 +14,7 @@ from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.stages import WORK, close_work, is_planned
-from prt_core.bake.visibility import chosen_method
-from prt_core.bake.visibility_stage import visibility_steps
+from prt_core.bake.visibility_stage import comes_in_blocks, visibility_steps
 from prt_core.errors import expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
@@ -137,7 +136,8 @@ def bake_steps(
 def _bake(scene, path, settings, parts, restart, lights, pictures, memory, new_caster, pace=None):
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
-    begun = yield from begin_steps(scene, path, settings, parts, restart, new_caster, pictures)
+    given = scene, path, settings, parts, restart, new_caster
+    begun = yield from begin_steps(*given, pictures, memory)
     if begun.report is not None:
         return begun.report
     report = yield from rest_steps(
@@ -173,13 +173,15 @@ class Begun:
     report: dict | None = None
 
 
-def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None):
+def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None, memory=None):
     """The first part of a bake: whose it is, and its scene, in a store; yields `Progress`.
 
     Parameters
     ----------
     scene, path, settings, restart, pictures
         See `bake_steps`.
+    memory : Memory, optional
+        Where there are pictures.
     parts : tuple
         lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
     new_caster : callable() -> RayCaster
@@ -212,9 +214,9 @@ def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None
         store.update(identity=identity, settings=settings.stored(), **attributes)
     seconds = stored_seconds(store)
     if pictures is not None:
-        method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
         parts = parts[0], world, *parts[2:]
-        pictures.begin(scene, cube_map, settings, caster, parts, method == "exhaustive")
+        joined = comes_in_blocks(settings, len(scene.points), cube_map, memory)
+        pictures.begin(scene, cube_map, settings, caster, parts, joined)
         yield Progress("scene", 0, 0)
     scene = yield from _detailed(store, scene, caster, settings, parts, seconds)
     if pictures is not None:

@@ -155,7 +155,7 @@ class TileRows:
         """Set whole rows of points (n,) int, each named once; they stay in memory."""
         kept = ~np.isin(self._points, points)
         points = np.concatenate([self._points[kept], points])
-        values = np.concatenate([self._own[kept], values])
+        values = np.concatenate([self._own[kept], np.asarray(values, np.uint8)])
         order = np.argsort(points, kind="stable")
         self._points, self._own = points[order], values[order]
 

@@ -81,6 +81,10 @@ class TileBlocks:
         """Whether a tile is there."""
         return self.arrays.holds(index)
 
+    def bits_of(self, index):
+        """(n, n_bytes) uint8 of the points of a tile that is there."""
+        return self.arrays["bits"][index, : len(self.tiles[index])]
+
     def compute_steps(self, index, pace=None):
         """Sample a tile, and yield `Progress`; returns how many rays it took."""
         points = self.tiles[index]
@@ -94,7 +98,7 @@ class TileBlocks:
         return sampled.rays
 
 
-def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, here, memory):
+def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures, here, memory):
     """Sample tiles, certify them together, and store; yields `Progress`.
 
     Parameters
@@ -123,6 +127,8 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, here, me
     for index in missing:
         yield from _within(work.compute_steps(index, rays), done, n_points)
         done += len(tiles[index])
+        if pictures is not None:
+            pictures.block(tiles[index], work.bits_of(index))
         yield Progress("visibility", done, n_points)
     sampled = _joined(work, memory)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}

@@ -74,7 +74,7 @@ class ExhaustiveBlocks:
         return self.bits.holds(self.parts[index]) and self.counts.holds(index)
 
     def compute_steps(self, index, pace=None):
-        """Trace a block, and yield `Progress`; returns its bits and how many rays it took."""
+        """Trace a block, and yield `Progress`; returns how many rays it took."""
         block, tally = self.parts[index], []
         traced = np.empty((block.stop - block.start, self.bits.shape[1]), np.uint8)
         pace = pace or Pace()
@@ -87,7 +87,7 @@ class ExhaustiveBlocks:
             yield Progress("visibility", part.stop, self.bits.shape[0])
         self.counts[index] = sum(tally)
         self.bits[block] = traced
-        return traced, sum(tally)
+        return sum(tally)
 
 
 def exhaustive_steps(store, scene, cube_map, caster, seconds, pace, pictures=None, here=True):
@@ -103,9 +103,9 @@ def exhaustive_steps(store, scene, cube_map, caster, seconds, pace, pictures=Non
                 rest = range(index, len(work.parts))
                 raise BlocksMissing(store.path, STAGE, [i for i in rest if not work.is_done(i)])
             start = time.perf_counter()
-            traced, _ = yield from work.compute_steps(index, pace)
+            yield from work.compute_steps(index, pace)
             add_seconds(seconds, "visibility", time.perf_counter() - start)
             if pictures is not None:
-                pictures.block(block, traced)
+                pictures.block(block, work.bits[block])
         yield Progress("visibility", block.stop, n_points)
     return int(work.counts[...].sum())

@@ -66,7 +66,7 @@ def visibility_steps(
     while attributes is None:
         given = settings, lights, pace
         if TILE in store.attributes:
-            steps = tiled_steps(store, scene, cube_map, caster, *given, here, memory)
+            steps = tiled_steps(store, scene, cube_map, caster, *given, pictures, here, memory)
         else:
             journal = RayJournal(caster, store)
             steps = sampled_steps(store, scene, cube_map, journal, method, *given, pictures)
@@ -82,6 +82,13 @@ def visibility_steps(
     TileArrays.remove(store)
     _show_all(store, pictures, memory)
     return attributes
+
+
+def comes_in_blocks(settings, n_points, cube_map, memory):
+    """Whether whole rows of some points are known before anything is of the others."""
+    method = chosen_method(settings.method, n_points, cube_map.n_directions)
+    size = memory.tile_points(n_points, -(-cube_map.n_directions // 8))
+    return method == "exhaustive" or (method == METHOD and size < n_points)
 
 
 def choose_tile(store, scene, cube_map, method, memory):

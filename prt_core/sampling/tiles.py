@@ -10,8 +10,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from prt_core.errors import expect, expect_indices, expect_kind, expect_whole
 from prt_core.sampling.neighbours import morton
-from prt_core.scene import BakePoints, Details
+from prt_core.scene import BakePoints, Details, Scene
 
 
 def tiles_of(scene, size):
@@ -28,7 +29,8 @@ def tiles_of(scene, size):
     list of (n,) int64
         Ascending; each point is in one of them.
     """
-    points = scene.points
+    points = expect_kind("scene", scene, Scene).points
+    size = expect_whole("size", size, 1)
     if len(points) <= size:
         return [np.arange(len(points))]
     index = points.object_index
@@ -66,6 +68,10 @@ def tile_scene(scene, points):
         The very scene where they are all its points. It has no lattice that fits its points: it is
         for samplers, which ask for none.
     """
+    expect_kind("scene", scene, Scene)
+    points = expect_indices("points", points, len(scene.points))
+    good = not isinstance(points, slice) and len(points) and (np.diff(points) > 0).all()
+    expect(good, "points: expected numbers of some points, each once, in ascending order")
     if len(points) == len(scene.points):
         return scene
     whole = scene.points

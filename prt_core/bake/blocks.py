@@ -259,8 +259,7 @@ class _Steps:
 
     def compute(self, index):
         """Compute a block; returns how many rays it took."""
-        result = run(self._work.compute_steps(index))
-        return result[-1] if isinstance(result, tuple) else result
+        return run(self._work.compute_steps(index))
 
 
 class _Rounds:

@@ -139,8 +139,6 @@ def read_direct(store):
 
 def emission_probes(store):
     """The `probes` of an `EmissionResult`, of a bake whose emission is stored."""
-    # Who finishes a bake seals what it has read.
-    store.array(_FIGURES)
     with damage_as_error(store.path, f"'{_DIRECT}'"):
         return _probes(read_direct(store))
 

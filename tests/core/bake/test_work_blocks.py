@@ -180,7 +180,11 @@ def test_every_entry_traced_and_surfaces_that_shine_come_by_blocks_as_well(tmp_p
     lights = [Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")], world
     report = run(bake_steps(glowing, tmp_path / "a.prt", settings, *lights))
     path = tmp_path / "b.prt"
-    assert run(plan_steps(glowing, path, settings, *lights))[0].blocks == -(-report["points"] // 64) > 1
+    assert (
+        run(plan_steps(glowing, path, settings, *lights))[0].blocks
+        == -(-report["points"] // 64)
+        > 1
+    )
     by_blocks = finished(
         path, lambda stage, blocks: [compute(path, stage, i) for i in reversed(blocks)]
     )

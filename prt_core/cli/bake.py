@@ -124,6 +124,11 @@ def add_bake(commands, in_blender):
         "address or .json file, or N workers on this machine",
     )  # fmt: skip
     bake.add_argument(
+        "--open", action="store_true",
+        help="with --finish: that blocks are missing is no failure (exit code 0), for farms that "
+        "stop at one",
+    )  # fmt: skip
+    bake.add_argument(
         "--compute", action="store_true", help="with --finish: compute those that are missing here"
     )
     quiet_arguments(bake)
@@ -152,6 +157,7 @@ _NEEDED = {
     "refine_vertices": (("refine",), "--refine"),
     "show_light": (("show_png",), "--show-png"),
     "compute": (("finish",), "--finish"),
+    "open": (("finish",), "--finish"),
 }
 
 

@@ -241,7 +241,7 @@ class BakeStore:
             )
 
     def take_all(self):
-        """Count all arrays that are there as this object's, for `seal`: others wrote them for it."""
+        """Count all arrays that are there as this object's, for `seal`: others wrote them."""
         self._used.update(self.names())
 
     def seal(self, without=(), **attributes):

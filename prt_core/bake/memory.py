@@ -14,6 +14,8 @@ TILE, _SMALLEST = 15_000, 2048
 # Bytes of rows that are sampled whole, in one tile: what is smaller gains nothing by tiles.
 _WHOLE = 96 << 20
 _SHORT = 256
+# More is not held at once of what is gone through piece by piece, however much memory there is.
+_SPAN, _KEPT = 256 << 20, 64 << 20
 # What sampling holds for each byte of the rows of a tile.
 _HELD = 8
 
@@ -69,7 +71,12 @@ class Memory:
 
     def span(self, row_bytes):
         """Rows of so many bytes that are held at once where all are gone through."""
-        return max(_SMALLEST, self.n_bytes // 8 // row_bytes)
+        return max(_SMALLEST, min(self.n_bytes // 16, _SPAN) // row_bytes)
+
+    @property
+    def kept(self):
+        """Bytes of pieces of a file that are kept for the next who asks for them."""
+        return min(self.n_bytes // 32, _KEPT)
 
     def holds(self, n_bytes):
         """Whether an array of so many bytes is kept in memory, rather than in a file."""

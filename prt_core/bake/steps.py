@@ -178,13 +178,16 @@ def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None
 
     Parameters
     ----------
-    scene, path, settings, restart, pictures
+    scene, path, settings
         See `bake_steps`.
-    memory : Memory, optional
-        Where there are pictures.
     parts : tuple
         lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
+    restart
+        See `bake_steps`.
     new_caster : callable() -> RayCaster
+    pictures : Pictures, optional
+    memory : Memory, optional
+        Where there are pictures.
 
     Returns
     -------
@@ -237,10 +240,12 @@ def rest_steps(
     begun : Begun
     cube_map : CubeMap
     settings : BakeSettings
-    lights, pace, pictures
+    lights
         See `bake_steps`.
     emitted : EmissionResult, optional
         Where what emitters send out is baked.
+    pace, pictures
+        See `bake_steps`.
     here : bool
         Whether blocks that are missing are computed; otherwise they are said.
     memory : Memory, optional

@@ -105,6 +105,12 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
     ----------
     store : BakeStore
         Its attribute "tile" says how large tiles are.
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : BakeSettings
+    lights, pace, pictures
+        See `bake_steps`.
     here : bool
         Whether tiles that are missing are sampled; otherwise they are said.
     memory : Memory
@@ -158,7 +164,7 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
     start, traced = time.perf_counter(), 0
     arrays = sample_arrays(store, sampled.bits.shape)
     block = visibility.BLOCK
-    span = max(1, memory.span(2 * row_bytes) // block) * block
+    span = max(1, memory.span(row_bytes) // block) * block
     for first in range(0, n_points, span):
         part = slice(first, min(first + span, n_points))
         for array, rows in zip(arrays, (sampled.bits, sampled.traced), strict=True):
@@ -186,8 +192,7 @@ def _within(steps, done, n_points):
 
 def _joined(work, memory):
     """All tiles as one `Sampled`, read where it is indexed."""
-    n_bytes = memory.n_bytes // 16
-    rows = [TileRows(kind, work.tiles, work.arrays, n_bytes) for kind in ("bits", "traced")]
+    rows = [TileRows(kind, work.tiles, work.arrays, memory.kept) for kind in ("bits", "traced")]
     counts = work.arrays.counts(range(len(work.tiles)))
     totals, levels = counts.sum(axis=0), counts[:, len(COUNTS) :]
     levels = levels.sum(axis=0)[levels.any(axis=0)].tolist()

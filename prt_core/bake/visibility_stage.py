@@ -23,6 +23,16 @@ def visibility_steps(
 
     Parameters
     ----------
+    store : BakeStore
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    settings : BakeSettings
+    lights : dict of str -> (n_directions, 3) float32, callable() -> dict, or None
+    seconds : dict of str -> float
+        By stage; added to.
+    pace, pictures
+        See `bake_steps`.
     here : bool
         Whether blocks that are missing are computed; otherwise they are said.
     memory : Memory

@@ -241,13 +241,14 @@ class BakeStore:
             )
 
     def take_all(self):
-        """Count all arrays that are there as this object's, for `seal`: others wrote them."""
+        """Count all arrays that are there as this object's, for `seal`."""
         self._used.update(self.names())
 
     def seal(self, without=(), **attributes):
         """Finish the bake: note a digest of each array, and attributes, once all is on the disk.
 
-        Arrays are those that were written or read by this object; others are nobody's.
+        Attributes named in `without` are taken away. Arrays are those that were written or read by
+        this object; others are nobody's.
         """
         self.files.sync()
         arrays = {name: self.array(name).digest() for name in sorted(self._used)}

@@ -36,14 +36,14 @@ def add_bake_blocks(commands):
 
 
 def _bake_blocks(options):
-    expect(
-        options.blocks is None or options.stage is not None,
-        "--blocks: changes nothing without --stage",
-    )
     share = None if options.share is None else share_named(options.share)
     expect(
         share is None or options.blocks is None,
         "--share: chooses blocks; leave out one of --share and --blocks",
+    )
+    expect(
+        options.blocks is None or options.stage is not None,
+        "--blocks: changes nothing without --stage",
     )
     if options.stage is None and share is None:
         _say_stages(options)

@@ -11,7 +11,7 @@ from prt_core.bake.refine import refine_meshes_steps
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_kind
-from prt_core.runtime.address import folder_of
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import each_in_thread
 from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
@@ -85,7 +85,7 @@ def bake_blend_steps(
     from prt_core.sphere import CubeMap
 
     scene = scene or import_bpy().context.scene
-    uid, origin = scene.session_uid, origin_of(scene, folder_of(output))
+    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
     camera, seen = read_camera(scene, messages), []
     cameras = read_cameras(scene)
 

@@ -6,7 +6,7 @@ from prt_core.bake.light_field_transport import TransportCamera
 from prt_core.bake.load import load
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.errors import expect, expect_all, expect_flag, expect_whole
-from prt_core.runtime.address import expect_store_path, folder_of
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import each_in_thread, in_thread
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
@@ -113,7 +113,7 @@ def light_field_steps(
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 
     scene = scene or bpy.context.scene
-    uid, origin = scene.session_uid, origin_of(scene, folder_of(output))
+    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
     objects = None if objects is None else expect_all("objects", objects, str, "objects' names")
     two_sided = expect_all("two_sided", two_sided, str, "objects' names")
     meshes = yield from light_field_meshes_steps(uid, objects, two_sided, lamps, pace)

@@ -10,7 +10,6 @@ from prt_core.bake.gather import read_gather
 from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, MOST_ROUNDS, GatherBlocks
 from prt_core.bake.stages import BlocksMissing, open_stage
 from prt_core.bake.visibility import add_seconds, blocks
-from prt_core.runtime.address import folder_of
 from prt_core.runtime.progress import Progress
 from prt_core.store import damage_as_error
 from prt_core.transport import all_bounces
@@ -105,7 +104,7 @@ def bounce_steps(
     blocked = np.clip(1 - probes[:, 0], 0, 1)
     store.keep("blocked", blocked)
     work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed)
-    room, most = (memory, folder_of(store.path)), most_rounds(n_points)
+    room, most = (memory, store.path.parent), most_rounds(n_points)
     rounds, error = 0, np.inf
     while rounds < most and error > settings.tolerance:
         turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
@@ -164,7 +163,7 @@ def gather_so_far(store, rounds, memory=None):
         return None
     n_points = store.array(GATHER).shape[0]
     blocked = store.read("blocked", (n_points,), "float32")
-    return read_gather(store.array(GATHER), range(rounds), blocked, memory, folder_of(store.path))
+    return read_gather(store.array(GATHER), range(rounds), blocked, memory, store.path.parent)
 
 
 def _next_rounds(rounds, error, tolerance, most):

@@ -10,7 +10,6 @@ from prt_core.bake.gather import read_gather
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.errors import expect
 from prt_core.rays import cast_on_all_cores
-from prt_core.runtime.address import folder_of
 from prt_core.runtime.cores import n_cores
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.threads import on_all_cores
@@ -167,7 +166,7 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds, memory=None)
     yield Progress("emission", 0, len(scene.emitters))
     with damage_as_error(store.path, "'gather'"):
         blocked = store.read("blocked", (n_points,), "float32")
-        hits, room = store.array("gather"), (memory, folder_of(store.path))
+        hits, room = store.array("gather"), (memory, store.path.parent)
         gather = read_gather(hits, range(rounds), blocked, *room)
     direct, albedo = store.array(_DIRECT), scene.points.mean_albedo
     shape = len(scene.emitters), n_points, 6

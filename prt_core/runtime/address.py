@@ -75,6 +75,11 @@ class Address:
         return PurePosixPath(self.name).suffix
 
     @property
+    def parent(self):
+        """None: no folder of this machine, for files that would lie beside."""
+        return None
+
+    @property
     def home(self):
         """The text of the address that its name is in."""
         return f"{self.scheme}://" + "/".join((self.bucket, *self.parts[:-1]))
@@ -89,12 +94,6 @@ def is_address(value):
     return isinstance(value, Address) or (
         isinstance(value, str) and _SCHEME.match(value) is not None
     )
-
-
-def folder_of(path):
-    """The folder that a path of this machine, given as anything, lies in; None for an address."""
-    path = expect_store_path("path", path)
-    return None if isinstance(path, Address) else path.parent
 
 
 def expect_store_path(name, value):

@@ -89,7 +89,7 @@ def test_a_bake_in_an_object_store_goes_on_to_the_bytes_of_a_folder(
 
 
 def test_whatever_request_is_the_last_one_the_bake_goes_on(scene, finished, bake_again, away):
-    for n in (1, 20, 60):
+    for n in (1, 40):
         address = away.replace("a.prt", f"{n}.prt")
         with pytest.MonkeyPatch.context() as patch:
             _cut_after(patch, n)
@@ -111,7 +111,7 @@ def test_a_bake_replaces_another_whatever_is_killed(scene, bake_again, away):
     steps = len(files_at(address).keys()) + 2 * len(files_at(expect_store_path("", beside)).keys())
     seen = set()
     kept = _copied(away, "old"), _copied(beside, "new")
-    for n in [0, 1, 2, steps // 2, steps - 1, steps]:
+    for n in (0, 1, steps // 2, steps - 1):
         remove_bake(away)
         _copied(kept[0], "a.prt")
         _copied(kept[1], "a.prt.restart")

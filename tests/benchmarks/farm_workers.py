@@ -13,6 +13,7 @@ import signal
 import tempfile
 import threading
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 from prt_core import BakeSettings, Scene, bake_steps, run
@@ -97,24 +98,63 @@ def kills(folder, n_kills, seed=0):
     return same, len(done), time.perf_counter() - begun
 
 
+def speed(side=200, resolution=24):
+    """(points, seconds of one worker, of two, of the blocks alone)."""
+    os.environ["PRT_THREADS"] = "1"
+    built = scene(side)
+    settings = BakeSettings(resolution=resolution, bounces=2, method="exhaustive")
+    with tempfile.TemporaryDirectory() as folder:
+        one, alone = timed(built, settings, folder, 1)
+        two, _ = timed(built, settings, folder, 2)
+    return len(built.points), one, two, alone
+
+
+def killed(n_kills=10):
+    """(number of kills, whether the digests are equal, seconds)."""
+    with tempfile.TemporaryDirectory() as folder:
+        same, count, seconds = kills(folder, n_kills)
+    return count, same, seconds
+
+
+def workers(measured=None, ends=None):
+    """Lines of what workers gain, cost and survive; none where Dask is not installed."""
+    if not find_spec("distributed"):
+        return []
+    points, one, two, alone = measured or speed()
+    count, same, seconds = ends or killed()
+    return [
+        "`python -m tests.benchmarks.farm_workers`: every entry of a ball over a floor, "
+        f"{points:,} points in blocks of 2,048, by Dask's workers of one thread on this machine; "
+        "the time from the first block that is sent to the last one that is back.",
+        "",
+        "| | | floor |",
+        "|---|---|---|",
+        f"| one worker | {one:.1f} s | |",
+        f"| two workers | {two:.1f} s: {one / two:.2f} times as quick | 1.7 |",
+        f"| scheduling, and finding out what is done | {one / alone - 1:.1%} of the blocks' own "
+        f"{alone:.1f} s | 5 % |",
+        f"| two workers, of which one was killed {count} times | {seconds:.0f} s, digests "
+        f"{'equal' if same else 'DIFFERENT'} to those of one process | equal |",
+    ]
+
+
+PAGE, SECTIONS = "costs", {"Workers": workers}
+
+
 def main():
+    """Measure what is asked for, and print it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", action="store_true")
     parser.add_argument("--side", type=int, default=200, help="vertices along the floor")
     parser.add_argument("--resolution", type=int, default=24)
     options = parser.parse_args()
-    print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
-    with tempfile.TemporaryDirectory() as folder:
-        if options.kills:
-            same, count, seconds = kills(folder, 10)
-            print(f"{count} kills in {seconds:.0f} s: digests {'equal' if same else 'DIFFER'}")
-            return
-        os.environ["PRT_THREADS"] = "1"
-        built = scene(options.side)
-        settings = BakeSettings(resolution=options.resolution, bounces=2, method="exhaustive")
-        one, alone = timed(built, settings, folder, 1)
-        two, _ = timed(built, settings, folder, 2)
-    print(f"{len(built.points):,} points, {settings.resolution} texels along an edge")
+    print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores", flush=True)
+    if options.kills:
+        count, same, seconds = killed()
+        print(f"{count} kills in {seconds:.0f} s: digests {'equal' if same else 'DIFFER'}")
+        return
+    points, one, two, alone = speed(options.side, options.resolution)
+    print(f"{points:,} points, {options.resolution} texels along an edge")
     print(f"one worker {one:.1f} s, two {two:.1f} s: {one / two:.2f} times (floor 1.7)")
     print(f"scheduling {100 * (one / alone - 1):.1f} % of the blocks' {alone:.1f} s (floor 5 %)")
 

@@ -28,7 +28,7 @@ _STAGE = "visibility"
 
 def scene(side):
     """A ball over a floor of side x side vertices."""
-    ball = sphere(64, 64, centre=(0, 0, 0.6), radius=0.4, name="ball")
+    ball = sphere(64, centre=(0, 0, 0.6), radius=0.4, name="ball")
     floor = plane(side, -1.2, 1.2, name="floor", albedo=0.7)
     return Scene.from_meshes([ball, floor], max_hidden=0)
 

@@ -24,6 +24,8 @@ def light_field(
     lamps=False,
     restart=False,
     report=None,
+    plan=False,
+    share=None,
     **settings,
 ):
     """Capture the light field of objects: radiance of their points in all directions.
@@ -49,13 +51,18 @@ def light_field(
     restart : bool
         Begin anew whatever `output` holds.
     report : callable(Progress), optional
+    plan : bool
+        Only put the scene into `output`, which others then capture in shares.
+    share : (int, int), optional
+        (I, N): capture every N-th block from number I on of what was planned with the same
+        arguments. Without a share what is missing is captured, and the light field closed.
     **settings
         See `LightFieldSettings`: angles, samples, tolerance, denoise, seed.
 
     Returns
     -------
     dict
-        The report (see `capture_light_field`).
+        The report, or how many `blocks` were planned or captured (see `capture_light_field`).
 
     Raises
     ------
@@ -67,7 +74,8 @@ def light_field(
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     output = expect_store_output("output", output, ".slf", create=True)
     asked = LightFieldSettings(**settings), objects, two_sided, grid, hidden, lamps, restart
-    return run(light_field_steps(source, output, *asked), report)
+    steps = light_field_steps(source, output, *asked, plan=plan, share=share)
+    return run(steps, report)
 
 
 def light_field_steps(
@@ -82,6 +90,8 @@ def light_field_steps(
     restart=False,
     pace=None,
     scene=None,
+    plan=False,
+    share=None,
 ):
     """`light_field` as a generator of `Progress`.
 
@@ -104,7 +114,15 @@ def light_field_steps(
         bake = yield from in_thread("load", load, source)
         camera = yield from in_thread("light", TransportCamera, bake, lamps)
         steps = capture_light_field(
-            bake.scene, camera, output, settings, bake.camera, bake.origin, restart
+            bake.scene,
+            camera,
+            output,
+            settings,
+            bake.camera,
+            bake.origin,
+            restart,
+            plan=plan,
+            share=share,
         )
         return (yield from steps)
     messages = [] if source is None else list(open_blend(source))
@@ -131,6 +149,6 @@ def light_field_steps(
         messages += built.messages
     camera, view = light_field_camera(uid, built, lamps, messages)
     steps = capture_light_field(
-        built, camera, output, settings, view, origin, restart, messages, pace
+        built, camera, output, settings, view, origin, restart, messages, pace, plan, share
     )
     return (yield from steps)

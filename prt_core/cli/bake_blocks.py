@@ -6,7 +6,7 @@ from prt_core.api import finish
 from prt_core.bake.blocks import compute, missing_blocks, stages
 from prt_core.bake.report_lines import report_lines
 from prt_core.bake.stages import BlocksMissing, Stage, ranges_text
-from prt_core.cli.arguments import quiet_arguments
+from prt_core.cli.arguments import quiet_arguments, share_named
 from prt_core.cli.show import working
 from prt_core.errors import PRTError, expect, shown
 from prt_core.runtime.progress import Progress
@@ -112,28 +112,6 @@ def blocks_named(text, stage):
         )
         chosen += range(int(first), int(last or first) + 1)
     return chosen
-
-
-def share_named(text):
-    """(I, N) of a text as I/N, I from 0 to N - 1.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    (int, int)
-
-    Raises
-    ------
-    PRTError
-        It is no such text.
-    """
-    number, slash, of = text.partition("/")
-    good = slash and number.isdecimal() and of.isdecimal() and int(number) < int(of)
-    expect(good, f"--share: expected I/N with I from 0 to N - 1, as 0/4, got {shown(text)}")
-    return int(number), int(of)
 
 
 def _say_stages(options):

@@ -11,7 +11,7 @@ from prt_core.bake.light_field_compress import (
 from prt_core.bake.light_field_load import KIND, load_light_field
 from prt_core.bake.light_field_report import compressed_field_lines, light_field_lines
 from prt_core.blender_access import import_bpy
-from prt_core.cli.arguments import quiet_arguments, scene_argument
+from prt_core.cli.arguments import quiet_arguments, scene_argument, share_named
 from prt_core.cli.lightfield_show import add_show
 from prt_core.cli.show import working
 from prt_core.errors import expect
@@ -63,6 +63,15 @@ def _add_bake(kinds, in_blender):
     )
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
+    bake.add_argument(
+        "--plan", action="store_true",
+        help="only put the scene into the output, which several Blenders capture by --share",
+    )  # fmt: skip
+    bake.add_argument(
+        "--share", metavar="I/N",
+        help="capture the share with number I (from 0) of N of what was planned with the same "
+        "flags; the same line without it then closes the light field",
+    )  # fmt: skip
     quiet_arguments(bake)
     bake.set_defaults(run=_bake)
 
@@ -153,6 +162,8 @@ def _bake(options):
             lamps=options.lamps,
             restart=options.restart,
             report=bar,
+            plan=options.plan,
+            share=None if options.share is None else share_named(options.share),
             angles=options.angles,
             samples=samples,
             denoise=options.denoise,
@@ -161,6 +172,10 @@ def _bake(options):
         )
     if options.json:
         print(json.dumps({"light_field": str(output), **report}))
+    elif "blocks" in report:
+        done = "planned" if options.plan else "captured"
+        print(f"{output}: {report['blocks']:,} blocks {done}; the same line without --plan and "
+              "--share closes it")  # fmt: skip
     else:
         print(*light_field_lines(output, report), sep="\n")
     return 0

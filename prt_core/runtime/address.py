@@ -43,8 +43,8 @@ class Address:
         scheme, _, rest = text.partition("://")
         expect(
             scheme in SCHEMES,
-            f"{name}: expected a path or an address that begins with s3://, gs://, az://, "
-            f"memory:// or file://, got {shown(text)}",
+            f"{name}: expected a path, or an address that begins with s3://, gs://, az:// "
+            f"or file://, got {shown(text)}",
         )
         bucket, *parts = rest.rstrip("/").split("/")
         good = _BUCKET.fullmatch(bucket) and parts

@@ -193,7 +193,7 @@ def expect_store_output(name, path, suffix, create=False):
     path = expect_store_path(name, path)
     if not isinstance(path, Address):
         return expect_output(name, path, suffix, folder=True, create=create)
-    expect(path.suffix == suffix, f"{path}: expected a name that ends in {suffix}")
+    expect(path.suffix.lower() == suffix, f"{path}: expected a name that ends in {suffix}")
     attempt = ObjectFiles(_named(path, ".part"))
     attempt.write(FILE, b"")
     attempt.remove_all([FILE])

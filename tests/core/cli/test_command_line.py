@@ -234,7 +234,7 @@ BAD = {
     "bake open.blend --dask local:0": "dask: expected local:N",
     "bake-blocks a.prt --share 2/2": "--share: expected I/N with I from 0 to N - 1",
     "bake-blocks a.prt --share 0/2 --blocks 1": "--share: chooses blocks",
-    "info http://here/a.prt": "bake: expected a path or an address that begins with s3://",
+    "info http://here/a.prt": "bake: expected a path, or an address that begins with s3://",
     "info s3://bucket": "bake: expected s3://BUCKET/NAME",
     f"{RELIGHT} --png s3://bucket/o.png": "--png: expected a path on this machine",
     "info a.prt --refined where.jpg": "where.jpg: expected a name that ends in .png",

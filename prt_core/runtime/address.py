@@ -12,8 +12,9 @@ from urllib.request import url2pathname
 
 from prt_core.errors import expect, expect_path, shown
 
-# What obstore opens and can list; web servers cannot be listed.
-SCHEMES = ("s3", "s3a", "gs", "az", "azure", "abfs", "abfss", "adl", "memory")
+# Stores that can be listed: Amazon's, Google's, Azure's and their like, and one of this process,
+# for scripts and tests.
+SCHEMES = ("s3", "gs", "az", "memory")
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
 _BUCKET = re.compile(r"[\w.-]+")
 _PART = re.compile(r"[\w .+,=@()-]+")
@@ -28,7 +29,7 @@ class Address:
     scheme : str
         One of `SCHEMES`.
     bucket : str
-        What the scheme calls a bucket, container or account.
+        Or container.
     parts : tuple of str
         Names within it.
     """

@@ -39,8 +39,6 @@ _CREDENTIALS = {
     "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
     "gs": "set GOOGLE_APPLICATION_CREDENTIALS",
     "az": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
-    "ab": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
-    "ad": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
 }
 
 
@@ -194,11 +192,11 @@ def object_error(address, place, done, error):
     if says(_BUCKET):
         line = f"there is no bucket '{address.bucket}'; make it first, or correct the name"
     elif says(_UNKNOWN):
-        line = f"no credentials for {address.scheme}://; {_CREDENTIALS[address.scheme[:2]]}"
+        line = f"no credentials for {address.scheme}://; {_CREDENTIALS[address.scheme]}"
     elif says(_DENIED):
         line = "access denied; these credentials are wrong, or may not do that"
     elif says(_CUT_OFF):
-        server = os.environ.get("AWS_ENDPOINT_URL") if address.scheme.startswith("s3") else None
+        server = os.environ.get("AWS_ENDPOINT_URL") if address.scheme == "s3" else None
         line = f"no connection to {server or 'the store'}; check the network" + (
             " and AWS_ENDPOINT_URL" if server else ""
         )

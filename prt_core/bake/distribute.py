@@ -115,12 +115,13 @@ def cluster_client(cluster):
                 f"{text}: no scheduler of Dask answers there ({_line(error)}); start one with "
                 "'dask scheduler'"
             ) from error
-        with client:
+        with _quiet(), client:
             yield client
         return
     # Dask's own count of deaths would give a block up that had bad luck only.
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 10}),
+        _quiet(),
         LocalCluster(
             n_workers=int(rest),
             threads_per_worker=1,
@@ -132,6 +133,21 @@ def cluster_client(cluster):
         Client(made, set_as_default=False) as client,
     ):
         yield client
+
+
+@contextmanager
+def _quiet():
+    """Nothing of what Dask logs of lost connections: it is said in a line, here."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    loggers = [logging.getLogger(name) for name in (*names, "tornado.application", "asyncio")]
+    levels = [logger.level for logger in loggers]
+    try:
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def expect_cluster(cluster):
@@ -205,7 +221,7 @@ def _compute_steps(client, path, stage, blocks, patience):
                         f"was given to, for want of memory perhaps; {_AGAIN}"
                     ) from error
                 submit(index)
-            except CancelledError as error:
+            except (CancelledError, TimeoutError) as error:
                 raise PRTError(f"{path}: the scheduler is lost; {_AGAIN}") from error
     finally:
         with suppress(Exception):

@@ -13,7 +13,6 @@ import queue
 import time
 from collections import Counter
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 from prt_core.bake.blocks import compute
 from prt_core.bake.plan import finish_steps
@@ -62,8 +61,7 @@ def distribute_steps(path, cluster, memory=None, patience=PATIENCE):
         Dask is not installed, there is no such scheduler, no worker came or all are lost, one does
         not see the store or has another version; or what a block raised. What is done stays.
     """
-    path = expect_store_path("bake", path)
-    path = path.absolute() if isinstance(path, Path) else path
+    path = expect_store_path("bake", path).absolute()
     patience = expect_number("patience", patience, least=0)
     with cluster_client(cluster) as client:
         yield from _wait_steps(client, patience)

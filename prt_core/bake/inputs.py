@@ -18,8 +18,8 @@ from prt_core.runtime.machine import expect_memory
 from prt_core.scene import Camera, Scene
 from prt_core.store import files_at, is_taken, remove_begun
 
-# Of a point while it is baked, its bits apart.
-_POINT_BYTES = 400
+# Of a point while it is baked; its bits are in memory a tile at a time.
+_POINT_BYTES = 700
 # Arrays of answers of rays.
 _RAYS = "visibility", "ray_journal"
 
@@ -61,9 +61,9 @@ def expect_bake_input(
             expect_radiance(f"light '{name}'", light, cube_map)
     n_points = len(scene.points)
     expect_memory(
-        f"bake: {n_points:,} points with {cube_map.n_directions:,} directions",
-        n_points * (cube_map.n_directions / 8 + _POINT_BYTES),
-        "take a lower resolution, or fewer points",
+        f"bake: {n_points:,} points",
+        n_points * _POINT_BYTES,
+        "take fewer points",
     )
     return None if world is None else expect_radiance("world", world, cube_map)
 

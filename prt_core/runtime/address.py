@@ -85,6 +85,10 @@ class Address:
         """The text of the address that its name is in."""
         return f"{self.scheme}://" + "/".join((self.bucket, *self.parts[:-1]))
 
+    def absolute(self):
+        """Itself."""
+        return self
+
     def with_name(self, name):
         """The address of another name beside it."""
         return Address(self.scheme, self.bucket, (*self.parts[:-1], name))

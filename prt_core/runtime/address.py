@@ -8,7 +8,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
-from urllib.request import url2pathname
 
 from prt_core.errors import expect, expect_path, shown
 
@@ -125,6 +124,9 @@ def expect_store_path(name, value):
     if not is_address(value):
         return expect_path(name, value)
     if value.startswith("file://"):
+        # Takes as long to import as all else here.
+        from urllib.request import url2pathname
+
         parts = urlsplit(value)
         expect(
             parts.netloc in ("", "localhost") and unquote(parts.path).strip("/"),

@@ -3,8 +3,9 @@
 from prt_core.bake import Bake
 from prt_core.bake.light_field_load import LightField, load_light_field
 from prt_core.bake.load import load
-from prt_core.errors import expect, expect_path
+from prt_core.errors import expect
 from prt_core.export.web import WebSettings, write_web_steps
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import run
 
@@ -44,13 +45,13 @@ def export_web_steps(bake, output, *, light_field=None, pace=None, **settings):
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings, field = WebSettings(**settings), light_field
     if isinstance(bake, LightField) or (
-        not isinstance(bake, Bake) and expect_path("bake", bake).suffix == ".slf"
+        not isinstance(bake, Bake) and expect_store_path("bake", bake).suffix == ".slf"
     ):
         expect(field is None, "light_field: the first argument is one already; name one of them")
         bake, field = None, bake
     elif not isinstance(bake, Bake):
-        bake = yield from in_thread("load", load, expect_path("bake", bake))
+        bake = yield from in_thread("load", load, expect_store_path("bake", bake))
     if field is not None and not isinstance(field, LightField):
-        path = expect_path("light_field", field)
+        path = expect_store_path("light_field", field)
         field = yield from in_thread("load", load_light_field, path)
     return (yield from write_web_steps(bake, output, settings, pace, field))

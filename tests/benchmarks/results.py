@@ -32,6 +32,7 @@ from tests.benchmarks import (  # noqa: E402
     assets,
     compress_tables,
     farm_tiles,
+    farm_workers,
     gloss_page,
     irradiance,
     lightfield_page,
@@ -213,7 +214,7 @@ PARTS = {
     "lightfield": (lightfield_page.PAGE, lightfield_page.SECTIONS),
     "gloss": (gloss_page.PAGE, gloss_page.SECTIONS),
     "refinement": (refinement.PAGE, refinement.SECTIONS),
-    "costs": (farm_tiles.PAGE, farm_tiles.SECTIONS),
+    "costs": (farm_tiles.PAGE, {**farm_tiles.SECTIONS, **farm_workers.SECTIONS}),
 }
 
 

@@ -57,7 +57,9 @@ class Bounced:
     skipped: dict = field(default_factory=dict)
 
 
-def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None, pictures=None):
+def bounce_steps(
+    store, scene, cube_map, caster, settings, seconds, emitted=None, pictures=None, reuse=None
+):  # fmt: skip
     """Gather rays of a scene into a store; yields `Progress`.
 
     Parameters
@@ -73,6 +75,8 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
         Directly received light of emitters, under which the error is measured as well.
     pictures : Pictures, optional
         Is told of K while more rays are needed.
+    reuse : Reuse, optional
+        Whose rays are taken where they are as they were.
 
     Returns
     -------
@@ -95,7 +99,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
         bound = np.inf
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
-        for name in ("gather", "gather_rays", "blocked"):
+        for name in ("gather", "gather_rays", "blocked", "gather_shift"):
             store.remove(name)
         store.update(rounds=0)
         return Bounced(error=bound, skipped=skipped)
@@ -110,6 +114,7 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
     counts = store.create("gather_rays", table, "int64", (1, 1, table[2]))
     rounds, error, most = 0, np.inf, most_rounds(n_points)
     clear, sharing = _Clear(store.array("visibility"), cube_map), Sharing(scene)
+    kept = None if reuse is None else reuse.kept_rays(store, settings.seed)
 
     def write(job):
         (index, turn), one = job
@@ -131,7 +136,9 @@ def bounce_steps(store, scene, cube_map, caster, settings, seconds, emitted=None
             if todo:
                 start = time.perf_counter()
                 jobs = [(parts[index], turn) for index, turn in todo]
-                gathered = gather_parts(scene, caster, jobs, settings.seed, spared, clear, sharing)
+                gathered = gather_parts(
+                    scene, caster, jobs, settings.seed, spared, clear, sharing, kept
+                )
                 on_all_cores(write, zip(todo, gathered, strict=True))
                 add_seconds(seconds, "gather", time.perf_counter() - start)
             yield Progress("gather", parts[group_parts[-1]].stop, n_points)

@@ -10,9 +10,10 @@ from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
+from prt_core.bake.reuse import Reuse, earlier_bake, expect_objects, note_reuse, reuse_of, taken
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import chosen_method, visibility_steps
-from prt_core.errors import expect_kind, expect_number, system_errors
+from prt_core.errors import expect, expect_all, expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
@@ -44,6 +45,8 @@ def bake_steps(
     origin=None,
     cameras=None,
     pictures=None,
+    reuse=None,
+    only=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -78,13 +81,18 @@ def bake_steps(
         Kept with the bake: all cameras of the scene by name, for views.
     pictures : Pictures, optional
         Is told what is known while the bake runs, and hands it out; the bake is the same.
+    reuse : str or Path, optional
+        An earlier bake of the scene, which may be the one at `path`: what a change cannot have
+        touched is taken from it. Where nothing can be, the report says why.
+    only : sequence of str, optional
+        With `reuse`: objects whose points are asked again; those of others stay as they were.
 
     Returns
     -------
     dict
         The report: points, directions, back_end, rays, seconds by stage, bytes, peak_bytes,
         error (of the bounces), method, entries_percent, certificate, visibility_error,
-        tolerance_met, skipped, messages.
+        tolerance_met, skipped, messages; and `reused`, where that was asked for.
 
     Raises
     ------
@@ -99,6 +107,9 @@ def bake_steps(
     world = expect_bake_input(scene, path, cube_map, *given)
     if pictures is not None:
         expect_kind("pictures", pictures, Pictures)
+    expect(only is None or reuse is not None, "only: changes nothing without reuse")
+    if only is not None:
+        expect_objects(scene, expect_all("only", only, str, "objects' names"))
     casters = []
 
     def caster():
@@ -108,7 +119,7 @@ def bake_steps(
     parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
-            given = scene, path, settings, parts, restart, lights, pictures
+            given = scene, path, settings, parts, restart, lights, pictures, reuse, only
             if pace is None:
                 return (yield from _bake(*given, caster))
             calls = MainThreadCalls()
@@ -124,7 +135,9 @@ def bake_steps(
             item.close()
 
 
-def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, pace=None):
+def _bake(
+    scene, path, settings, parts, restart, lights, pictures, reuse, only, new_caster, pace=None
+):  # fmt: skip
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
@@ -142,12 +155,17 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
                 return finish_bake(store, path).attributes["report"]
         # What is damaged is made again, as if the bake had been stopped before.
         store.update(complete=False)
+    earlier = None if reuse is None else earlier_bake(reuse, scene, settings)
     # A caster that cannot be made leaves no folder.
     caster = new_caster()
     resumed = "identity" in store.attributes
     if not resumed:
         # Whose it is at once: one of an unknown file is never replaced unasked.
         store.update(identity=identity, settings=settings.stored(), **attributes)
+    taken_from = taken(earlier, only)
+    if store.attributes.get("taken_from") != taken_from:
+        # What there is was made from another bake, or from none: it is made again.
+        store.update(taken_from=taken_from, sampled=None)
     with damage_as_error(path):
         seconds = {
             stage: expect_number(f"seconds of {stage}", value, least=0)
@@ -163,8 +181,10 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
         pictures.detailed(scene)
     keep_lights(store, attributes, world)
     yield Progress("scene", 0, 0)
+    reuse = reuse_of(earlier, scene, only)
+    part = reuse if isinstance(reuse, Reuse) else None
     seen = yield from visibility_steps(
-        store, scene, cube_map, caster, settings, lights, seconds, pace, pictures
+        store, scene, cube_map, caster, settings, lights, seconds, pace, pictures, part
     )
     reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
     emitted = yield from emission_steps(store, scene, caster, settings, seconds)
@@ -175,7 +195,7 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
         pictures.emitted(read_direct(store))
     bounced = Bounced()
     if settings.bounces != 0:
-        work = store, scene, cube_map, caster, settings, seconds, emitted.probes, pictures
+        work = store, scene, cube_map, caster, settings, seconds, emitted.probes, pictures, part
         bounced = yield from bounce_steps(*work)
     if pictures is not None and pictures.to_the_end:
         with damage_as_error(path):
@@ -200,6 +220,7 @@ def _bake(scene, path, settings, parts, restart, lights, pictures, new_caster, p
         report["messages"].append("the bake was stopped and went on: times are those since then")
         # Some of the rays were cast before the clock was started.
         report["rays_per_second"] = None
+    note_reuse(store, report, reuse)
     store.seal(report=report, seconds=seconds)
     finish_bake(store, path)
     return report

@@ -19,7 +19,7 @@ from prt_core.sampling import (
     sampler_names,
     trace_rest,
 )
-from prt_core.sampling.tracer import count_bits
+from prt_core.sampling.tracer import Tracer, count_bits
 from prt_core.store import JournalMismatch, RayJournal
 from prt_core.transport import visibility_bits
 from prt_core.transport.visibility import horizon_bits
@@ -71,9 +71,11 @@ def add_seconds(seconds, stage, spent):
 
 
 def visibility_steps(
-    store, scene, cube_map, caster, settings, lights, seconds, pace, pictures=None
+    store, scene, cube_map, caster, settings, lights, seconds, pace, pictures=None, reuse=None
 ):
     """Visibility of a scene into a store; yields `Progress`; `pictures` are told of it.
+
+    What `reuse` knows of it is not asked.
 
     Returns
     -------
@@ -83,7 +85,8 @@ def visibility_steps(
     """
     method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
     if method == "exhaustive":
-        rays = yield from _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures)
+        work = store, scene, cube_map, caster, seconds, pace, pictures, reuse
+        rays = yield from _exhaustive(*work)
         store.update(seconds=seconds)
         _show_all(store, pictures)
         entries = len(scene.points) * cube_map.n_directions
@@ -108,8 +111,9 @@ def visibility_steps(
         journal = RayJournal(caster, store)
         try:
             attributes = yield from _sampled(
-                store, scene, cube_map, journal, method, settings, lights, seconds, pace, pictures
-            )
+                store, scene, cube_map, journal, method, settings, lights, seconds, pace, pictures,
+                reuse,
+            )  # fmt: skip
         except JournalMismatch:
             # Written by another version, or on a machine that rounds otherwise: begin anew.
             continue
@@ -141,7 +145,7 @@ def _holds_dense(store, attributes):
         return False
 
 
-def _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures):
+def _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures, reuse):
     n_points = len(scene.points)
     n_bytes = -(-cube_map.n_directions // 8)
     parts = blocks(n_points)
@@ -155,7 +159,12 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures):
             traced = np.empty((block.stop - block.start, n_bytes), np.uint8)
             for part in pace.parts(block.start, block.stop):
                 inside = slice(part.start - block.start, part.stop - block.start)
-                traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
+                if reuse is None:
+                    traced[inside] = visibility_bits(scene, cube_map, caster, part, tally.append)
+                else:
+                    known = reuse.rows(part, cube_map)
+                    rest = _rest(scene, cube_map, caster, part, known, tally)
+                    traced[inside] = yield from rest
                 pace.worked()
                 yield Progress("visibility", part.stop, n_points)
             counts[index] = sum(tally)
@@ -167,7 +176,19 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures):
     return int(counts[...].sum())
 
 
-def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, pace, pictures):
+def _rest(scene, cube_map, caster, points, rows, tally):
+    """Bits of some points of which some are known: the others are traced; yields `Progress`."""
+    bits, known, _ = rows
+    points = np.arange(points.start, points.stop)
+    tracer = Tracer(scene, cube_map, caster, tally.append)
+    wanted = horizon_bits(scene, cube_map, points) & ~known
+    free = yield from tracer.trace(points, wanted)
+    return bits & known | free
+
+
+def _sampled(
+    store, scene, cube_map, caster, method, settings, lights, seconds, pace, pictures, reuse
+):  # fmt: skip
     """Sample, certify, and ask again until the tolerance is met; then store."""
     start = time.perf_counter()
     rays = Pace(pace, 1 << 15)
@@ -176,7 +197,8 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
     if kind is AgreementSettings:
         more["most_wrong"] = _HOPELESS * settings.tolerance
     wanted = kind(seed=settings.seed, **more)
-    steps = sampler(scene, cube_map, caster, wanted, pace=rays)
+    more = {} if reuse is None else {"known": reuse.known(cube_map)}
+    steps = sampler(scene, cube_map, caster, wanted, pace=rays, **more)
     sampled = yield from (steps if pictures is None else _shown(steps, pictures))
     dense = getattr(sampled, "dense", None)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
@@ -190,7 +212,7 @@ def _sampled(store, scene, cube_map, caster, method, settings, lights, seconds, 
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)
         attributes = yield from certificate_steps(
-            scene, cube_map, caster, sampled, lights, drawn, turn,
+            scene, cube_map, caster, sampled, lights, drawn, turn + (reuse.turn if reuse else 0),
             pace=rays, groups=groups, wanted=poor,
         )  # fmt: skip
         spent["certificate"] += time.perf_counter() - start

@@ -85,6 +85,14 @@ class AgreementState:
         self.bits[self.open] = self.above[self.open] & ~traced | self.bits[self.open] & traced
         self._spent("horizon", start)
 
+    def all_traced(self):
+        """(n_points,) bool: points of which nothing is left to ask."""
+        result = np.zeros(len(self.bits), bool)
+        for first in range(0, len(result), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            result[part] = ~(self.above[part] & ~self.traced[part]).any(axis=1)
+        return result
+
     def in_order(self):
         """All points along a curve through each group."""
         n_points, rng = len(self.groups), generator(0, Stage.AGREEMENT)

@@ -1,0 +1,356 @@
+"""What a bake takes over from an earlier one of the same scene: only what has changed is baked.
+
+A point that was there before keeps what it knows of every direction whose ray passes by all places
+that have changed; of the others it keeps what a change cannot have touched: what was dark can only
+have become lit where the old place of something was in the way, what was lit dark where the new
+place is. All else is asked again by agreement, and the certificate is made anew of everything, with
+draws of its own. Bounce rays are kept by the same rule (see `transport.kept_rays`); what points
+receive of emitters, reflections and details are made again whole.
+
+A bake of a selection leaves the points of other objects as they were. What it left is noted with
+the bake, and asked by the next one that is not of a selection.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from prt_core.bake.gather import SHIFTS, read_shifts
+from prt_core.bake.settings import BakeSettings
+from prt_core.bake.visibility import blocks
+from prt_core.errors import PRTError, expect, expect_path
+from prt_core.sampling import Known
+from prt_core.scene import Boxes, Scene, compare
+from prt_core.store import BakeStore, damage_as_error, read_scene
+from prt_core.store.attributes import digest
+from prt_core.transport.gather import gather_shift
+from prt_core.transport.kept_rays import KeptRays
+from prt_core.transport.visibility import horizon_bits
+
+# Turns of the certificate of one bake at most: the next one's draws are others.
+_TURNS = 16
+# Less of the points than this is not worth comparing.
+_LEAST = 0.05
+# Methods whose bits say nothing that could be asked again in part.
+_METHODS = "exhaustive", "agreement"
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """A finished bake that another may take from.
+
+    Attributes
+    ----------
+    store : BakeStore
+    scene : Scene
+    settings : BakeSettings
+    """
+
+    store: BakeStore
+    scene: Scene
+    settings: BakeSettings
+
+    @cached_property
+    def digest(self):
+        """Hexadecimal: which bake it is."""
+        attributes = self.store.attributes
+        known = [attributes.get(name) for name in ("identity", "details", "reused")]
+        rays = {k: v for k, v in attributes["arrays"].items() if not k.startswith("world")}
+        return digest(json.dumps([known, rays], sort_keys=True).encode())
+
+    @property
+    def generation(self):
+        """How many bakes it has taken from, one after the other."""
+        return (self.store.attributes.get("reused") or {}).get("generation", 0)
+
+    @property
+    def whole_rays(self):
+        """Rays of the whole bake that it, or those it took from, began with."""
+        reused = self.store.attributes.get("reused") or {}
+        return reused.get("whole_rays") or self.store.attributes["report"]["rays"]
+
+
+def earlier_bake(path, scene, settings):
+    """The `Earlier` bake at a path; or, in words, why nothing can be taken from it.
+
+    Parameters
+    ----------
+    path : str or Path
+    scene : Scene
+        As it is now.
+    settings : BakeSettings
+
+    Raises
+    ------
+    PRTError
+        There is no finished bake that can be read.
+    """
+    path = expect_path("reuse", path)
+    try:
+        store = BakeStore(path)
+        expect(store.is_complete, f"{path}: the bake is not finished")
+        attributes = store.attributes
+        expect(attributes.get("kind") is None, f"{path}: is no bake")
+        with damage_as_error(path):
+            before = BakeSettings(**attributes["settings"])
+            method = attributes["report"].get("method")
+    except PRTError as error:
+        raise PRTError(f"reuse: {error}; name a finished bake, or bake without it") from error
+    one, two = (
+        {k: v for k, v in each.stored().items() if k != "caster"} for each in (before, settings)
+    )
+    other = [
+        f"{name} {one.get(name)}, now {two.get(name)}"
+        for name in sorted({*one, *two})
+        if one.get(name) != two.get(name)
+    ]
+    if other:
+        return f"it was baked with {'; '.join(other)}"
+    if method not in _METHODS:
+        return f"it was sampled by '{method}', which asks all points together"
+    if scene.image is not None or attributes.get("image") is not None:
+        return "images of a camera or of surfaces are baked whole"
+    old = read_scene(store)
+    moved = old.size != scene.size or not np.array_equal(old.centre, scene.centre)
+    if moved and (old.opacity is not None or scene.opacity is not None):
+        return (
+            "the scene has another extent, by which rays through what lets light pass are told "
+            "apart"
+        )
+    return Earlier(store, old, before)
+
+
+def expect_objects(scene, names):
+    """Raise `PRTError` unless each of these names is that of an object of the scene."""
+    known = {item.known_as for item in scene.objects}
+    strange = [name for name in names if name not in known]
+    expect(
+        not strange,
+        f"only: there is no object '{', '.join(strange[:3])}' that is baked; there are "
+        f"{', '.join(sorted(known)[:8])}{' …' if len(known) > 8 else ''}",
+    )
+
+
+def taken(earlier, only):
+    """What the parts of a bake are bound to that takes from an `Earlier` one; else None."""
+    if not isinstance(earlier, Earlier):
+        return None
+    return {"digest": earlier.digest, "only": None if only is None else sorted(only)}
+
+
+def reuse_of(earlier, scene, only=None):
+    """The `Reuse` of an earlier bake; in words why there is none; None where none was asked for."""
+    if not isinstance(earlier, Earlier):
+        return earlier
+    reuse = Reuse(earlier, scene, only)
+    if (reuse.compared.old_of >= 0).mean() >= _LEAST:
+        return reuse
+    return "hardly a point is where it was"
+
+
+def note_reuse(store, report, reuse):
+    """Say in the report, and note in the store, what was taken over, or why nothing was."""
+    if reuse is None:
+        return
+    if isinstance(reuse, Reuse):
+        report["reused"] = reuse.told(report)
+        store.update(reused=report["reused"])
+        if reuse.still.any():
+            report["messages"].insert(
+                0,
+                "only a selection was baked: light and shadow of what has changed are not on the "
+                "other objects yet; bake what moved brings them",
+            )
+    else:
+        report["reused"] = {"of": None, "line": f"nothing, all was baked: {reuse}"}
+        report["messages"].insert(0, f"nothing was taken from the earlier bake: {reuse}")
+
+
+class Reuse:
+    """What a bake takes over from an `Earlier` one.
+
+    Parameters
+    ----------
+    earlier : Earlier
+    scene : Scene
+        As it is baked, with its backs and details.
+    only : sequence of str, optional
+        Objects whose points are asked again; default: all that have to be.
+
+    Attributes
+    ----------
+    compared : Compared
+    turn : int
+        Of the certificate's draws, the first.
+    """
+
+    def __init__(self, earlier, scene, only=None):
+        self.earlier, self.scene = earlier, scene
+        self.compared = compare(earlier.scene, scene)
+        self.turn = _TURNS * (earlier.generation + 1)
+        old_of = self.compared.old_of
+        self.still = np.zeros(len(scene.points), bool)
+        if only is not None:
+            chosen = scene.objects_named(only)
+            self.still = (old_of >= 0) & ~chosen[scene.points.object_index]
+        self._pending = _pending_boxes(earlier, scene)
+        self._bits = earlier.store.array("visibility")
+        sampled = earlier.store.attributes["report"].get("method") != "exhaustive"
+        self._traced = earlier.store.array("traced") if sampled else None
+
+    @property
+    def changed(self):
+        """`Boxes` around all that has changed, where it was and where it is."""
+        return self.compared.before.joined(self.compared.after).joined(self._pending)
+
+    def rows(self, block, cube_map):
+        """What is known of a block of points: bits, which of them, and those that rays told.
+
+        Returns
+        -------
+        bits, known, traced : (n, n_bytes) uint8
+        """
+        old = self.compared.old_of[block]
+        bits, known, traced = np.zeros((3, len(old), -(-cube_map.n_directions // 8)), np.uint8)
+        mine = np.flatnonzero(old >= 0)
+        if not len(mine):
+            return bits, known, traced
+        before = _rows(self._bits, old[mine])
+        origins = self.scene.ray_origins[block][mine]
+        unknown = self.compared.before.texels(origins, cube_map) & ~before
+        unknown |= self.compared.after.texels(origins, cube_map) & before
+        unknown |= self._pending.texels(origins, cube_map)
+        unknown[self.still[block][mine]] = 0
+        bits[mine], known[mine] = before, ~unknown
+        if self._traced is None:
+            rays = horizon_bits(self.scene, cube_map, np.arange(block.start, block.stop)[mine])
+        else:
+            rays = _rows(self._traced, old[mine])
+        traced[mine] = rays & ~unknown
+        return bits, known, traced
+
+    def known(self, cube_map):
+        """The `Known` of all points."""
+        parts = [self.rows(block, cube_map) for block in blocks(len(self.scene.points))]
+        return Known(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+    def kept_rays(self, store, seed):
+        """The `KeptRays` of the bounces; None where the earlier bake has cast none.
+
+        Their shifts are put into the store: directions follow from them.
+        """
+        if not self.earlier.store.attributes.get("rounds"):
+            return None
+        old_of, before = self.compared.old_of, self.earlier.store
+        n_old = len(self.earlier.scene.points)
+        shifts, old = _shifts(len(old_of), seed), read_shifts(before, n_old)
+        old = _shifts(n_old, self.earlier.settings.seed) if old is None else old
+        mine = old_of >= 0
+        shifts[mine] = old[old_of[mine]]
+        store.keep(SHIFTS, shifts)
+        unsure = _unsure_points(self.scene, old_of, self.changed)
+        parts = before.array("gather"), old_of, n_old, shifts, unsure, self.changed, self.still
+        return KeptRays(*parts)
+
+    def pending(self):
+        """Boxes, in the world, of what the points that were left alone do not know of."""
+        scene = self.scene
+        boxes = self.changed if self.still.any() else Boxes.none()
+        boxes = boxes.moved(scene.size, scene.centre)
+        return {"low": boxes.low.tolist(), "high": boxes.high.tolist()}
+
+    def told(self, report):
+        """What the report of the bake says of it.
+
+        Parameters
+        ----------
+        report : dict
+            With its `rays` and `points`.
+        """
+        new = int((self.compared.old_of < 0).sum())
+        whole = self.earlier.whole_rays
+        share = report["rays"] / max(whole, 1)
+        line = (
+            f"{self.compared}: {new:,} of {report['points']:,} points asked anew, the others where "
+            f"they see it; {share:.0%} of the rays of a whole bake"
+        )
+        if self.still.any():
+            line += "; of objects not selected nothing was asked"
+        return {
+            "of": self.earlier.store.path.name,
+            "digest": self.earlier.digest,
+            "generation": self.earlier.generation + 1,
+            "whole_rays": whole,
+            "points": new,
+            "rays_share": share,
+            "left_alone": int(self.still.sum()),
+            "pending": self.pending(),
+            "line": line,
+        }
+
+
+def _shifts(n_points, seed):
+    """(n_points, 2, 2) float32: those that follow from the blocks of the points."""
+    shifts = np.empty((n_points, 2, 2), np.float32)
+    for block in blocks(n_points):
+        for half in (0, 1):
+            shifts[block, half] = gather_shift(block, block.stop - block.start, seed, half)
+    return shifts
+
+
+def _pending_boxes(earlier, scene):
+    """What points of the earlier bake were not asked about, in the frame of the scene."""
+    reused = earlier.store.attributes.get("reused") or {}
+    with damage_as_error(earlier.store.path):
+        pending = reused.get("pending") or {"low": [], "high": []}
+        low, high = (np.reshape(np.array(pending[k], float), (-1, 3)) for k in ("low", "high"))
+        return Boxes((low - scene.centre) / scene.size, (high - scene.centre) / scene.size)
+
+
+def _unsure_points(scene, old_of, changed):
+    """(n_points,) bool: points to which hits of now may be handed otherwise than before.
+
+    Those nearer to a change than a cell of theirs is wide, and those of triangles that have got
+    other points.
+    """
+    points = scene.points.positions
+    corners = scene.vertices[scene.triangles]
+    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    reach = np.zeros(len(points))
+    owner = np.repeat(np.arange(len(scene.triangles)), scene.lattice_sizes)
+    cell = (edge / scene.triangle_level)[owner]
+    sided = scene.lattice_back >= 0
+    np.maximum.at(reach, scene.lattice, cell)
+    np.maximum.at(reach, scene.lattice_back[sided], cell[sided])
+    details = scene.details
+    # Places further away may be handed to these than to corners.
+    reach[details.point] = 2 * edge[details.triangle]
+    unsure = changed.overlap(points - reach[:, None], points + reach[:, None])
+    new = old_of < 0
+    other = np.zeros(len(scene.triangles), bool)
+    other[owner[new[scene.lattice]]] = True
+    other[owner[sided][new[scene.lattice_back[sided]]]] = True
+    other[details.triangle[new[details.point]]] = True
+    # Details serve the triangles beside their own as well.
+    beside = np.zeros(len(points), bool)
+    beside[scene.lattice[other[owner]]] = True
+    other[owner[beside[scene.lattice]]] = True
+    unsure[scene.lattice[other[owner]]] = True
+    mine = sided & other[owner]
+    unsure[scene.lattice_back[mine]] = True
+    unsure[details.point[other[details.triangle]]] = True
+    return unsure
+
+
+def _rows(array, rows):
+    """Rows of a stored array, in any order: each of its chunks is read once."""
+    result = np.empty((len(rows), array.shape[1]), array.dtype)
+    size = array.chunks[0]
+    chunk = rows // size
+    for number in np.unique(chunk):
+        mine = np.flatnonzero(chunk == number)
+        first = int(number) * size
+        result[mine] = array[first : min(first + size, len(array))][rows[mine] - first]
+    return result

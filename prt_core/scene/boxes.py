@@ -1,0 +1,223 @@
+"""Boxes around what has changed, and which rays may meet them.
+
+What a point sees along a direction can only have changed where its ray meets a place that has
+changed. Such places are kept in a few boxes; the rays that pass all of them by are as they were.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from prt_core.errors import expect_array, expect_kind
+from prt_core.runtime.threads import on_all_cores
+from prt_core.sphere import CubeMap
+
+# Boxes at most, and how much of a box's surface a cut in two has to save.
+_MOST, _SAVES = 32, 0.1
+# Rays start off the surface, and in float32: boxes are so much larger, of their frame.
+_MARGIN = 1e-4
+# Points worked on together.
+_BLOCK = 1024
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Axis-aligned boxes.
+
+    Attributes
+    ----------
+    low, high : (n, 3) float64
+        Their corners, in the frame of the rays.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    def __post_init__(self):
+        for name in ("low", "high"):
+            corners = expect_array(name, getattr(self, name), (len(self.low), 3), np.float64)
+            object.__setattr__(self, name, corners)
+
+    def __len__(self):
+        return len(self.low)
+
+    @classmethod
+    def none(cls):
+        """No box."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)))
+
+    @classmethod
+    def around(cls, corners):
+        """Few boxes that hold triangles: cut in two where that leaves out much of a box.
+
+        Parameters
+        ----------
+        corners : (n, 3, 3) float
+            Of the triangles.
+        """
+        corners = np.asarray(corners, np.float64).reshape(-1, 3, 3)
+        if not len(corners):
+            return cls.none()
+        low, high, middle = corners.min(axis=1), corners.max(axis=1), corners.mean(axis=1)
+        whole = np.arange(len(corners))
+        done, waiting = [], [(_surface(low, high), whole)]
+        while waiting and len(done) + len(waiting) < _MOST:
+            # The largest first.
+            waiting.sort(key=lambda item: item[0])
+            surface, members = waiting.pop()
+            parts = _cut(members, low, high, middle)
+            sizes = [_surface(low[part], high[part]) for part in parts]
+            if not parts or sum(sizes) > (1 - _SAVES) * surface:
+                done.append((surface, members))
+            else:
+                waiting += list(zip(sizes, parts, strict=True))
+        members = [item[1] for item in done + waiting]
+        return cls(
+            np.array([low[part].min(axis=0) for part in members]),
+            np.array([high[part].max(axis=0) for part in members]),
+        )
+
+    def joined(self, other):
+        """These and others."""
+        return Boxes(np.vstack([self.low, other.low]), np.vstack([self.high, other.high]))
+
+    def moved(self, scale, shift):
+        """The boxes at `scale` times their place and `shift`."""
+        return Boxes(self.low * scale + shift, self.high * scale + shift)
+
+    def overlap(self, low, high):
+        """(m,) bool: which of other boxes, (m, 3) each, these overlap."""
+        result = np.zeros(len(low), bool)
+        for mine_low, mine_high in zip(self.low - _MARGIN, self.high + _MARGIN, strict=True):
+            result |= ((low <= mine_high) & (high >= mine_low)).all(axis=1)
+        return result
+
+    def rays(self, origins, directions):
+        """Which rays may meet a box.
+
+        Parameters
+        ----------
+        origins : (n, 3) float
+        directions : (n, k, 3) float
+            Of the rays of each.
+
+        Returns
+        -------
+        (n, k) bool
+        """
+        result = np.zeros(directions.shape[:2], bool)
+        directions = np.moveaxis(np.asarray(directions, np.float32), 2, 0)
+        for low, high in zip(self.low, self.high, strict=True):
+            result |= _meets(*_seen_from(low, high, origins), directions)
+        return result
+
+    def texels(self, origins, cube_map):
+        """The directions of a cube map whose rays from points may meet a box.
+
+        Parameters
+        ----------
+        origins : (n, 3) float
+        cube_map : CubeMap
+
+        Returns
+        -------
+        (n, ceil(n_directions / 8)) uint8
+            In the order of visibility bits.
+        """
+        expect_kind("cube_map", cube_map, CubeMap)
+        middle, spread, samples = _bytes_of(cube_map.resolution)
+        result = np.zeros((len(origins), len(middle)), np.uint8)
+
+        def one(first):
+            part = slice(first, first + _BLOCK)
+            flat = result[part].reshape(-1)
+            for low, high in zip(self.low, self.high, strict=True):
+                near, far = _seen_from(low, high, origins[part])
+                row, byte = np.nonzero(_may_meet(near, far, middle, spread))
+                place = row * len(middle) + byte
+                # What another box has filled needs no second look.
+                left = flat[place] != 255
+                row, byte, place = row[left], byte[left], place[left]
+                ways = np.moveaxis(samples[byte], 2, 0)
+                met = _meets(near[row], far[row], ways)
+                flat[place] |= np.packbits(met, axis=1, bitorder="little")[:, 0]
+
+        on_all_cores(one, range(0, len(origins), _BLOCK))
+        last = cube_map.n_directions % 8
+        if last:
+            result[:, -1] &= np.uint8((1 << last) - 1)
+        return result
+
+
+def _surface(low, high):
+    """Of the box around boxes, as far as it is seen from all sides."""
+    x, y, z = high.max(axis=0) - low.min(axis=0)
+    return x * y + y * z + z * x
+
+
+def _cut(members, low, high, middle):
+    """Two parts of the members of a box, along its longest side; none where it cannot be cut."""
+    extent = high[members].max(axis=0) - low[members].min(axis=0)
+    for axis in np.argsort(-extent):
+        place = middle[members, axis]
+        first = place < (place.min() + place.max()) / 2
+        if first.any() and not first.all():
+            return [members[first], members[~first]]
+    return []
+
+
+def _seen_from(low, high, origins):
+    """(n, 3) float32 twice: the corners of a box from points, with its margin."""
+    margin = _MARGIN * max(1.0, float(np.abs([low, high]).max()))
+    origins = np.asarray(origins, np.float64)
+    return (
+        (low - margin - origins).astype(np.float32),
+        (high + margin - origins).astype(np.float32),
+    )
+
+
+def _meets(near, far, directions):
+    """(n, k) bool: whether rays of directions (3, n, k) from zero meet boxes, (n, 3) each."""
+    enter, leave = np.float32(0), np.float32(np.inf)
+    for axis, way in enumerate(directions):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = 1 / way
+            one, other = near[:, axis, None] * inverse, far[:, axis, None] * inverse
+        # On a face of the box and along it: neither limits the ray (0 times infinity).
+        enter = np.fmax(enter, np.fmin(one, other))
+        leave = np.fmin(leave, np.fmax(one, other))
+    return enter <= leave
+
+
+@lru_cache(4)
+def _bytes_of(resolution):
+    """Of the directions of each byte: the middle, the largest angle to it, and they themselves."""
+    cube_map = CubeMap(resolution)
+    n_bytes = -(-cube_map.n_directions // 8)
+    samples = np.resize(cube_map.samples, (8 * n_bytes, 3))
+    # The last byte is filled up with its own.
+    samples[cube_map.n_directions :] = cube_map.samples[-1]
+    samples = samples.reshape(n_bytes, 8, 3)
+    middle = samples.mean(axis=1)
+    middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-9)
+    cosine = np.einsum("bx,bkx->bk", middle, samples).min(axis=1)
+    return (
+        middle.astype(np.float32),
+        np.arccos(np.clip(cosine, -1, 1)).astype(np.float32),
+        samples.astype(np.float32),
+    )
+
+
+def _may_meet(near, far, middle, spread):
+    """(n, n_bytes) bool: whether a ball around a box may be met along a byte's directions."""
+    centre, radius = (near + far) / 2, np.linalg.norm(far - near, axis=1) / 2
+    away = np.linalg.norm(centre, axis=1)
+    inside = away <= radius * np.float32(1.0001)
+    angle = np.arcsin(np.clip(radius / np.maximum(away, 1e-30), 0, 1)) + np.float32(1e-3)
+    # The angle between is at most the sum of both where its cosine is at least that of the sum:
+    # cos(a + b) = cos a cos b - sin a sin b, all in one product.
+    unit = centre / np.maximum(away, 1e-30)[:, None]
+    mine = np.column_stack([unit, -np.cos(angle), np.sin(angle)]).astype(np.float32)
+    theirs = np.column_stack([middle, np.cos(spread), np.sin(spread)]).astype(np.float32)
+    return (mine @ theirs.T >= 0) | inside[:, None]

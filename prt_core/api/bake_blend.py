@@ -6,6 +6,7 @@ from pathlib import Path
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.refine import refine_meshes_steps
+from prt_core.bake.reuse import earlier_of
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_kind
@@ -28,6 +29,9 @@ def bake_blend_steps(
     image=None,
     pictures=None,
     refine=None,
+    reuse=None,
+    update=False,
+    only=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -44,12 +48,16 @@ def bake_blend_steps(
         See `bake_steps`.
     refine : RefineSettings, optional
         Default: meshes are baked as they are.
+    reuse, update, only
+        See `bake`.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
     two_sided = _names("two_sided", two_sided)
     if restart != "changed":
         expect_flag("restart", restart)
+    reuse, restart = earlier_of(output, restart, reuse, update)
+    only = None if only is None else _names("only", only)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if refine is not None:
         expect_kind("refine", refine, RefineSettings)
@@ -113,7 +121,7 @@ def bake_blend_steps(
         lights = partial(studio_lights, studio_images(), cube_map)
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        cameras, pictures,
+        cameras, pictures, reuse, only,
     )  # fmt: skip
     return result
 

@@ -20,9 +20,9 @@ import numpy as np
 from prt_core.bake.gather import SHIFTS, read_shifts
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import blocks
-from prt_core.errors import PRTError, expect, expect_path
+from prt_core.errors import PRTError, expect, expect_flag, expect_path
 from prt_core.sampling import Known
-from prt_core.scene import Boxes, Scene, compare
+from prt_core.scene import Boxes, Scene, compare, with_details
 from prt_core.store import BakeStore, damage_as_error, read_scene
 from prt_core.store.attributes import digest
 from prt_core.transport.gather import gather_shift
@@ -31,6 +31,8 @@ from prt_core.transport.visibility import horizon_bits
 
 # Turns of the certificate of one bake at most: the next one's draws are others.
 _TURNS = 16
+# Details are sought again nearer to a change than this share of its size.
+_AROUND = 0.5
 # Less of the points than this is not worth comparing.
 _LEAST = 0.05
 # Methods whose bits say nothing that could be asked again in part.
@@ -70,6 +72,35 @@ class Earlier:
         """Rays of the whole bake that it, or those it took from, began with."""
         reused = self.store.attributes.get("reused") or {}
         return reused.get("whole_rays") or self.store.attributes["report"]["rays"]
+
+
+def earlier_of(output, restart, reuse, update):
+    """Which bake one at `output` takes from (see `prt_core.bake`), and how it begins.
+
+    Returns
+    -------
+    reuse : str, Path or None
+    restart : bool or "changed"
+    """
+    if expect_flag("update", update):
+        expect(
+            reuse is None and restart is not True,
+            "update: takes what the output holds; leave out reuse and restart",
+        )
+        # What was stopped in its first bake goes on; where nothing is, a whole bake begins.
+        return (output if _is_finished(output) else None), "changed"
+    if reuse is not None:
+        path = expect_path("reuse", reuse)
+        if path.resolve() == expect_path("output", output).resolve() and not restart:
+            restart = "changed"
+    return reuse, restart
+
+
+def _is_finished(path):
+    try:
+        return BakeStore(path).is_complete
+    except PRTError:
+        return False
 
 
 def earlier_bake(path, scene, settings):
@@ -138,6 +169,38 @@ def taken(earlier, only):
     if not isinstance(earlier, Earlier):
         return None
     return {"digest": earlier.digest, "only": None if only is None else sorted(only)}
+
+
+def details_of(earlier, sided, detailed):
+    """The scene with the details that the earlier bake had, and new ones where it has changed.
+
+    Where details lie hangs on random rays: others than before would have to be asked anew.
+
+    Parameters
+    ----------
+    earlier : Earlier, or anything else where there is none
+    sided, detailed : Scene
+        The scene as it is now, without details and with newly found ones.
+    """
+    if not isinstance(earlier, Earlier):
+        return detailed
+    compared = compare(earlier.scene, sided)
+    changed = compared.before.joined(compared.after).grown(_AROUND)
+    old, new = earlier.scene.details, detailed.details
+    place = sided.to_frame(earlier.scene.to_world(earlier.scene.points.positions[old.point]))
+    triangle = compared.triangle_of[old.triangle]
+    back = sided.lattice_back[sided.lattice_start[triangle]] >= 0
+    stays = (triangle >= 0) & (back | ~old.back) & ~changed.overlap(place, place)
+    kept = np.zeros(len(sided.triangles), bool)
+    kept[compared.triangle_of[compared.triangle_of >= 0]] = True
+    place = detailed.points.positions[new.point]
+    comes = ~kept[new.triangle] | changed.overlap(place, place)
+    return with_details(
+        sided,
+        np.concatenate([triangle[stays], new.triangle[comes]]),
+        np.concatenate([old.barycentric[stays], new.barycentric[comes]]),
+        np.concatenate([old.back[stays], new.back[comes]]),
+    )
 
 
 def reuse_of(earlier, scene, only=None):

@@ -10,7 +10,15 @@ from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
-from prt_core.bake.reuse import Reuse, earlier_bake, expect_objects, note_reuse, reuse_of, taken
+from prt_core.bake.reuse import (
+    Reuse,
+    details_of,
+    earlier_bake,
+    expect_objects,
+    note_reuse,
+    reuse_of,
+    taken,
+)
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import chosen_method, visibility_steps
 from prt_core.errors import expect, expect_all, expect_kind, expect_number, system_errors
@@ -176,7 +184,7 @@ def _bake(
         parts = parts[0], world, *parts[2:]
         pictures.begin(scene, cube_map, settings, caster, parts, method == "exhaustive")
         yield Progress("scene", 0, 0)
-    scene = yield from _detailed(store, scene, caster, settings, parts, seconds)
+    scene = yield from _detailed(store, scene, caster, settings, parts, seconds, earlier)
     if pictures is not None:
         pictures.detailed(scene)
     keep_lights(store, attributes, world)
@@ -226,7 +234,7 @@ def _bake(
     return report
 
 
-def _detailed(store, scene, caster, settings, parts, seconds):
+def _detailed(store, scene, caster, settings, parts, seconds, earlier):
     """The scene with points on backs, and hidden ones in gaps and rooms within a face, stored.
 
     They are found by rays: what goes on takes those that it began with, where they are whole.
@@ -238,6 +246,7 @@ def _detailed(store, scene, caster, settings, parts, seconds):
             start, (lamps, _, camera, *_) = time.perf_counter(), parts
             sided, probes = yield from side_steps(scene, caster, settings.seed, lamps, camera)
             scene, rays = yield from detail_steps(sided, caster, settings.seed)
+            scene = details_of(earlier, sided, scene)
             seconds["details"] = time.perf_counter() - start
             # What was baked of a scene with other details is no part of this bake any more.
             digest = scene.details.digest(scene.lattice_back)

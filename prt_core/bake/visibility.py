@@ -41,6 +41,9 @@ _HOPELESS = 8
 # Where the choice is free: the second look costs a fifth of the rays, and the certificate tells
 # whether it was needed.
 _CHEAPEST = {"looks": 0}
+# What is left to ask after a change is little, and most of it lies beside an outline: more checks
+# are cheap there.
+_AFTER_A_CHANGE = {"checks": 16, "edge_halvings": 2}
 # What is asked again where the tolerance is not met; after the last all that is left is traced.
 _TURNS = (
     {"neighbours": 6, "candidates": 12, "checks": 32, "edge_halvings": 0},
@@ -196,9 +199,10 @@ def _sampled(
     more = dict(_CHEAPEST) if settings.method == "auto" else {}
     if kind is AgreementSettings:
         more["most_wrong"] = _HOPELESS * settings.tolerance
+        more |= {} if reuse is None else _AFTER_A_CHANGE
     wanted = kind(seed=settings.seed, **more)
-    more = {} if reuse is None else {"known": reuse.known(cube_map)}
-    steps = sampler(scene, cube_map, caster, wanted, pace=rays, **more)
+    known = {} if reuse is None else {"known": reuse.known(cube_map)}
+    steps = sampler(scene, cube_map, caster, wanted, pace=rays, **known)
     sampled = yield from (steps if pictures is None else _shown(steps, pictures))
     dense = getattr(sampled, "dense", None)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}

@@ -99,6 +99,18 @@ def add_bake(commands, in_blender):
         "--show-light", metavar="IMAGE",
         help="of that picture: .exr or .hdr, or 'world' (all that shines in the scene)",
     )  # fmt: skip
+    bake.add_argument(
+        "--reuse", metavar="OLD.prt",
+        help="a bake of the scene as it was: only what has changed since is baked",
+    )  # fmt: skip
+    bake.add_argument(
+        "--update", action="store_true",
+        help="the same from what the output holds, which the new bake replaces",
+    )  # fmt: skip
+    bake.add_argument(
+        "--only", nargs="+", metavar="NAME",
+        help="with either: objects that are asked again; the others stay as they were",
+    )  # fmt: skip
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -127,6 +139,7 @@ _NEEDED = {
     "refine_tolerance": (("refine",), "--refine"),
     "refine_vertices": (("refine",), "--refine"),
     "show_light": (("show_png",), "--show-png"),
+    "only": (("reuse", "update"), "--reuse or --update"),
 }
 
 
@@ -175,6 +188,9 @@ def _bake(options):
             atlas_objects=options.atlas_objects,
             atlas_uv=options.atlas_uv or "new",
             atlas_margin=4 if options.atlas_margin is None else options.atlas_margin,
+            reuse=options.reuse,
+            update=options.update,
+            only=options.only,
         )
     if options.json:
         print(json.dumps({"bake": str(output), **report}))

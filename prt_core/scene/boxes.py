@@ -86,6 +86,11 @@ class Boxes:
         """The boxes at `scale` times their place and `shift`."""
         return Boxes(self.low * scale + shift, self.high * scale + shift)
 
+    def grown(self, share):
+        """The boxes, larger on all sides by a share of their diagonals."""
+        more = share * np.linalg.norm(self.high - self.low, axis=1, keepdims=True)
+        return Boxes(self.low - more, self.high + more)
+
     def overlap(self, low, high):
         """(m,) bool: which of other boxes, (m, 3) each, these overlap."""
         result = np.zeros(len(low), bool)

@@ -13,6 +13,8 @@ from prt_core.scene.scene import Scene
 _SAME = 1e-9
 # Normals of the same point, which are kept in float32.
 _SAME_NORMAL = 1e-5
+# And lengths of what was moved, within that of Blender's matrices.
+_SAME_SHAPE = 1e-5
 # Objects are this far apart, beyond any distance in a scene.
 _APART = 100.0
 
@@ -25,15 +27,19 @@ class Compared:
     ----------
     old_of : (n_points,) int64
         What each of its bake points was before: -1 where it is new.
-    changed, added, gone : tuple of str
-        Objects that rays meet otherwise than before: moved, deformed or edited ones; new ones;
-        those that are there no more.
+    triangle_of : (n_old_triangles,) int64
+        What each triangle of before is now: -1 where it is no more.
+    moved, changed, added, gone : tuple of str
+        Objects that rays meet otherwise than before: those that are elsewhere or turned; others
+        that are deformed or edited; new ones; those that are there no more.
     before, after : Boxes
         Around the triangles of these where they were, and where they are; in the frame of the
         scene as it is now.
     """
 
     old_of: np.ndarray
+    triangle_of: np.ndarray
+    moved: tuple
     changed: tuple
     added: tuple
     gone: tuple
@@ -44,13 +50,14 @@ class Compared:
         parts = [
             f"{', '.join(names[:3])}{' …' if len(names) > 3 else ''} {what}"
             for names, what in (
+                (self.moved, "moved"),
                 (self.changed, "changed"),
                 (self.added, "added"),
                 (self.gone, "deleted"),
             )
             if names
         ]
-        return "; ".join(parts) or "no object moved"
+        return "; ".join(parts) or "no object changed"
 
 
 def compare(old, new):
@@ -64,7 +71,7 @@ def compare(old, new):
     old, new : Scene
     """
     old, new = (_Seen(expect_kind("scene", scene, Scene)) for scene in (old, new))
-    pairs, changed = _pairs(old, new)
+    pairs, moved, changed = _pairs(old, new)
     kept_old = np.zeros(len(old.scene.objects), bool)
     kept_new = np.zeros(len(new.scene.objects), bool)
     for mine, other in pairs:
@@ -75,11 +82,13 @@ def compare(old, new):
     gone = [
         item.name
         for item, kept in zip(old.scene.objects, kept_old, strict=True)
-        if not kept and item.name not in changed
+        if not kept and item.name not in (*moved, *changed)
     ]
     frame = new.scene
     return Compared(
         _points(old, new, pairs),
+        _triangles(old, new, pairs),
+        tuple(moved),
         tuple(changed),
         tuple(added),
         tuple(gone),
@@ -94,7 +103,7 @@ class _Seen:
     def __init__(self, scene):
         self.scene = scene
         n_objects = len(scene.objects)
-        self._triangles = _grouped(scene.triangle_object, n_objects)
+        self.triangles = _grouped(scene.triangle_object, n_objects)
         self.is_detail = np.zeros(len(scene.points), bool)
         self.is_detail[scene.details.point] = True
         self.points = _grouped(scene.points.object_index, n_objects)
@@ -103,7 +112,7 @@ class _Seen:
     def corners(self, number):
         """(n, 3, 3) float64: triangles of an object, in the world."""
         scene = self.scene
-        corners = scene.vertices[scene.triangles[self._triangles[number]]]
+        corners = scene.vertices[scene.triangles[self.triangles[number]]]
         return scene.centre + scene.size * corners
 
     def met(self, objects):
@@ -113,7 +122,7 @@ class _Seen:
 
     def passing(self, number):
         """What of an object's triangles lets light pass: arrays that are compared."""
-        opacity, triangles = self.scene.opacity, self._triangles[number]
+        opacity, triangles = self.scene.opacity, self.triangles[number]
         if opacity is None or not opacity.passing[triangles].any():
             return ()
         triangles = triangles[opacity.passing[triangles]]
@@ -121,7 +130,7 @@ class _Seen:
         inside = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         sides = (opacity.first, opacity.first_of_back)
         cells = [opacity.cells[np.repeat(side[triangles], count) + inside] for side in sides]
-        return opacity.passing[self._triangles[number]], count, *cells
+        return opacity.passing[self.triangles[number]], count, *cells
 
 
 def _grouped(number, n_groups):
@@ -132,9 +141,9 @@ def _grouped(number, n_groups):
 
 
 def _pairs(old, new):
-    """Objects (in the old, in the new scene) that are where and what they were; changed names."""
+    """Pairs of objects that are where and what they were; names of moved and changed ones."""
     number = {item.name: index for index, item in enumerate(old.scene.objects)}
-    pairs, changed, left = [], [], []
+    pairs, moved, changed, left = [], [], [], []
     for index, item in enumerate(new.scene.objects):
         mine = number.pop(item.name, None)
         if mine is not None and _alike(old, mine, new, index):
@@ -153,8 +162,18 @@ def _pairs(old, new):
             rivals.remove(same)
             pairs.append((same, index))
         elif mine is not None:
-            changed.append(new.scene.objects[index].name)
-    return pairs, changed
+            of_kind = moved if _is_moved(old, mine, new, index) else changed
+            of_kind.append(new.scene.objects[index].name)
+    return pairs, moved, changed
+
+
+def _is_moved(old, mine, new, other):
+    """Whether an object has the triangles it had, elsewhere."""
+    first, second = old.corners(mine), new.corners(other)
+    if first.shape != second.shape:
+        return False
+    sides = [np.linalg.norm(c - np.roll(c, 1, axis=1), axis=2) for c in (first, second)]
+    return np.allclose(*sides, _SAME_SHAPE, _SAME * new.scene.size)
 
 
 def _alike(old, mine, new, other):
@@ -169,6 +188,14 @@ def _alike(old, mine, new, other):
     return len(parts[0]) == len(parts[1]) and all(
         np.array_equal(*each) for each in zip(*parts, strict=True)
     )
+
+
+def _triangles(old, new, pairs):
+    """(n_old_triangles,) int64: what triangles of objects in pairs are now, -1 of others."""
+    now = np.full(len(old.scene.triangles), -1, np.int64)
+    for mine, other in pairs:
+        now[old.triangles[mine]] = new.triangles[other]
+    return now
 
 
 def _points(old, new, pairs):

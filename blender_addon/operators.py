@@ -25,6 +25,7 @@ from . import (
     field_list,
     freshness,
     live,
+    moving,
     plan,
     preview,
     refining,
@@ -36,6 +37,11 @@ from . import (
 from .buttons import Asks, BakeButton, Button
 from .request import request
 from .work import LongWork, status
+
+_UPDATES = (
+    "Bake only what has changed since: points of objects that moved, are new or were edited, and "
+    "what others see of them"
+)
 
 
 class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
@@ -50,11 +56,33 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         name="Restart", description="Begin anew even where the bake is there already",
         options={"SKIP_SAVE"},
     )  # fmt: skip
+    update: BoolProperty(
+        name="What Moved", description="Only what has changed since the bake that is there",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+    selected: BoolProperty(
+        name="Selection Only",
+        description="Of that only points of selected objects: others keep their colours",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+
+    @classmethod
+    def description(cls, _context, properties):
+        return _UPDATES if properties.update else cls.__doc__
 
     def steps(self, context, pace):
         scene = self.begin(context)
         self.path = path = plan.output_path(scene)
         caster = scene.prt.caster
+        expect(
+            self.update or not self.selected,
+            "selected: only what has changed can be baked of a selection; set update as well",
+        )
+        expect(
+            not (self.update and self.restart),
+            "update: takes what is there, which restart throws away; choose one",
+        )
+        self.only = moving.selected(context) if self.selected else None
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
@@ -94,6 +122,8 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             strict=False,
             pictures=pictures,
             refine=refined,
+            update=self.update,
+            only=self.only,
         )
         preview.forget()
         path = saving.settle(self.scene, path)
@@ -129,6 +159,8 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
         if line["error"] is not None:
             text += f", bounced light within {line['error']:.2%}"
+        if line.get("reused", {}).get("of"):
+            text = f"{line['reused']['line']}; {seconds:.1f} s"
         for message in line["messages"]:
             self.report({"WARNING"}, message)
         self.report({"INFO"}, text)

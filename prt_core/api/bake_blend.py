@@ -4,9 +4,9 @@ from functools import partial
 from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.earlier import earlier_of
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.refine import refine_meshes_steps
-from prt_core.bake.reuse import earlier_of
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_kind

@@ -3,6 +3,7 @@
 import time
 
 from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
+from prt_core.bake.earlier import details_of, earlier_bake, expect_objects, taken
 from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
 from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
@@ -10,15 +11,7 @@ from prt_core.bake.lights import keep_lights, light_attributes
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
-from prt_core.bake.reuse import (
-    Reuse,
-    details_of,
-    earlier_bake,
-    expect_objects,
-    note_reuse,
-    reuse_of,
-    taken,
-)
+from prt_core.bake.reuse import Reuse, note_reuse, reuse_of
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import chosen_method, visibility_steps
 from prt_core.errors import expect, expect_all, expect_kind, expect_number, system_errors

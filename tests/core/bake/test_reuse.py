@@ -35,7 +35,9 @@ BEFORE = [FLOOR, BALL, BLOCK, SCREEN]
 BEAD = sphere(6, 0.15, (0, -0.7, 0.2), name="bead", albedo=0.4)
 AFTER = {
     "moved": [FLOOR, moved(BALL, 0.35, -0.25, 0.02), BLOCK, SCREEN],
-    "turned and grown": [FLOOR, replace(BALL, vertices=BALL.vertices[:, [1, 0, 2]] * 1.1), *BEFORE[2:]],
+    "turned and grown": [
+        FLOOR, replace(BALL, vertices=BALL.vertices[:, [1, 0, 2]] * 1.1), BLOCK, SCREEN
+    ],
     "added": [BEAD, *BEFORE],
     "deleted": [FLOOR, BALL, SCREEN],
     "deformed": [FLOOR, BALL, replace(BLOCK, vertices=BLOCK.vertices * [1, 1, 1.6]), SCREEN],
@@ -105,7 +107,8 @@ def test_a_sampled_bake_is_within_the_tolerance(earlier, name, tmp_path):
 
 
 def test_another_material_asks_for_no_ray_that_was_cast(earlier, tmp_path):
-    painted = [FLOOR, replace(BALL, materials=BALL.materials.replaced(albedo=np.full_like(BALL.materials.albedo, 0.2))), BLOCK, SCREEN]  # fmt: skip
+    albedo = np.full_like(BALL.materials.albedo, 0.2)
+    painted = [FLOOR, replace(BALL, materials=BALL.materials.replaced(albedo=albedo)), *BEFORE[2:]]
     report = baked(painted, tmp_path / "a.prt", reuse=earlier["exhaustive"])
     assert report["rays_visibility"] == report["rays_gather"] == 0
     assert report["reused"]["line"].startswith("no object changed: 0 of ")

@@ -67,30 +67,31 @@ class Reuse:
         return self.compared.before.joined(self.compared.after).joined(self._pending)
 
     def rows(self, block, cube_map):
-        """What is known of a block of points: bits, which of them, and those that rays told.
+        """What is known of a block of points.
 
         Returns
         -------
-        bits, known, traced : (n, n_bytes) uint8
+        bits, known, traced, above : (n, n_bytes) uint8
+            See `Known`.
         """
         old = self.compared.old_of[block]
         bits, known, traced = np.zeros((3, len(old), -(-cube_map.n_directions // 8)), np.uint8)
+        every = horizon_bits(self.scene, cube_map, block)
         mine = np.flatnonzero(old >= 0)
         if not len(mine):
-            return bits, known, traced
+            return bits, known, traced, every
         before = _rows(self._bits, old[mine])
-        origins = self.scene.ray_origins[block][mine]
-        unknown = self.compared.before.texels(origins, cube_map) & ~before
-        unknown |= self.compared.after.texels(origins, cube_map) & before
-        unknown |= self._pending.texels(origins, cube_map)
-        unknown[self.still[block][mine]] = 0
+        points = np.arange(block.start, block.stop)[mine]
+        origins = self.scene.ray_origins[points]
+        above = every[mine]
+        unknown = self.compared.before.texels(origins, cube_map, above & ~before)
+        unknown |= self.compared.after.texels(origins, cube_map, before)
+        unknown |= self._pending.texels(origins, cube_map, above)
+        unknown[self.still[points]] = 0
         bits[mine], known[mine] = before, ~unknown
-        if self._traced is None:
-            rays = horizon_bits(self.scene, cube_map, np.arange(block.start, block.stop)[mine])
-        else:
-            rays = _rows(self._traced, old[mine])
+        rays = above if self._traced is None else _rows(self._traced, old[mine])
         traced[mine] = rays & ~unknown
-        return bits, known, traced
+        return bits, known, traced, every
 
     def known(self, cube_map):
         """The `Known` of all points."""

@@ -41,8 +41,8 @@ _HOPELESS = 8
 # Where the choice is free: the second look costs a fifth of the rays, and the certificate tells
 # whether it was needed.
 _CHEAPEST = {"looks": 0}
-# What is left to ask after a change is little, and most of it lies beside an outline: more checks
-# are cheap there.
+# What is left to ask after a change lies beside outlines: checks are cheap, and most of those at
+# random fall on what is known.
 _AFTER_A_CHANGE = {"checks": 16, "edge_halvings": 2}
 # What is asked again where the tolerance is not met; after the last all that is left is traced.
 _TURNS = (
@@ -181,10 +181,10 @@ def _exhaustive(store, scene, cube_map, caster, seconds, pace, pictures, reuse):
 
 def _rest(scene, cube_map, caster, points, rows, tally):
     """Bits of some points of which some are known: the others are traced; yields `Progress`."""
-    bits, known, _ = rows
+    bits, known, _, above = rows
     points = np.arange(points.start, points.stop)
     tracer = Tracer(scene, cube_map, caster, tally.append)
-    wanted = horizon_bits(scene, cube_map, points) & ~known
+    wanted = above & ~known
     free = yield from tracer.trace(points, wanted)
     return bits & known | free
 

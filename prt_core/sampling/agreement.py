@@ -31,6 +31,9 @@ _REFINE, _LOOK, _DETAILS = 1000, 2000, 3000
 # Groups are judged after levels that leave this share of the points known: fewer say little, and
 # later there is little left to save.
 _JUDGED = 0.04, 0.5
+# What is left of a point that was known before and is traced rather than asked: a share of what is
+# above its horizon.
+_LITTLE = 1 / 8
 # How carefully details are asked about.
 _FOR_DETAILS = {"neighbours": 3, "candidates": 8, "checks": 8, "edge_halvings": 3}
 
@@ -129,8 +132,13 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     expect_kind("settings", settings, AgreementSettings)
     begun = None if known is None else known.begun(scene, cube_map)
     work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed, begun)
-    yield from work.begin()
-    settled = work.open if known is None else work.open | work.all_traced()
+    yield from work.begin(None if known is None else known.above)
+    settled = work.open
+    if known is not None:
+        # Of points of which little is left to trace that is cheaper than to ask.
+        left = work.left_to_trace()
+        yield from work.trace_whole("rest", np.flatnonzero((left <= _LITTLE) & (left > 0)))
+        settled = work.open | (left <= _LITTLE)
     rng = generator(settings.seed, Stage.AGREEMENT)
     # Details stand where little agrees: they come last, when all around them is known.
     is_detail = np.zeros(len(scene.points), bool)
@@ -139,7 +147,7 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     first = max(64, -(-len(closed) // settings.first))
     levels = surface_levels(scene.points, work.groups, first, settings.growth, rng)
     levels = [level[~(settled | is_detail)[level]] for level in levels]
-    told = np.flatnonzero(settled)
+    told = np.flatnonzero(settled if known is None else settled & work.beside(~settled))
     n_open = len(told)
     reached = len(told) + np.cumsum([len(level) for level in levels])
     for index, level in enumerate(levels):
@@ -169,7 +177,7 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
         again = ordered[work.cheap(settings.look_share)[ordered]]
         yield from work.ask(again, ordered, look, None, (_LOOK + turn,), settings.look_reach)
     sampled = work.result([len(level) for level in levels])
-    return sampled if known is None else known.ended(sampled, settled)
+    return sampled if known is None else known.ended(sampled)
 
 
 def refine_agreement(

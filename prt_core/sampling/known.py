@@ -26,11 +26,14 @@ class Known:
         Entries that are as they were; of new points none.
     traced : (n_points, n_bytes) uint8
         Those of them that rays have told.
+    above : (n_points, n_bytes) uint8
+        Entries above the horizon (see `horizon_bits`).
     """
 
     bits: np.ndarray
     known: np.ndarray
     traced: np.ndarray
+    above: np.ndarray
 
     def begun(self, scene, cube_map):
         """The `Sampled` that sampling begins with: what is known counts as traced.
@@ -40,21 +43,12 @@ class Known:
         PRTError
             It is of another scene, or of other directions.
         """
-        for name in ("bits", "known", "traced"):
+        for name in ("bits", "known", "traced", "above"):
             bits = expect_bits(f"known: {name}", getattr(self, name), cube_map.n_directions)
             expect(len(bits) == len(scene.points), f"known: {name} are of another scene")
         return Sampled(self.bits & self.known, self.known, 0)
 
-    def ended(self, sampled, settled):
-        """What sampling made of it, in which rays alone count as traced.
-
-        Parameters
-        ----------
-        sampled : Sampled
-            Its `traced` is changed.
-        settled : (n_points,) bool
-            Points of which nothing was asked.
-        """
+    def ended(self, sampled):
+        """What sampling made of it (changed in place), in which rays alone count as traced."""
         sampled.traced &= self.traced | ~self.known
-        sampled.attributes["asked_points"] = int((~settled).sum())
         return sampled

@@ -117,13 +117,15 @@ class Boxes:
             result |= _meets(*_seen_from(low, high, origins), directions)
         return result
 
-    def texels(self, origins, cube_map):
+    def texels(self, origins, cube_map, wanted=None):
         """The directions of a cube map whose rays from points may meet a box.
 
         Parameters
         ----------
         origins : (n, 3) float
         cube_map : CubeMap
+        wanted : (n, ceil(n_directions / 8)) uint8, optional
+            Where it is 0 nobody asks, and the result is 0 as well.
 
         Returns
         -------
@@ -139,16 +141,20 @@ class Boxes:
             flat = result[part].reshape(-1)
             for low, high in zip(self.low, self.high, strict=True):
                 near, far = _seen_from(low, high, origins[part])
-                row, byte = np.nonzero(_may_meet(near, far, middle, spread))
-                place = row * len(middle) + byte
+                may = _may_meet(near, far, middle, spread)
+                if wanted is not None:
+                    may &= wanted[part] != 0
+                place = np.flatnonzero(may)
                 # What another box has filled needs no second look.
-                left = flat[place] != 255
-                row, byte, place = row[left], byte[left], place[left]
+                place = place[flat[place] != 255]
+                row, byte = np.divmod(place, len(middle))
                 ways = np.moveaxis(samples[byte], 2, 0)
                 met = _meets(near[row], far[row], ways)
                 flat[place] |= np.packbits(met, axis=1, bitorder="little")[:, 0]
 
         on_all_cores(one, range(0, len(origins), _BLOCK))
+        if wanted is not None:
+            result &= wanted
         last = cube_map.n_directions % 8
         if last:
             result[:, -1] &= np.uint8((1 << last) - 1)

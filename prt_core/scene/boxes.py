@@ -10,11 +10,14 @@ from functools import lru_cache
 import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
+from prt_core.rays import boxes_around
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import CubeMap
 
 # Boxes at most, and how much of a box's surface a cut in two has to save.
 _MOST, _SAVES = 32, 0.1
+# Where along each axis it may be cut, and cells of the grid that many triangles are put into.
+_PLANES, _GRID = 8, 14
 # Rays start off the surface, and in float32: boxes are so much larger, of their frame.
 _MARGIN = 1e-4
 # Points worked on together.
@@ -59,20 +62,21 @@ class Boxes:
         corners = np.asarray(corners, np.float64).reshape(-1, 3, 3)
         if not len(corners):
             return cls.none()
-        low, high, middle = corners.min(axis=1), corners.max(axis=1), corners.mean(axis=1)
-        whole = np.arange(len(corners))
-        done, waiting = [], [(_surface(low, high), whole)]
-        while waiting and len(done) + len(waiting) < _MOST:
+        low, high = _gathered(corners.min(axis=1), corners.max(axis=1))
+        middle = (low + high) / 2
+        root = _Node(np.arange(len(low)), low, high)
+        leaves = [root]
+        while 0 < len(leaves) < _MOST:
             # The largest first.
-            waiting.sort(key=lambda item: item[0])
-            surface, members = waiting.pop()
-            parts = _cut(members, low, high, middle)
-            sizes = [_surface(low[part], high[part]) for part in parts]
-            if not parts or sum(sizes) > (1 - _SAVES) * surface:
-                done.append((surface, members))
-            else:
-                waiting += list(zip(sizes, parts, strict=True))
-        members = [item[1] for item in done + waiting]
+            leaf = max(leaves, key=lambda node: node.surface if node.can_be_cut else -1)
+            if not leaf.can_be_cut:
+                break
+            parts = _cut(leaf.members, low, high, middle)
+            leaf.can_be_cut = False
+            if parts:
+                leaf.children = [_Node(part, low, high) for part in parts]
+                leaves = [node for node in leaves if node is not leaf] + leaf.children
+        _, members = root.best()
         return cls(
             np.array([low[part].min(axis=0) for part in members]),
             np.array([high[part].max(axis=0) for part in members]),
@@ -111,10 +115,16 @@ class Boxes:
         -------
         (n, k) bool
         """
+        directions = np.ascontiguousarray(directions, np.float32)
         result = np.zeros(directions.shape[:2], bool)
-        directions = np.moveaxis(np.asarray(directions, np.float32), 2, 0)
+        flat, ways = result.reshape(-1), directions.reshape(-1, 3)
         for low, high in zip(self.low, self.high, strict=True):
-            result |= _meets(*_seen_from(low, high, origins), directions)
+            near, far = _seen_from(low, high, origins)
+            unit, angle, inside = _ball(near, far)
+            may = np.matmul(directions, unit[:, :, None])[:, :, 0] >= np.cos(angle)[:, None]
+            place = np.flatnonzero((may | inside[:, None]) & ~result)
+            row = place // directions.shape[1]
+            flat[place] = _meets(near[row], far[row], ways[place].T[:, :, None])[:, 0]
         return result
 
     def texels(self, origins, cube_map, wanted=None):
@@ -161,6 +171,36 @@ class Boxes:
         return result
 
 
+def _gathered(low, high):
+    """The boxes of triangles, or of those in each cell of a grid where they are many."""
+    if len(low) <= _GRID**3:
+        return low, high
+    middle = (low + high) / 2
+    start, extent = middle.min(axis=0), np.ptp(middle, axis=0)
+    cell = np.minimum((middle - start) / np.maximum(extent, 1e-300) * _GRID, _GRID - 1)
+    number = np.ravel_multi_index(cell.astype(np.int64).T, (_GRID,) * 3)
+    low, high = boxes_around(number, low, high)
+    there = np.isfinite(low[:, 0])
+    return low[there], high[there]
+
+
+class _Node:
+    """Some boxes, and the parts that they may be cut into."""
+
+    def __init__(self, members, low, high):
+        self.members, self.children = members, []
+        self.surface = _surface(low[members], high[members])
+        self.can_be_cut = len(members) > 1
+
+    def best(self):
+        """(surface, parts): one box, or those of the children where these save enough."""
+        if self.children:
+            (one, first), (two, second) = (child.best() for child in self.children)
+            if one + two < (1 - _SAVES) * self.surface:
+                return one + two, first + second
+        return self.surface, [self.members]
+
+
 def _surface(low, high):
     """Of the box around boxes, as far as it is seen from all sides."""
     x, y, z = high.max(axis=0) - low.min(axis=0)
@@ -168,14 +208,20 @@ def _surface(low, high):
 
 
 def _cut(members, low, high, middle):
-    """Two parts of the members of a box, along its longest side; none where it cannot be cut."""
-    extent = high[members].max(axis=0) - low[members].min(axis=0)
-    for axis in np.argsort(-extent):
-        place = middle[members, axis]
-        first = place < (place.min() + place.max()) / 2
-        if first.any() and not first.all():
-            return [members[first], members[~first]]
-    return []
+    """Two parts of the members of a box, the smallest that a plane makes; none where none does."""
+    best, parts = np.inf, []
+    places = middle[members]
+    start, extent = places.min(axis=0), np.ptp(places, axis=0)
+    for axis in range(3):
+        for step in range(1, _PLANES):
+            first = places[:, axis] < start[axis] + extent[axis] * step / _PLANES
+            if not first.any() or first.all():
+                continue
+            cut = [members[first], members[~first]]
+            surface = sum(_surface(low[part], high[part]) for part in cut)
+            if surface < best:
+                best, parts = surface, cut
+    return parts
 
 
 def _seen_from(low, high, origins):
@@ -220,15 +266,30 @@ def _bytes_of(resolution):
     )
 
 
+def _ball(near, far):
+    """The ball around a box as points see it.
+
+    Returns
+    -------
+    unit : (n, 3) float32
+        Towards its middle.
+    angle : (n,) float32
+        Between that and its rim.
+    inside : (n,) bool
+        Whether the point lies in it.
+    """
+    centre, radius = (near + far) / 2, np.linalg.norm(far - near, axis=1) / 2
+    away = np.maximum(np.linalg.norm(centre, axis=1), np.float32(1e-30))
+    inside = away <= radius * np.float32(1.0001)
+    angle = np.arcsin(np.clip(radius / away, 0, 1)) + np.float32(1e-3)
+    return centre / away[:, None], angle, inside
+
+
 def _may_meet(near, far, middle, spread):
     """(n, n_bytes) bool: whether a ball around a box may be met along a byte's directions."""
-    centre, radius = (near + far) / 2, np.linalg.norm(far - near, axis=1) / 2
-    away = np.linalg.norm(centre, axis=1)
-    inside = away <= radius * np.float32(1.0001)
-    angle = np.arcsin(np.clip(radius / np.maximum(away, 1e-30), 0, 1)) + np.float32(1e-3)
+    unit, angle, inside = _ball(near, far)
     # The angle between is at most the sum of both where its cosine is at least that of the sum:
     # cos(a + b) = cos a cos b - sin a sin b, all in one product.
-    unit = centre / np.maximum(away, 1e-30)[:, None]
     mine = np.column_stack([unit, -np.cos(angle), np.sin(angle)]).astype(np.float32)
     theirs = np.column_stack([middle, np.cos(spread), np.sin(spread)]).astype(np.float32)
     return (mine @ theirs.T >= 0) | inside[:, None]

@@ -1,10 +1,35 @@
-"""What has moved since the bake: whether something has, and which objects a selection asks for."""
+"""What has moved since the bake: the button that bakes that alone, of all objects or of some."""
 
 import bpy
+from bpy.props import BoolProperty
 
 from prt_core.errors import expect
 
 from . import bakes, plan, preview
+from .operators import PRT_OT_bake
+
+
+class PRT_OT_update(PRT_OT_bake):
+    """Bake only what has changed since: points of objects that were moved, edited or added, and
+    what the others see of them"""
+
+    bl_idname = "prt.update"
+    bl_label = "Bake What Moved"
+
+    update = True
+
+    selected: BoolProperty(
+        name="Selection Only", description="Points of selected objects alone: others stay as baked",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+
+    def steps(self, context, pace):
+        expect(
+            not self.restart,
+            "update: takes what is there, which restart throws away; leave out one of them",
+        )
+        self.only = selected(context) if self.selected else None
+        return (yield from super().steps(context, pace))
 
 
 def has_changed(scene):
@@ -32,3 +57,6 @@ def selected(context):
     }
     expect(names, "selected: no object that is baked is selected; select some, or bake all")
     return sorted(names)
+
+
+register, unregister = bpy.utils.register_classes_factory((PRT_OT_update,))

@@ -25,7 +25,6 @@ from . import (
     field_list,
     freshness,
     live,
-    moving,
     plan,
     preview,
     refining,
@@ -38,11 +37,6 @@ from .buttons import Asks, BakeButton, Button
 from .request import request
 from .work import LongWork, status
 
-_UPDATES = (
-    "Bake only what has changed since: points of objects that moved, are new or were edited, and "
-    "what others see of them"
-)
-
 
 class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
     """Trace how light travels in the scene, once; a bake that was stopped goes on where it was"""
@@ -51,38 +45,18 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
     bl_label = "Bake"
     title = "Bake"
     when_stopped = "colours are as before, and the same button goes on where it was"
+    # What is baked of what has changed since the last bake: all, or some objects by name.
+    update, only = False, None
 
     restart: BoolProperty(
         name="Restart", description="Begin anew even where the bake is there already",
         options={"SKIP_SAVE"},
     )  # fmt: skip
-    update: BoolProperty(
-        name="What Moved", description="Only what has changed since the bake that is there",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
-    selected: BoolProperty(
-        name="Selection Only",
-        description="Of that only points of selected objects: others keep their colours",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
-
-    @classmethod
-    def description(cls, _context, properties):
-        return _UPDATES if properties.update else cls.__doc__
 
     def steps(self, context, pace):
         scene = self.begin(context)
         self.path = path = plan.output_path(scene)
         caster = scene.prt.caster
-        expect(
-            self.update or not self.selected,
-            "selected: only what has changed can be baked of a selection; set update as well",
-        )
-        expect(
-            not (self.update and self.restart),
-            "update: takes what is there, which restart throws away; choose one",
-        )
-        self.only = moving.selected(context) if self.selected else None
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
@@ -116,7 +90,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             settings,
             plan.receivers(scene),
             plan.two_sided(scene),
-            self.restart or "changed",
+            False if self.update else self.restart or "changed",
             pace,
             scene,
             strict=False,
@@ -159,7 +133,7 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
         if line["error"] is not None:
             text += f", bounced light within {line['error']:.2%}"
-        if line.get("reused", {}).get("of"):
+        if "reused" in line:
             text = f"{line['reused']['line']}; {seconds:.1f} s"
         for message in line["messages"]:
             self.report({"WARNING"}, message)

@@ -69,8 +69,8 @@ def draw_update(layout, scene):
     if not moving.has_changed(scene):
         return
     row = layout.row(align=True)
-    button = row.operator("prt.bake", text="Bake What Moved", icon="CON_LOCLIKE")
-    button.update, button.selected = True, scene.prt.selection_only
+    button = row.operator("prt.update", icon="CON_LOCLIKE")
+    button.selected = scene.prt.selection_only
     row.prop(scene.prt, "selection_only", text="", icon="RESTRICT_SELECT_OFF")
 
 

@@ -38,6 +38,11 @@ class Known:
     def begun(self, scene, cube_map):
         """The `Sampled` that sampling begins with: what is known counts as traced.
 
+        Parameters
+        ----------
+        scene : Scene
+        cube_map : CubeMap
+
         Raises
         ------
         PRTError
@@ -49,6 +54,12 @@ class Known:
         return Sampled(self.bits & self.known, self.known, 0)
 
     def ended(self, sampled):
-        """What sampling made of it (changed in place), in which rays alone count as traced."""
+        """What sampling made of it, in which rays alone count as traced.
+
+        Parameters
+        ----------
+        sampled : Sampled
+            Changed in place, and returned.
+        """
         sampled.traced &= self.traced | ~self.known
         return sampled

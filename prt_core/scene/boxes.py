@@ -83,11 +83,16 @@ class Boxes:
         )
 
     def joined(self, other):
-        """These and others."""
+        """These and others.
+
+        Parameters
+        ----------
+        other : Boxes
+        """
         return Boxes(np.vstack([self.low, other.low]), np.vstack([self.high, other.high]))
 
     def moved(self, scale, shift):
-        """The boxes at `scale` times their place and `shift`."""
+        """The boxes at `scale` times their place and a `shift`, a number and (3,) float."""
         return Boxes(self.low * scale + shift, self.high * scale + shift)
 
     def grown(self, share):
@@ -96,7 +101,17 @@ class Boxes:
         return Boxes(self.low - more, self.high + more)
 
     def overlap(self, low, high):
-        """(m,) bool: which of other boxes, (m, 3) each, these overlap."""
+        """Which of other boxes these overlap.
+
+        Parameters
+        ----------
+        low, high : (m, 3) float
+            Their corners.
+
+        Returns
+        -------
+        (m,) bool
+        """
         result = np.zeros(len(low), bool)
         for mine_low, mine_high in zip(self.low - _MARGIN, self.high + _MARGIN, strict=True):
             result |= ((low <= mine_high) & (high >= mine_low)).all(axis=1)

@@ -9,8 +9,8 @@ memory and its colours), freshness (whether it is of the scene), live (when all 
 gloss (when the view moves), rendering (whether something renders), history (files and undo steps),
 work (long work without a stuck window), idle_work (short work of a timer), own_changes (whose
 change it is), views and studio (Blender's shading and lights). Light fields likewise:
-field_operators, field_panel, field_list (those on disk), light_fields (the one in memory), following (when it is
-shown again), viewport (from where).
+field_operators, field_panel, field_list (those on disk), light_fields (the one in memory),
+following (when it is shown again), viewport (from where).
 """
 
 import bpy

@@ -1,4 +1,4 @@
-"""An object is moved after the bake: one button bakes what that changes, of all or of a selection."""
+"""An object is moved after the bake: one button bakes what that changes, or a selection of it."""
 
 import bpy
 import numpy as np

@@ -1,6 +1,6 @@
 """What a bake costs that reuses the one before a change: `prt bake --reuse`.
 
-python tests/benchmarks/moved.py    into docs/benchmarks
+python tests/benchmarks/results.py --only moved    into docs/benchmarks
 
 Ten objects, 60 thousand points. One is moved, added, deleted, deformed; each time the new scene is
 baked whole and from the old bake, in one process, by CPU seconds. Both are relit under three

@@ -35,8 +35,11 @@ class PRT_OT_update(PRT_OT_bake):
 def has_changed(scene):
     """Whether the scene is not as in the bake that its button makes, as far as is known."""
     held, path = preview.held(scene), str(plan.output_path(scene))
-    if held is not None and str(held.path) == path and held.warned:
-        return True
+    if held is not None and str(held.path) == path:
+        # A bake of a selection has left the others.
+        left = (held.bake.report.get("reused") or {}).get("left_alone")
+        if held.warned or left:
+            return True
     listed = bpy.context.window_manager.prt.bakes
     item = next((b for b in listed if b.path == path and b.complete), None)
     return item is not None and bakes.state(scene, item)[1] == "ERROR"

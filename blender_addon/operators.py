@@ -60,7 +60,8 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
-        pictures = None if pace is None else showing.begin(scene)
+        # What is taken over needs no first look: it stays as it is shown.
+        pictures = None if pace is None or self.update else showing.begin(scene)
         finished = False
         try:
             result = yield from self._bake_steps(path, caster, pace, pictures)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from prt_core.bake.settings import BakeSettings
-from prt_core.errors import PRTError, expect, expect_flag, expect_path
+from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_path
 from prt_core.scene import Scene, compare, with_details
 from prt_core.store import BakeStore, damage_as_error, read_scene
 from prt_core.store.attributes import digest
@@ -133,7 +133,9 @@ def earlier_bake(path, scene, settings):
 
 
 def expect_objects(scene, names):
-    """Raise `PRTError` unless each of these names is that of an object of the scene."""
+    """Raise `PRTError` unless these are names of objects of the scene, one at least."""
+    names = expect_all("only", names, str, "objects' names")
+    expect(names, "only: expected the name of an object at least")
     known = {item.known_as for item in scene.objects}
     strange = [name for name in names if not objects_called(scene, [name]).any()]
     expect(

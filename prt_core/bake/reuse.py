@@ -17,7 +17,8 @@ from prt_core.bake.earlier import Earlier, objects_called
 from prt_core.bake.gather import SHIFTS, read_shifts
 from prt_core.bake.visibility import blocks
 from prt_core.sampling import Known
-from prt_core.scene import Boxes, compare
+from prt_core.scene import compare
+from prt_core.scene.boxes import Boxes
 from prt_core.store import damage_as_error
 from prt_core.transport.gather import gather_shift
 from prt_core.transport.kept_rays import KeptRays

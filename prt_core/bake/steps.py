@@ -14,7 +14,7 @@ from prt_core.bake.report import bake_report
 from prt_core.bake.reuse import Reuse, note_reuse, reuse_of
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import chosen_method, visibility_steps
-from prt_core.errors import expect, expect_all, expect_kind, expect_number, system_errors
+from prt_core.errors import expect, expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
@@ -110,7 +110,7 @@ def bake_steps(
         expect_kind("pictures", pictures, Pictures)
     expect(only is None or reuse is not None, "only: changes nothing without reuse")
     if only is not None:
-        expect_objects(scene, expect_all("only", only, str, "objects' names"))
+        expect_objects(scene, only)
     casters = []
 
     def caster():
@@ -147,6 +147,9 @@ def _bake(
         "scene": scene.fingerprint(),
         **{k: v for k, v in settings.stored().items() if k != "caster"},
     }
+    if only is not None:
+        # Of a selection alone: no bake of the scene, until what it left is baked as well.
+        identity["selection"] = sorted(only)
     yield Progress("scene", 0, 0)
     store = begin_bake(path, identity, restart)
     if store.is_complete:

@@ -1,7 +1,6 @@
 """What is baked: triangles, their materials, and the points that receive and bounce light."""
 
 from prt_core.scene.backs import with_backs
-from prt_core.scene.boxes import Boxes
 from prt_core.scene.camera import (
     Camera,
     ViewRays,
@@ -11,7 +10,7 @@ from prt_core.scene.camera import (
     view_rays,
 )
 from prt_core.scene.changes import Changes, changes, mesh_digests
-from prt_core.scene.compared import Compared, compare
+from prt_core.scene.compared import compare
 from prt_core.scene.details import Details, with_details
 from prt_core.scene.images import (
     PARAMETRISATIONS,
@@ -39,10 +38,8 @@ from prt_core.scene.scene_object import SceneObject
 __all__ = [
     "Atlas",
     "BakePoints",
-    "Boxes",
     "Camera",
     "Changes",
-    "Compared",
     "Details",
     "LOCAL",
     "Layout",

@@ -57,8 +57,12 @@ def test_a_selection_keeps_the_colours_of_others(changed):
     assert bpy.ops.prt.update(selected=True) == {"FINISHED"}
     assert away(colours_on("floor"), floor) < 0.03
     assert "of objects not selected nothing was asked" in said()
+    assert moving.has_changed(changed)
+    assert bpy.ops.prt.update() == {"FINISHED"}
+    brought = colours_on("floor").copy()
+    assert away(brought, floor) > 0.05 and not moving.has_changed(changed)
     assert bpy.ops.prt.bake(restart=True) == {"FINISHED"}
-    assert away(colours_on("floor"), floor) > 0.05
+    assert away(brought, colours_on("floor")) < 0.05
 
 
 def test_what_makes_no_sense_is_refused(changed):

@@ -62,8 +62,10 @@ def bake_call(there):
             "pace": 0.5,
             "pictures": Pictures(),
             "lights": {"sky": there.light},
+            "reuse": there.bake.path,
+            "only": [there.scene.objects[0].known_as],
         },
-        ("lamps no elements", "pictures None"),
+        ("lamps no elements", "pictures None", "only None"),
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import Scene
-from prt_core.scene import Boxes
+from prt_core.scene.boxes import Boxes
 from prt_core.sphere import CubeMap
 from prt_core.transport.visibility import unpack
 from tests.meshes import caster_of, plane, sphere, wall

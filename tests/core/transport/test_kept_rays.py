@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prt_core.scene import Boxes
+from prt_core.scene.boxes import Boxes
 from prt_core.transport import ray_ends
 from prt_core.transport.gather import REPRESENTED, ROUND
 from prt_core.transport.kept_rays import KeptRays

@@ -41,6 +41,9 @@ class PRTError(ValueError):
     what came instead and what to do about it.
     """
 
+    # Of a command that ends with it.
+    exit_code = 2
+
     def __init__(self, message):
         # What the message quotes, a name or another program's words, may have several.
         super().__init__(" ".join(str(message).splitlines()))

@@ -3,6 +3,7 @@
 from contextlib import suppress
 
 from prt_core.api.bake_blend import bake_blend_steps as bake_blend_steps
+from prt_core.api.blocks import finish as finish
 from prt_core.api.export import export_glb as export_glb
 from prt_core.api.export import export_glb_steps as export_glb_steps
 from prt_core.api.export_web import export_web as export_web
@@ -14,6 +15,7 @@ from prt_core.bake import Bake, BakeSettings
 from prt_core.bake.compress import CompressSettings, compress_steps
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
+from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures, handed_out
 from prt_core.bake.refine import refine_settings
 from prt_core.blender_access import open_blend as open_blend
@@ -21,6 +23,7 @@ from prt_core.blender_access import studio_lights
 from prt_core.errors import (
     PRTError,
     expect,
+    expect_flag,
     expect_kind,
     expect_path,
     shown,
@@ -57,6 +60,8 @@ def bake(
     atlas_objects=None,
     atlas_uv="new",
     atlas_margin=4,
+    memory=None,
+    plan=False,
     reuse=None,
     update=False,
     only=None,
@@ -107,6 +112,11 @@ def bake(
         maps as they are.
     atlas_margin : int
         Texels between packed charts.
+    memory : float, optional
+        Gigabytes that the bake may take, beside the scene; default: half of what there is.
+    plan : bool
+        Only put the scene and its settings into `output`, whose blocks of work are then computed
+        anywhere (see `prt_core.bake.blocks`), and closed by `finish`.
     reuse : str or Path, optional
         A finished bake of the scene as it was, of the same settings: only what has changed since
         is baked, what it cannot have touched is taken from there. The report's `reused` says what
@@ -122,7 +132,7 @@ def bake(
     Returns
     -------
     dict
-        The report (see `bake_steps`).
+        The report (see `bake_steps`); of a plan its `stages`, a list of dicts of name and blocks.
 
     Raises
     ------
@@ -139,13 +149,17 @@ def bake(
         atlas_uv, atlas_margin,
     )  # fmt: skip
     refined = refine_settings(refine, refine_tolerance, refine_vertices)
+    Memory.of(memory)
+    if expect_flag("plan", plan):
+        expect(restart is False, "restart: a plan replaces nothing; remove the old bake first")
+        expect(on_picture is None, "on_picture: a plan computes nothing that could be shown")
     pictures = None
     if on_picture is not None:
         expect(callable(on_picture), f"on_picture: expected a function, got {shown(on_picture)}")
         pictures = Pictures()
     steps = bake_blend_steps(
         blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures,
-        refine=refined, reuse=reuse, update=update, only=only,
+        refine=refined, memory=memory, plan=plan, reuse=reuse, update=update, only=only,
     )  # fmt: skip
     return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 

@@ -1,11 +1,13 @@
 """The bake of a .blend file, or of an open scene, as a generator: read, refine, bake."""
 
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.earlier import earlier_of
 from prt_core.bake.images import ImageSettings, image_steps
+from prt_core.bake.plan import plan_steps
 from prt_core.bake.refine import refine_meshes_steps
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend
@@ -29,6 +31,8 @@ def bake_blend_steps(
     image=None,
     pictures=None,
     refine=None,
+    memory=None,
+    plan=False,
     reuse=None,
     update=False,
     only=None,
@@ -48,6 +52,10 @@ def bake_blend_steps(
         See `bake_steps`.
     refine : RefineSettings, optional
         Default: meshes are baked as they are.
+    memory : float, optional
+        See `bake_steps`.
+    plan : bool
+        Whether the bake is only planned: then the result is a dict of its `stages`.
     reuse, update, only
         See `bake`.
     """
@@ -58,6 +66,10 @@ def bake_blend_steps(
         expect_flag("restart", restart)
     reuse, restart = earlier_of(output, restart, reuse, update)
     only = None if only is None else _names("only", only)
+    expect(
+        not plan or reuse is None,
+        "plan: blocks of work are computed without an earlier bake; leave out reuse and update",
+    )
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if refine is not None:
         expect_kind("refine", refine, RefineSettings)
@@ -119,9 +131,14 @@ def bake_blend_steps(
     if settings.gloss or method != "exhaustive":
         # Where they are Blender tells here; they are read when the certificate asks for them.
         lights = partial(studio_lights, studio_images(), cube_map)
+    if plan:
+        stages = yield from plan_steps(
+            built, output, settings, lamps, world, camera, source, lights, origin, cameras, memory
+        )
+        return {"stages": [asdict(stage) for stage in stages]}
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        cameras, pictures, reuse, only,
+        cameras, pictures, memory, reuse, only,
     )  # fmt: skip
     return result
 

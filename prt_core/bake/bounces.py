@@ -1,32 +1,24 @@
 """The bounce stage of a bake: rounds of gather rays until two halves of them agree."""
 
-import os
 import time
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
-from prt_core.bake import visibility
 from prt_core.bake.coarse import probe_skies
-from prt_core.bake.gather import read_gather
+from prt_core.bake.gather import SHIFTS, read_gather
+from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, MOST_ROUNDS, GatherBlocks
+from prt_core.bake.stages import BlocksMissing, open_stage
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.runtime.progress import Progress
-from prt_core.runtime.threads import on_all_cores
-from prt_core.sampling.dilate import dilate
 from prt_core.store import damage_as_error
-from prt_core.transport import Sharing, all_bounces, gather_parts
+from prt_core.transport import all_bounces
 from prt_core.transport.gather import ROUND
 from prt_core.transport.sent import mean_of_channels, sent_of
 from prt_core.transport.visibility import received_light
 
-MOST_ROUNDS = 64
 # Rays of all points together at most: what K holds of them has to fit into memory.
 _MOST_RAYS = 1 << 31
-# Blocks worked on together for each core, where rays are cast by one thread.
-_TOGETHER = 4
-# Figures of a block and round, before those of objects.
-_COUNTS = 3
 
 
 @dataclass(frozen=True)
@@ -58,7 +50,8 @@ class Bounced:
 
 
 def bounce_steps(
-    store, scene, cube_map, caster, settings, seconds, emitted=None, pictures=None, reuse=None
+    store, scene, cube_map, caster, settings, seconds, emitted=None, pictures=None, here=True,
+    memory=None, reuse=None,
 ):  # fmt: skip
     """Gather rays of a scene into a store; yields `Progress`.
 
@@ -75,12 +68,19 @@ def bounce_steps(
         Directly received light of emitters, under which the error is measured as well.
     pictures : Pictures, optional
         Is told of K while more rays are needed.
+    here : bool
+        Whether blocks that are missing are computed; otherwise they are said.
+    memory : Memory, optional
     reuse : Reuse, optional
         Whose rays are taken where they are as they were.
 
     Returns
     -------
     Bounced
+
+    Raises
+    ------
+    BlocksMissing
     """
     n_points = len(scene.points)
     parts = blocks(n_points)
@@ -90,75 +90,69 @@ def bounce_steps(
     if emitted is not None:
         probes = np.hstack([probes, emitted])
     # What nothing can be in front of gathers nothing.
-    spared = scene.open_points
-    skipped = {"gather_open_points": int(spared.sum())}
+    skipped = {"gather_open_points": int(scene.open_points.sum())}
     points = scene.points
-    bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, spared)
+    bound = _most_bounced(np.maximum(points.albedo, points.mean_albedo), probes, scene.open_points)
     if points.materials.translucency.any():
         # The bound knows nothing of light from behind.
         bound = np.inf
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
-        for name in ("gather", "gather_rays", "blocked", "gather_shift"):
+        for name in (GATHER, GATHER_RAYS, SHIFTS, "blocked"):
             store.remove(name)
         store.update(rounds=0)
         return Bounced(error=bound, skipped=skipped)
     # Of an even sky a point receives what is not blocked.
     blocked = np.clip(1 - probes[:, 0], 0, 1)
     store.keep("blocked", blocked)
-    shape, chunks = (n_points, MOST_ROUNDS * ROUND), (visibility.BLOCK, ROUND)
-    hits = store.create("gather", shape, "int32", chunks)
-    # Of each block and round the rays, those cast from their hits, hits on hidden places, and on
-    # backs by object.
-    table = (MOST_ROUNDS, len(parts), _COUNTS + len(scene.objects))
-    counts = store.create("gather_rays", table, "int64", (1, 1, table[2]))
-    rounds, error, most = 0, np.inf, most_rounds(n_points)
-    clear, sharing = _Clear(store.array("visibility"), cube_map), Sharing(scene)
     kept = None if reuse is None else reuse.kept_rays(store, settings.seed)
-
-    def write(job):
-        (index, turn), one = job
-        counts[turn, index] = [one.n_rays, one.n_short, one.n_hidden, *one.n_back]
-        hits[parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
-
-    def is_done(index, turn):
-        rays = slice(turn * ROUND, (turn + 1) * ROUND)
-        return hits.holds(parts[index], rays) and counts.holds(turn, index)
-
-    group = caster.threads if caster.threads > 1 else _TOGETHER * (os.cpu_count() or 1)
+    work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed, kept)
+    room, most = (memory, store.path.parent), most_rounds(n_points)
+    rounds, error = 0, np.inf
     while rounds < most and error > settings.tolerance:
         turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
         rounds = turns.stop
-        yield Progress("gather", 0, n_points)
-        for first in range(0, len(parts), group):
-            group_parts = range(first, min(first + group, len(parts)))
-            todo = [(i, turn) for turn in turns for i in group_parts if not is_done(i, turn)]
-            if todo:
-                start = time.perf_counter()
-                jobs = [(parts[index], turn) for index, turn in todo]
-                gathered = gather_parts(
-                    scene, caster, jobs, settings.seed, spared, clear, sharing, kept
-                )
-                on_all_cores(write, zip(todo, gathered, strict=True))
-                add_seconds(seconds, "gather", time.perf_counter() - start)
-            yield Progress("gather", parts[group_parts[-1]].stop, n_points)
+        yield from _gather_round(store, work, turns, seconds, here)
         start = time.perf_counter()
-        with damage_as_error(store.path, "'gather'"):
-            error = _bounce_error(hits, scene, rounds, probes, blocked, settings)
+        with damage_as_error(store.path, f"'{GATHER}'"):
+            error = _bounce_error(work.hits, scene, rounds, probes, blocked, settings, *room)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
         goes_on = rounds < most and error > settings.tolerance
         if pictures is not None and goes_on and pictures.is_due:
-            pictures.bounced(read_gather(hits, range(rounds), blocked), float(error))
-    # What is left of rounds that were not needed goes, so that both arrays are whole.
-    store.create("gather", (n_points, rounds * ROUND), "int32", chunks)
-    store.create("gather_rays", (rounds, *table[1:]), "int64", (1, 1, table[2]))
+            gather = read_gather(work.hits, range(rounds), blocked, *room)
+            pictures.bounced(gather, float(error))
+    counts = work.cut(rounds)
     store.update(rounds=rounds, seconds=seconds)
-    cast, short, hidden, *backs = counts[:rounds].sum(axis=(0, 1)).tolist()
+    cast, short, hidden, *backs = counts[...].sum(axis=(0, 1)).tolist()
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     share = hidden / max(cast, 1)
     dark = sum(backs) / max(cast, 1)
     return Bounced(cast, short, rounds, float(error), share, dark, skipped)
+
+
+def _gather_round(store, work, turns, seconds, here):
+    """Some rounds of rays of all points; yields `Progress`."""
+    n_points, parts = work.hits.shape[0], work.parts
+    stage = stage_of(turns)
+    yield Progress("gather", 0, n_points)
+    for first in range(0, len(parts), work.group):
+        group = range(first, min(first + work.group, len(parts)))
+        todo = [(i, turn) for turn in turns for i in group if not work.is_done(i, turn)]
+        if todo and not here:
+            open_stage(store, stage, len(parts))
+            missing = [i for i in range(first, len(parts)) if not work.has(i, turns)]
+            raise BlocksMissing(store.path, stage, missing)
+        if todo:
+            start = time.perf_counter()
+            work.compute(todo)
+            add_seconds(seconds, "gather", time.perf_counter() - start)
+        yield Progress("gather", parts[group[-1]].stop, n_points)
+
+
+def stage_of(turns):
+    """The name of the stage that casts some rounds of rays, told by the last of them."""
+    return f"gather{turns.stop}"
 
 
 def most_rounds(n_points):
@@ -166,13 +160,13 @@ def most_rounds(n_points):
     return min(MOST_ROUNDS, max(2, _MOST_RAYS // (max(n_points, 1) * ROUND) // 2 * 2))
 
 
-def gather_so_far(store, rounds):
+def gather_so_far(store, rounds, memory=None):
     """K (CSR float32) of so many rounds of a bake under way; None where there are none."""
     if not rounds:
         return None
-    n_points = store.array("gather").shape[0]
+    n_points = store.array(GATHER).shape[0]
     blocked = store.read("blocked", (n_points,), "float32")
-    return read_gather(store.array("gather"), range(rounds), blocked)
+    return read_gather(store.array(GATHER), range(rounds), blocked, memory, store.path.parent)
 
 
 def _next_rounds(rounds, error, tolerance, most):
@@ -184,30 +178,6 @@ def _next_rounds(rounds, error, tolerance, most):
         return 2
     wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** (1 / 0.7) / 2))
     return min(max(wanted, rounds + 2), most)
-
-
-class _Clear:
-    """Rays of points that the visibility says will meet nothing, nor any beside them.
-
-    Parameters
-    ----------
-    bits : array of (n_points, n_bytes) uint8
-    cube_map : CubeMap
-    """
-
-    def __init__(self, bits, cube_map):
-        self._bits, self._cube_map = bits, cube_map
-        # Of the blocks that are at work: all their rounds ask.
-        self._near = lru_cache(2 * _TOGETHER * (os.cpu_count() or 1))(self._blocked_nearby)
-
-    def _blocked_nearby(self, start, stop):
-        return dilate(~self._bits[start:stop], self._cube_map.resolution)
-
-    def __call__(self, points, directions):
-        near = self._near(points.start, points.stop)
-        texel = self._cube_map.texel_along(*np.moveaxis(directions, -1, 0))
-        byte = (texel >> 3) + near.shape[1] * np.arange(len(near))[:, None]
-        return near.take(byte) >> (texel & 7).astype(np.uint8) & 1 == 0
 
 
 def _most_bounced(albedo, probes, spared):
@@ -240,7 +210,7 @@ def _probe_light(store, scene, cube_map, parts):
     return np.concatenate(received)
 
 
-def _bounce_error(hits, scene, rounds, probes, blocked, settings):
+def _bounce_error(hits, scene, rounds, probes, blocked, settings, *room):
     """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
     halves = []
     points = scene.points
@@ -249,7 +219,7 @@ def _bounce_error(hits, scene, rounds, probes, blocked, settings):
         for materials in (points.materials, points.mean_materials)
     )
     for half in (0, 1):
-        operator = read_gather(hits, range(half, rounds, 2), blocked)
+        operator = read_gather(hits, range(half, rounds, 2), blocked, *room)
         halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0])
         del operator
     seen = scene.points.visible

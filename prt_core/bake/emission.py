@@ -136,6 +136,12 @@ def read_direct(store):
     return store.array(_DIRECT)[...]
 
 
+def emission_probes(store):
+    """The `probes` of an `EmissionResult`, of a bake whose emission is stored."""
+    with damage_as_error(store.path, f"'{_DIRECT}'"):
+        return _probes(read_direct(store))
+
+
 def _probes(direct):
     """(n_points, k) float32: the strongest emitters alone, and all others together."""
     # Each as bright as the others: a weak one may be turned up when relighting.
@@ -149,7 +155,7 @@ def _probes(direct):
     return np.stack(columns, axis=1) if columns else np.zeros((value.shape[1], 0), np.float32)
 
 
-def bounced_emission_steps(store, scene, rounds, settings, seconds):
+def bounced_emission_steps(store, scene, rounds, settings, seconds, memory=None):
     """What points receive of each emitter with all bounces, into a store; yields `Progress`."""
     if not scene.emitters:
         return
@@ -160,7 +166,8 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds):
     yield Progress("emission", 0, len(scene.emitters))
     with damage_as_error(store.path, "'gather'"):
         blocked = store.read("blocked", (n_points,), "float32")
-        gather = read_gather(store.array("gather"), range(rounds), blocked)
+        hits, room = store.array("gather"), (memory, store.path.parent)
+        gather = read_gather(hits, range(rounds), blocked, *room)
     direct, albedo = store.array(_DIRECT), scene.points.mean_albedo
     shape = len(scene.emitters), n_points, 6
     received = store.create(_RECEIVED, shape, "float32", (1, visibility.BLOCK, 6))

@@ -1,8 +1,9 @@
 """The first look at a scene that is known before its bake reads it anew."""
 
+from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.settings import BakeSettings
-from prt_core.bake.visibility import chosen_method
+from prt_core.bake.visibility_stage import comes_in_blocks
 from prt_core.errors import expect_kind, expect_number
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
@@ -42,8 +43,8 @@ def _look(scene, settings, pictures, pace, source, calls):
     try:
         rays = caster if caster.threads > 1 else RelayCaster(caster, calls, pace)
         cube_map = CubeMap(settings.resolution)
-        method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
         parts = (), None, None, source, None, None
-        pictures.begin(scene, cube_map, settings, rays, parts, method == "exhaustive")
+        joined = comes_in_blocks(settings, len(scene.points), cube_map, Memory.of())
+        pictures.begin(scene, cube_map, settings, rays, parts, joined)
     finally:
         calls.call(caster.close)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import scipy.sparse as sp
 
+from prt_core.bake.gather_file import GatherFile
 from prt_core.bake.visibility import blocks
 from prt_core.errors import expect, expect_array, expect_offers, shown
 from prt_core.runtime.threads import on_all_cores
@@ -17,10 +18,14 @@ from prt_core.transport.gather import ROUND
 
 # Of bounce rays that were taken over from another bake (see `gather_directions`).
 SHIFTS = "gather_shift"
+# Bytes of an entry of K, of which a ray makes one at most; joining its blocks takes twice as many.
+_ENTRY = 16
+# Blocks made together where K is written to a file.
+_TOGETHER = 8
 
 
-def read_gather(hits, rounds, blocked):
-    """K (CSR float32) from the stored hits of some rounds, block by block.
+def read_gather(hits, rounds, blocked, memory=None, folder=None):
+    """K from the stored hits of some rounds, block by block.
 
     Parameters
     ----------
@@ -28,6 +33,14 @@ def read_gather(hits, rounds, blocked):
     rounds : iterable of int
     blocked : (n_points,) float32
         See `gather_operator`.
+    memory : Memory, optional
+        Where it may not hold all of K it is kept in a file; default: it is in memory.
+    folder : Path, optional
+        Where that file is made; default: where the system has such files.
+
+    Returns
+    -------
+    (n_points, n_points) CSR float32, or GatherFile
 
     Raises
     ------
@@ -41,7 +54,14 @@ def read_gather(hits, rounds, blocked):
         chunk = chunk[:, rounds].reshape(len(chunk), -1)
         return gather_operator(chunk, n_points, blocked[block])
 
-    return _stacked(on_all_cores(one, blocks(n_points)))
+    parts = blocks(n_points)
+    if memory is None or memory.holds(_ENTRY * n_points * len(rounds) * ROUND):
+        return _stacked(on_all_cores(one, parts))
+    kept = GatherFile(folder, n_points)
+    for first in range(0, len(parts), _TOGETHER):
+        for rows in on_all_cores(one, parts[first : first + _TOGETHER]):
+            kept.append(rows)
+    return kept
 
 
 def gather_terms(bake, weigh, blocked=None):

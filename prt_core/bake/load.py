@@ -3,10 +3,12 @@
 import numpy as np
 
 from prt_core.bake.bake import Bake
-from prt_core.bake.bounces import MOST_ROUNDS
 from prt_core.bake.emission import read_emission
 from prt_core.bake.gather import read_gather, stored_hits
+from prt_core.bake.gather_blocks import MOST_ROUNDS
+from prt_core.bake.gather_file import GatherFile
 from prt_core.bake.lights import read_lights
+from prt_core.bake.memory import Memory
 from prt_core.bake.reflections import read_reflections
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import DENSE
@@ -95,4 +97,5 @@ def _read_gather(store, n_points, rounds):
         stored_hits(store, n_points, rounds) as hits,
         damage_as_error(store.path, "'gather'"),
     ):
-        return read_gather(hits, range(rounds), blocked)
+        gather = read_gather(hits, range(rounds), blocked, Memory.of())
+    return gather.mapped() if isinstance(gather, GatherFile) else gather

@@ -138,10 +138,14 @@ class Pictures:
                 self._show_rows(points[:count], bits, start)
 
     def block(self, points, bits):
-        """The rows (n, n_bytes) of a slice of the points are known."""
+        """The rows (n, n_bytes) of some points, a slice or (n,) int, are known."""
+        if self._blocks is None:
+            # The first look was one with fewer directions: the next picture is that of all rows.
+            return
         step = max(1, len(self._coarse.scene.points) // _COARSE)
-        chosen = np.arange(points.start, points.stop, step)
-        self._blocks.append((chosen, bits[chosen - points.start]))
+        if isinstance(points, slice):
+            points = np.arange(points.start, points.stop)
+        self._blocks.append((points[::step], bits[::step]))
         known, rows = (np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
         known, first = np.unique(known, return_index=True)
         if len(known) >= _MORE * self._n_shown and self.is_due:

@@ -63,7 +63,7 @@ def bake_report(
     rounds, error = bounced.rounds, bounced.error
     # The gravest first: of many lines a panel shows only the first ones.
     messages = [*_missed(seen, emitted, bounced, certified, settings.tolerance), *scene.messages]
-    too_deep = getattr(caster, "too_deep", 0)
+    too_deep = getattr(caster, "too_deep", 0) + seen.get("too_deep", 0)
     if too_deep:
         messages.append(
             f"{too_deep:,} rays met more than {MOST_LAYERS} surfaces that let light pass, "
@@ -109,7 +109,7 @@ def bake_report(
         **({"glossy_points": reflected.points} if reflected.points else {}),
         **({} if certified is None else {"gloss_error": asdict(certified)}),
         **({"emitters": emitted.emitters} if emitted.emitters else {}),
-        **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met")},
+        **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met", "too_deep")},
         "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "bytes": store.nbytes(),

@@ -11,6 +11,8 @@ A bake of a selection leaves the points of other objects as they were. What it l
 the bake, and asked by the next one that is not of a selection.
 """
 
+from dataclasses import fields
+
 import numpy as np
 
 from prt_core.bake.earlier import Earlier, objects_called
@@ -26,6 +28,8 @@ from prt_core.transport.visibility import horizon_bits
 
 # Turns of the certificate of one bake at most: the next one's draws are others.
 _TURNS = 16
+# Points worked on together.
+_TOGETHER = 1 << 14
 # Less of the points than this is not worth comparing.
 _LEAST = 0.05
 
@@ -67,37 +71,32 @@ class Reuse:
         """`Boxes` around all that has changed, where it was and where it is."""
         return self.compared.before.joined(self.compared.after).joined(self._pending)
 
-    def rows(self, block, cube_map):
-        """What is known of a block of points.
+    def known(self, cube_map, points=None):
+        """The `Known` of some points, (n,) int; default: all."""
+        if points is None:
+            points = np.arange(len(self.scene.points))
+        parts = [
+            self._known(cube_map, points[first : first + _TOGETHER])
+            for first in range(0, len(points), _TOGETHER)
+        ]
+        names = (each.name for each in fields(Known))
+        return Known(*(np.concatenate([getattr(part, n) for part in parts]) for n in names))
 
-        Returns
-        -------
-        bits, known, traced, above : (n, n_bytes) uint8
-            See `Known`.
-        """
-        old = self.compared.old_of[block]
+    def _known(self, cube_map, points):
+        old = self.compared.old_of[points]
         bits, known, traced = np.zeros((3, len(old), -(-cube_map.n_directions // 8)), np.uint8)
-        every = horizon_bits(self.scene, cube_map, block)
+        above = horizon_bits(self.scene, cube_map, points)
         mine = np.flatnonzero(old >= 0)
-        if not len(mine):
-            return bits, known, traced, every
-        before = _rows(self._bits, old[mine])
-        points = np.arange(block.start, block.stop)[mine]
-        origins = self.scene.ray_origins[points]
-        above = every[mine]
-        unknown = self.compared.before.texels(origins, cube_map, above & ~before)
-        unknown |= self.compared.after.texels(origins, cube_map, before)
-        unknown |= self._pending.texels(origins, cube_map, above)
-        unknown[self.still[points]] = 0
-        bits[mine], known[mine] = before, ~unknown
-        rays = above if self._traced is None else _rows(self._traced, old[mine])
-        traced[mine] = rays & ~unknown
-        return bits, known, traced, every
-
-    def known(self, cube_map):
-        """The `Known` of all points."""
-        parts = [self.rows(block, cube_map) for block in blocks(len(self.scene.points))]
-        return Known(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        if len(mine):
+            before, horizon = _rows(self._bits, old[mine]), above[mine]
+            origins = self.scene.ray_origins[points[mine]]
+            unknown = self.compared.before.texels(origins, cube_map, horizon & ~before)
+            unknown |= self.compared.after.texels(origins, cube_map, before)
+            unknown |= self._pending.texels(origins, cube_map, horizon)
+            unknown[self.still[points[mine]]] = 0
+            rays = horizon if self._traced is None else _rows(self._traced, old[mine])
+            bits[mine], known[mine], traced[mine] = before, ~unknown, rays & ~unknown
+        return Known(bits, known, traced, above)
 
     def kept_rays(self, store, seed):
         """The `KeptRays` of the bounces; None where the earlier bake has cast none.

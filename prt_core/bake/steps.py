@@ -1,6 +1,7 @@
 """The bake: visibility and gather rays of a scene, block by block into a store."""
 
 import time
+from dataclasses import dataclass, field
 
 from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
 from prt_core.bake.earlier import details_of, earlier_bake, expect_objects, taken
@@ -8,19 +9,22 @@ from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_
 from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
 from prt_core.bake.lights import keep_lights, light_attributes
+from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
 from prt_core.bake.reuse import Reuse, note_reuse, reuse_of
 from prt_core.bake.settings import BakeSettings
-from prt_core.bake.visibility import chosen_method, visibility_steps
+from prt_core.bake.stages import WORK, close_work, is_planned
+from prt_core.bake.visibility_stage import comes_in_blocks, visibility_steps
 from prt_core.errors import expect, expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
-from prt_core.scene import expect_camera, with_details
+from prt_core.scene import Scene, expect_camera, with_details
 from prt_core.sphere import CubeMap
 from prt_core.store import (
+    BakeStore,
     begin_bake,
     check_scene,
     damage_as_error,
@@ -46,6 +50,7 @@ def bake_steps(
     origin=None,
     cameras=None,
     pictures=None,
+    memory=None,
     reuse=None,
     only=None,
 ):
@@ -82,6 +87,9 @@ def bake_steps(
         Kept with the bake: all cameras of the scene by name, for views.
     pictures : Pictures, optional
         Is told what is known while the bake runs, and hands it out; the bake is the same.
+    memory : float, optional
+        Gigabytes that the bake may take, beside the scene; default: half of what there is. Where
+        it is too little for the points, they are sampled in smaller tiles.
     reuse : str or Path, optional
         An earlier bake of the scene, which may be the one at `path`: what a change cannot have
         touched is taken from it. Where nothing can be, the report says why.
@@ -108,6 +116,7 @@ def bake_steps(
     world = expect_bake_input(scene, path, cube_map, *given)
     if pictures is not None:
         expect_kind("pictures", pictures, Pictures)
+    memory = Memory.of(memory)
     expect(only is None or reuse is not None, "only: changes nothing without reuse")
     if only is not None:
         expect_objects(scene, only)
@@ -120,7 +129,7 @@ def bake_steps(
     parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
-            given = scene, path, settings, parts, restart, lights, pictures, reuse, only
+            given = scene, path, settings, parts, restart, lights, pictures, memory, reuse, only
             if pace is None:
                 return (yield from _bake(*given, caster))
             calls = MainThreadCalls()
@@ -137,9 +146,76 @@ def bake_steps(
 
 
 def _bake(
-    scene, path, settings, parts, restart, lights, pictures, reuse, only, new_caster, pace=None
+    scene, path, settings, parts, restart, lights, pictures, memory, reuse, only, new_caster,
+    pace=None,
 ):  # fmt: skip
     """`bake_steps`, with a function that makes the caster once rays are needed."""
+    cube_map = CubeMap(settings.resolution)
+    given = scene, path, settings, parts, restart, new_caster
+    begun = yield from begin_steps(*given, pictures, memory, reuse, only)
+    if begun.report is not None:
+        return begun.report
+    report = yield from rest_steps(
+        begun, cube_map, settings, lights, pace=pace, pictures=pictures, memory=memory
+    )
+    finish_bake(begun.store, path)
+    return report
+
+
+@dataclass
+class Begun:
+    """A bake whose scene is stored.
+
+    Attributes
+    ----------
+    store : BakeStore
+    scene : Scene
+        With its details; None where the bake is finished.
+    caster : RayCaster, or None
+    seconds : dict of str -> float
+        By stage.
+    resumed : bool
+        Whether some of it was there.
+    report : dict, or None
+        Of a bake that is finished.
+    reuse : Reuse or str, or None
+        What is taken from an earlier bake, or why nothing is.
+    """
+
+    store: BakeStore
+    scene: Scene | None = None
+    caster: object = None
+    seconds: dict = field(default_factory=dict)
+    resumed: bool = False
+    report: dict | None = None
+    reuse: object = None
+
+
+def begin_steps(
+    scene, path, settings, parts, restart, new_caster, pictures=None, memory=None, reuse=None,
+    only=None,
+):  # fmt: skip
+    """The first part of a bake: whose it is, and its scene, in a store; yields `Progress`.
+
+    Parameters
+    ----------
+    scene, path, settings
+        See `bake_steps`.
+    parts : tuple
+        lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
+    restart
+        See `bake_steps`.
+    new_caster : callable() -> RayCaster
+    pictures : Pictures, optional
+    memory : Memory, optional
+        Where there are pictures.
+    reuse, only
+        See `bake_steps`.
+
+    Returns
+    -------
+    Begun
+    """
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
     attributes, world = light_attributes(*parts)
@@ -156,7 +232,7 @@ def _bake(
         if store.is_sound():
             keep_lights(store, attributes, world)
             with damage_as_error(path):
-                return finish_bake(store, path).attributes["report"]
+                return Begun(store, report=finish_bake(store, path).attributes["report"])
         # What is damaged is made again, as if the bake had been stopped before.
         store.update(complete=False)
     earlier = None if reuse is None else earlier_bake(reuse, scene, settings)
@@ -170,15 +246,11 @@ def _bake(
     if store.attributes.get("taken_from") != taken_from:
         # What there is was made from another bake, or from none: it is made again.
         store.update(taken_from=taken_from, sampled=None)
-    with damage_as_error(path):
-        seconds = {
-            stage: expect_number(f"seconds of {stage}", value, least=0)
-            for stage, value in store.attributes.get("seconds", {}).items()
-        }
+    seconds = stored_seconds(store)
     if pictures is not None:
-        method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
         parts = parts[0], world, *parts[2:]
-        pictures.begin(scene, cube_map, settings, caster, parts, method == "exhaustive")
+        joined = comes_in_blocks(settings, len(scene.points), cube_map, memory)
+        pictures.begin(scene, cube_map, settings, caster, parts, joined)
         yield Progress("scene", 0, 0)
     scene = yield from _detailed(store, scene, caster, settings, parts, seconds, earlier)
     if pictures is not None:
@@ -186,27 +258,63 @@ def _bake(
     keep_lights(store, attributes, world)
     yield Progress("scene", 0, 0)
     reuse = reuse_of(earlier, scene, only)
-    part = reuse if isinstance(reuse, Reuse) else None
-    seen = yield from visibility_steps(
-        store, scene, cube_map, caster, settings, lights, seconds, pace, pictures, part
-    )
-    reflected = yield from reflection_steps(store, scene, cube_map, caster, settings, seconds)
-    emitted = yield from emission_steps(store, scene, caster, settings, seconds)
-    certified = yield from gloss_certificate_steps(
-        store, scene, cube_map, caster, settings, lights, seconds
-    )
+    return Begun(store, scene, caster, seconds, resumed, reuse=reuse)
+
+
+def rest_steps(
+    begun, cube_map, settings, lights, *, emitted=None, pace=None, pictures=None, here=True,
+    memory=None,
+):  # fmt: skip
+    """All of a bake but its beginning, in its store, which is sealed; yields `Progress`.
+
+    Parameters
+    ----------
+    begun : Begun
+    cube_map : CubeMap
+    settings : BakeSettings
+    lights
+        See `bake_steps`.
+    emitted : EmissionResult, optional
+        Where what emitters send out is baked.
+    pace, pictures
+        See `bake_steps`.
+    here : bool
+        Whether blocks that are missing are computed; otherwise they are said.
+    memory : Memory, optional
+
+    Returns
+    -------
+    dict
+        The report.
+
+    Raises
+    ------
+    BlocksMissing
+    """
+    memory = memory or Memory.of()
+    store, scene, caster, seconds = begun.store, begun.scene, begun.caster, begun.seconds
+    given = store, scene, cube_map, caster, settings
+    reuse = begun.reuse if isinstance(begun.reuse, Reuse) else None
+    more = pictures, here, memory, reuse
+    seen = yield from visibility_steps(*given, lights, seconds, pace, *more)
+    reflected = yield from reflection_steps(*given, seconds)
+    if emitted is None:
+        emitted = yield from emission_steps(store, scene, caster, settings, seconds)
+    certified = yield from gloss_certificate_steps(*given, lights, seconds)
     if pictures is not None and scene.emitters:
         pictures.emitted(read_direct(store))
     bounced = Bounced()
     if settings.bounces != 0:
-        work = store, scene, cube_map, caster, settings, seconds, emitted.probes, pictures, part
-        bounced = yield from bounce_steps(*work)
+        bounced = yield from bounce_steps(*given, seconds, emitted.probes, *more)
     if pictures is not None and pictures.to_the_end:
-        with damage_as_error(path):
-            gather = gather_so_far(store, bounced.rounds)
+        with damage_as_error(store.path):
+            gather = gather_so_far(store, bounced.rounds, memory)
             pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
-    yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds)
-    with damage_as_error(path):
+    yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds, memory)
+    planned = is_planned(store)
+    if planned:
+        seen["too_deep"] = close_work(store, seconds)
+    with damage_as_error(store.path):
         report = bake_report(
             scene,
             cube_map,
@@ -220,14 +328,25 @@ def _bake(
             reflected,
             certified,
         )
-    if resumed:
+    if planned:
+        report["messages"].append("baked in blocks of work: times are those of all who computed")
+    elif begun.resumed:
         report["messages"].append("the bake was stopped and went on: times are those since then")
+    if begun.resumed:
         # Some of the rays were cast before the clock was started.
         report["rays_per_second"] = None
-    note_reuse(store, report, reuse)
-    store.seal(report=report, seconds=seconds)
-    finish_bake(store, path)
+    note_reuse(store, report, begun.reuse)
+    store.seal(without=(WORK,), report=report, seconds=seconds)
     return report
+
+
+def stored_seconds(store):
+    """Seconds by stage that a bake under way has taken."""
+    with damage_as_error(store.path):
+        return {
+            stage: expect_number(f"seconds of {stage}", value, least=0)
+            for stage, value in store.attributes.get("seconds", {}).items()
+        }
 
 
 def _detailed(store, scene, caster, settings, parts, seconds, earlier):

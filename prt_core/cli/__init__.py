@@ -1,4 +1,4 @@
-"""`prt bake | relight | occlusion | compress | export | info | lightfield | bench`.
+"""`prt bake | bake-blocks | relight | occlusion | compress | export | info | lightfield | bench`.
 
 Also `python -m prt_core`.
 """
@@ -8,6 +8,7 @@ import os
 import sys
 
 from prt_core.cli.bake import add_bake
+from prt_core.cli.bake_blocks import add_bake_blocks
 from prt_core.cli.bench import add_bench
 from prt_core.cli.compress import add_compress
 from prt_core.cli.export import add_export
@@ -48,7 +49,7 @@ def main(argv=None, in_blender=False):
             # Whoever read the lines has seen enough.
             return 0
         print(f"prt: {error}", file=sys.stderr)
-        return 2
+        return error.exit_code
     except KeyboardInterrupt:
         print("prt: stopped; the same command goes on where it was", file=sys.stderr)
         return 130
@@ -76,6 +77,7 @@ def _parser(in_blender):
     parser.add_argument("--version", action="version", version=f"prt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     add_bake(commands, in_blender)
+    add_bake_blocks(commands)
     add_relight(commands, in_blender)
     add_occlusion(commands, in_blender)
     add_info(commands)

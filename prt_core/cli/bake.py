@@ -17,6 +17,7 @@ from prt_core.cli.arguments import (
     size,
     vertices,
 )
+from prt_core.cli.bake_blocks import finish_planned, say_plan
 from prt_core.cli.bake_pictures import BakePictures
 from prt_core.cli.show import working
 from prt_core.errors import expect
@@ -114,6 +115,23 @@ def add_bake(commands, in_blender):
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
+    bake.add_argument(
+        "--memory", type=float, metavar="GB",
+        help="that the bake may take, beside the scene; default: half of what there is",
+    )  # fmt: skip
+    bake.add_argument(
+        "--plan", action="store_true",
+        help="only put the scene into the output, whose blocks 'prt bake-blocks' computes, on any "
+        "machine",
+    )  # fmt: skip
+    bake.add_argument(
+        "--finish", action="store_true",
+        help="instead of a .blend, NAME.prt that was planned: close it, or say which blocks are "
+        "missing (exit code 3)",
+    )  # fmt: skip
+    bake.add_argument(
+        "--compute", action="store_true", help="with --finish: compute those that are missing here"
+    )
     quiet_arguments(bake)
     bake.set_defaults(run=_bake)
 
@@ -139,12 +157,17 @@ _NEEDED = {
     "refine_tolerance": (("refine",), "--refine"),
     "refine_vertices": (("refine",), "--refine"),
     "show_light": (("show_png",), "--show-png"),
+    "compute": (("finish",), "--finish"),
     "only": (("reuse", "update"), "--reuse or --update"),
 }
 
 
 def _bake(options):
     expect_used(options, _NEEDED)
+    expect(not (options.plan and options.finish), "--plan: ask for one of --plan and --finish")
+    if options.finish:
+        expect(options.scene is not None, "--finish: expected NAME.prt of 'prt bake --plan'")
+        return finish_planned(options)
     samples = 2 if options.pixel_samples is None else options.pixel_samples
     blend = options.scene
     if blend is None:
@@ -188,10 +211,15 @@ def _bake(options):
             atlas_objects=options.atlas_objects,
             atlas_uv=options.atlas_uv or "new",
             atlas_margin=4 if options.atlas_margin is None else options.atlas_margin,
+            memory=options.memory,
+            plan=options.plan,
             reuse=options.reuse,
             update=options.update,
             only=options.only,
         )
+    if options.plan:
+        say_plan(options, output, report["stages"])
+        return 0
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:

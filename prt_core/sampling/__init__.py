@@ -25,6 +25,7 @@ from prt_core.sampling.sampled import (
     sampler_names,
 )
 from prt_core.sampling.spread import Spread
+from prt_core.sampling.tiles import tile_scene, tiles_of
 
 __all__ = [
     "AgreementSettings",
@@ -49,5 +50,7 @@ __all__ = [
     "sample_huang",
     "sampler_named",
     "sampler_names",
+    "tile_scene",
+    "tiles_of",
     "trace_rest",
 ]

@@ -147,9 +147,11 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     first = max(64, -(-len(closed) // settings.first))
     levels = surface_levels(scene.points, work.groups, first, settings.growth, rng)
     levels = [level[~(settled | is_detail)[level]] for level in levels]
+    if known is not None:
+        levels = [level for level in levels if len(level)]
     told = np.flatnonzero(settled if known is None else settled & work.beside(~settled))
     n_open = len(told)
-    reached = len(told) + np.cumsum([len(level) for level in levels])
+    reached = int(settled.sum()) + np.cumsum([len(level) for level in levels])
     for index, level in enumerate(levels):
         level = level[~work.given_up[level]]
         share = reached[index] / max(len(scene.points) - len(scene.details), 1)

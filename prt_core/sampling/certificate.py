@@ -254,6 +254,7 @@ class _Draws:
         # A direction by its whole worth, a point evenly, kept by the square of their cosine: one
         # in six is. So the draws are independent, and no sum over the matrix is needed.
         proposals = self._proposals = 6 * n_entries
+        ways_drawn, drawn_entries = np.arange(len(worth)), []
         self._rate += proposals * share
         for first in range(0, proposals, _BATCH):
             count = min(_BATCH, proposals - first)
@@ -263,18 +264,23 @@ class _Draws:
             for normal, way in zip(normals, ways.T, strict=True):
                 cosine += normal.take(drawn) * np.repeat(way, times)
             kept = (cosine > 0) & (cosine * cosine > rng.random(count, np.float32))
-            point = self._points[drawn[kept]]
-            direction = np.repeat(np.arange(len(worth)), times)[kept]
-            geometric = self._scene.points.geometric_normals[point]
-            above = np.einsum("ij,ij->i", geometric, samples[direction]) > 0
-            byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
-            said = (bits[point, byte] >> bit) & 1 > 0
-            asked = np.flatnonzero(above & ((traced[point, byte] >> bit) & 1 == 0))
+            drawn_entries.append((self._points[drawn[kept]], np.repeat(ways_drawn, times)[kept]))
+        # Looked up all together: the rows may lie in a file, in many pieces.
+        point, direction = (np.concatenate(parts) for parts in zip(*drawn_entries, strict=True))
+        byte, bit = direction >> 3, (direction & 7).astype(np.uint8)
+        said = (bits[point, byte] >> bit) & 1 > 0
+        known = (traced[point, byte] >> bit) & 1 > 0
+        geometric = self._scene.points.geometric_normals
+        ends = np.cumsum([len(batch) for batch, _ in drawn_entries])
+        for part in map(slice, np.append(0, ends), ends):
+            p, d = point[part], direction[part]
+            above = np.einsum("ij,ij->i", geometric[p], samples[d]) > 0
+            asked = np.flatnonzero(above & ~known[part])
             self.rays += len(asked)
-            lit = said.copy()
-            lit[asked] = yield from self._tracer.trace_pairs(point[asked], direction[asked])
-            self._wrong.append(point[lit != said])
-            counts["entries"] += len(point)
+            lit = said[part].copy()
+            lit[asked] = yield from self._tracer.trace_pairs(p[asked], d[asked])
+            self._wrong.append(p[lit != said[part]])
+            counts["entries"] += len(p)
             counts["wrong"] += len(self._wrong[-1])
             counts["lit"] += int(lit.sum())
         return counts

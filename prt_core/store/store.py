@@ -87,10 +87,10 @@ class BakeStore:
 
     facts = renamed("facts", "attributes")
 
-    def update(self, **attributes):
+    def update(self, without=(), **attributes):
         """Replace attributes, in one atomic write that is on the disk when this returns.
 
-        Where they are what is there, nothing is written.
+        Where they are what is there, nothing is written. Those named in `without` are taken away.
 
         Raises
         ------
@@ -106,7 +106,8 @@ class BakeStore:
             f"{self.path}: another program changed or removed this bake meanwhile; nothing more "
             "is written, run the same command again",
         )
-        self._attributes = write_attributes(self.files, {**self._attributes, **attributes}, now)
+        kept = {key: value for key, value in self._attributes.items() if key not in without}
+        self._attributes = write_attributes(self.files, {**kept, **attributes}, now)
 
     @property
     def is_complete(self):
@@ -237,14 +238,19 @@ class BakeStore:
                 f"{self.path}: '{array.name}' is not what the bake was finished with; {MEND}",
             )
 
-    def seal(self, **attributes):
+    def take_all(self):
+        """Count all arrays that are there as this object's, for `seal`."""
+        self._used.update(self.names())
+
+    def seal(self, without=(), **attributes):
         """Finish the bake: note a digest of each array, and attributes, once all is on the disk.
 
-        Arrays are those that were written or read by this object; others are nobody's.
+        Attributes named in `without` are taken away. Arrays are those that were written or read by
+        this object; others are nobody's.
         """
         self.files.sync()
         arrays = {name: self.array(name).digest() for name in sorted(self._used)}
-        self.update(arrays=arrays, complete=True, **attributes)
+        self.update(without, arrays=arrays, complete=True, **attributes)
 
     def is_sound(self):
         """Whether all arrays are what the bake was finished with."""

@@ -10,9 +10,11 @@ import pytest
 import prt_core
 from prt_core import api, evaluate, export_web, light, scene
 from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.blocks import block_figures, compute, missing_blocks, stages
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
 from prt_core.bake.pictures import Pictures
+from prt_core.bake.plan import plan_steps
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
 from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
@@ -62,11 +64,46 @@ def bake_call(there):
             "pace": 0.5,
             "pictures": Pictures(),
             "lights": {"sky": there.light},
+            "memory": 1.0,
             "reuse": there.bake.path,
             "only": [there.scene.objects[0].known_as],
         },
-        ("lamps no elements", "pictures None", "only None"),
+        ("lamps no elements", "pictures None", "memory None", "only None"),
     )
+
+
+def plan_call(there):
+    def plan(**arguments):
+        return run(plan_steps(path=there.folder / "plan.prt", **arguments))
+
+    good = {
+        "scene": there.scene,
+        "settings": BakeSettings(RESOLUTION, caster="brute", bounces=0),
+        "lamps": [light.Lamp("point", (1.0, 2.0, 3.0))],
+        "world": there.light,
+        "camera": camera(),
+        "cameras": {"Top": camera()},
+        "source": {"plane": "digest"},
+        "lights": {"sky": there.light},
+        "memory": 1.0,
+    }
+    may = "lamps no elements", "memory None", "lights None", "source None", "world None"
+    return Call(plan, good, (*may, "camera None", "cameras None", "settings None"))
+
+
+def planned(there):
+    """A bake that is planned, and not finished."""
+    settings = BakeSettings(RESOLUTION, caster="brute", bounces=0)
+    run(plan_steps(there.scene, there.folder / "planned.prt", settings))
+    return there.folder / "planned.prt"
+
+
+def to_finish(there):
+    """Another, to be finished."""
+    settings = BakeSettings(RESOLUTION, caster="brute", bounces=0)
+    path = there.folder / "finish.prt"
+    run(plan_steps(there.scene, path, settings))
+    return path
 
 
 def path_call(there):
@@ -174,6 +211,18 @@ CALLS = {
     ),
     "bake_steps": bake_call,
     "bake_steps path": path_call,
+    "plan_steps": plan_call,
+    "finish": lambda t: Call(api.finish, {"store": to_finish(t), "memory": 1.0, "compute": True}),
+    "blocks.stages": lambda t: Call(stages, {"store": planned(t)}),
+    "blocks.missing_blocks": lambda t: Call(
+        missing_blocks, {"store": planned(t), "stage": "visibility"}
+    ),
+    "blocks.compute": lambda t: Call(
+        compute, {"store": planned(t), "stage": "visibility", "index": 0}
+    ),
+    "blocks.block_figures": lambda t: Call(
+        block_figures, {"store": planned(t), "stage": "visibility"}
+    ),
     "preflight": lambda t: Call(
         preflight,
         {
@@ -344,6 +393,8 @@ CALLS = {
             "parametrisation": "auto",
             "resolution": 2,
             "seed": 0,
+            "memory": 1.0,
+            "plan": False,
         },
         whole=False,
     ),  # fmt: skip

@@ -250,6 +250,10 @@ CALLS = {
         wanted=lambda t: [0],
     ),
     "probe_lights": lambda t: Call(sampling.probe_lights, {"cube_map": sphere.CubeMap(2)}),
+    "tiles_of": lambda t: Call(sampling.tiles_of, {"scene": t.scene, "size": 5}),
+    "tile_scene": lambda t: Call(
+        sampling.tile_scene, {"scene": t.scene, "points": np.array([0, 2, 3])}
+    ),
     "sampler_named": plain(sampling.sampler_named, name="agreement"),
 }
 

@@ -9,6 +9,7 @@ import pytest
 
 from prt_core import BakeSettings, PRTError, Scene, bake_steps, load, run
 from prt_core.bake.gather import gather_terms
+from prt_core.bake.memory import Memory
 from prt_core.bake.report_lines import report_lines
 from prt_core.light import sun_light
 from prt_core.sampling.tracer import count_bits
@@ -241,3 +242,12 @@ def test_emitters_and_reflections_are_made_anew(tmp_path):
         np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
     assert report["rays_visibility"] < whole["rays_visibility"]
     assert report["gloss_error"] == whole["gloss_error"]
+
+
+def test_tiles_are_asked_by_themselves(earlier, tmp_path, monkeypatch):
+    monkeypatch.setattr(Memory, "tile_points", lambda *_: 220)
+    report = baked(AFTER["moved"], tmp_path / "a.prt", SAMPLED, reuse=earlier["agreement"])
+    assert report["sampling"]["tiles"] > 2 and report["tolerance_met"]
+    assert report["reused"]["rays_share"] < 0.8
+    baked(AFTER["moved"], tmp_path / "b.prt", replace(SAMPLED, method="exhaustive"))
+    assert off(tmp_path / "a.prt", tmp_path / "b.prt") < SAMPLED.tolerance

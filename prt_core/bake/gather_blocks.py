@@ -1,0 +1,142 @@
+"""Gather rays block by block: so many points and a round are one job, whoever does it and when."""
+
+import os
+from functools import lru_cache
+
+import numpy as np
+
+from prt_core.bake import visibility
+from prt_core.bake.visibility import blocks
+from prt_core.runtime.threads import on_all_cores
+from prt_core.sampling.dilate import dilate
+from prt_core.transport import Sharing, gather_parts
+from prt_core.transport.gather import ROUND
+
+MOST_ROUNDS = 64
+# Where rays ended, and what casting them came to.
+GATHER, GATHER_RAYS = "gather", "gather_rays"
+# Blocks worked on together for each core, where rays are cast by one thread.
+_TOGETHER = 4
+# Figures of a block and round, before those of objects: the rays, those cast from their hits, and
+# hits on hidden places.
+_COUNTS = 3
+
+
+class GatherBlocks:
+    """The gather rays of a bake under way.
+
+    Parameters
+    ----------
+    hits : BakeArray
+        (n_points, MOST_ROUNDS * ROUND) int32.
+    counts : BakeArray
+        (MOST_ROUNDS, n_blocks, 3 + n_objects) int64: of each block and round the rays, those cast
+        from their hits, hits on hidden places, and on backs by object.
+    store : BakeStore
+        Its visibility is whole.
+    scene : Scene
+    cube_map : CubeMap
+    caster : RayCaster
+    seed : int
+    kept : KeptRays, optional
+        Rays that another bake has cast.
+
+    Attributes
+    ----------
+    parts : list of slice
+        The points of each block.
+    group : int
+        Blocks that are best computed together.
+    """
+
+    def __init__(self, hits, counts, store, scene, cube_map, caster, seed, kept=None):
+        self.hits, self.parts = hits, blocks(len(scene.points))
+        self._counts, self._store, self._scene = counts, store, scene
+        self._caster, self._seed, self._kept = caster, seed, kept
+        self._clear = _Clear(store.array("visibility"), cube_map)
+        self._sharing = Sharing(scene)
+        one_thread = _TOGETHER * (os.cpu_count() or 1)
+        self.group = caster.threads if caster.threads > 1 else one_thread
+
+    @classmethod
+    def begun(cls, store, scene, cube_map, caster, seed, kept=None):
+        """Those of a bake whose arrays are made, or taken as far as they are there."""
+        arrays = _arrays(store, scene, MOST_ROUNDS)
+        return cls(*arrays, store, scene, cube_map, caster, seed, kept)
+
+    @classmethod
+    def opened(cls, store, scene, cube_map, caster, seed):
+        """Those of a bake that another process has begun."""
+        arrays = store.array(GATHER), store.array(GATHER_RAYS)
+        return cls(*arrays, store, scene, cube_map, caster, seed)
+
+    def is_done(self, index, turn):
+        """Whether the rays of a block in a round are there."""
+        return holds_rays(self.hits, self._counts, index, [turn])
+
+    def has(self, index, turns):
+        """Whether the rays of a block in some rounds are there."""
+        return holds_rays(self.hits, self._counts, index, turns)
+
+    def compute(self, todo):
+        """Cast the rays of (block, round) pairs; returns how many rays these were."""
+        jobs = [(self.parts[index], turn) for index, turn in todo]
+        spared = self._scene.open_points
+        gathered = gather_parts(
+            self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing,
+            self._kept,
+        )  # fmt: skip
+        on_all_cores(self._write, zip(todo, gathered, strict=True))
+        return sum(one.n_rays + one.n_short for one in gathered)
+
+    def _write(self, job):
+        (index, turn), one = job
+        self._counts[turn, index] = [one.n_rays, one.n_short, one.n_hidden, *one.n_back]
+        self.hits[self.parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+
+    def cut(self, rounds):
+        """Take away what is left of rounds that were not needed; returns the counts."""
+        return _arrays(self._store, self._scene, rounds)[1]
+
+
+def holds_rays(hits, counts, index, turns):
+    """Whether the arrays of `GatherBlocks` hold the rays of a block in some rounds."""
+    first = index * visibility.BLOCK
+    part = slice(first, min(first + visibility.BLOCK, hits.shape[0]))
+    return all(
+        hits.holds(part, slice(turn * ROUND, (turn + 1) * ROUND)) and counts.holds(turn, index)
+        for turn in turns
+    )
+
+
+def _arrays(store, scene, rounds):
+    shape, chunks = (len(scene.points), rounds * ROUND), (visibility.BLOCK, ROUND)
+    table = rounds, len(blocks(len(scene.points))), _COUNTS + len(scene.objects)
+    return (
+        store.create(GATHER, shape, "int32", chunks),
+        store.create(GATHER_RAYS, table, "int64", (1, 1, table[2])),
+    )
+
+
+class _Clear:
+    """Rays of points that the visibility says will meet nothing, nor any beside them.
+
+    Parameters
+    ----------
+    bits : array of (n_points, n_bytes) uint8
+    cube_map : CubeMap
+    """
+
+    def __init__(self, bits, cube_map):
+        self._bits, self._cube_map = bits, cube_map
+        # Of the blocks that are at work: all their rounds ask.
+        self._near = lru_cache(2 * _TOGETHER * (os.cpu_count() or 1))(self._blocked_nearby)
+
+    def _blocked_nearby(self, start, stop):
+        return dilate(~self._bits[start:stop], self._cube_map.resolution)
+
+    def __call__(self, points, directions):
+        near = self._near(points.start, points.stop)
+        texel = self._cube_map.texel_along(*np.moveaxis(directions, -1, 0))
+        byte = (texel >> 3) + near.shape[1] * np.arange(len(near))[:, None]
+        return near.take(byte) >> (texel & 7).astype(np.uint8) & 1 == 0

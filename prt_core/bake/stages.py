@@ -1,0 +1,136 @@
+"""Stages of a bake that are cut into blocks of work, and what says which of them are done.
+
+A block is done where the parts of the arrays that it fills are whole; so it may be computed by
+anybody, in any order, and more than once. Only who plans and finishes the bake, one process at a
+time, writes its attributes: which stages there are stands in the attribute "work" while the bake is
+not finished. Beside each block stands what it took, in an array that goes with the attribute.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from prt_core.errors import PRTError
+
+# What a block notes of itself: seconds, rays, and rays that met too many surfaces that let light
+# pass (see `PassingCaster`).
+FIGURES = ("seconds", "rays", "too_deep")
+# Stages that are open, their settings, and what only who planned the bake knew.
+WORK = "work"
+# Arrays that go with that attribute: from which points nothing can be in the way, and the lights
+# of the certificate.
+OPEN, LIGHTS = WORK_ARRAYS = "work_open", "work_lights"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Work that is cut into blocks.
+
+    Attributes
+    ----------
+    name : str
+    blocks : int
+        How many there are; their indices are 0 to `blocks` - 1.
+    """
+
+    name: str
+    blocks: int
+
+
+class BlocksMissing(PRTError):
+    """Blocks of a stage are not there yet; everything before them is.
+
+    Attributes
+    ----------
+    path : Path
+        Of the bake.
+    stage : str
+    blocks : list of int
+        Ascending.
+    """
+
+    exit_code = 3
+
+    def __init__(self, path, stage, blocks):
+        self.path, self.stage, self.blocks = path, stage, list(blocks)
+        ranges = ranges_text(self.blocks)
+        count = f"{len(self.blocks):,} block{'s' * (len(self.blocks) > 1)}"
+        super().__init__(
+            f"{path}: {count} of stage '{stage}' missing ({ranges}); run 'prt bake-blocks {path} "
+            f"--stage {stage} --blocks {ranges}', then 'prt bake --finish {path}'"
+        )
+
+    def __reduce__(self):
+        return type(self), (self.path, self.stage, self.blocks)
+
+
+def ranges_text(blocks):
+    """Ascending whole numbers as text: "0-3,7"."""
+    blocks = np.asarray(blocks, np.int64)
+    parts = np.split(blocks, np.flatnonzero(np.diff(blocks) != 1) + 1) if len(blocks) else []
+    return ",".join(str(p[0]) if len(p) == 1 else f"{p[0]}-{p[-1]}" for p in parts)
+
+
+def is_planned(store):
+    """Whether blocks of this bake may be computed apart."""
+    return WORK in store.attributes
+
+
+def open_stages(store):
+    """The stages of a planned bake that are known by now, in order: list of `Stage`."""
+    return [Stage(name, blocks) for name, blocks in store.attributes[WORK]["stages"]]
+
+
+def open_stage(store, name, n_blocks, **more):
+    """Let blocks of a stage be computed apart; `more` is put into the attribute "work".
+
+    Where the bake is not planned, nothing is done.
+    """
+    if not is_planned(store):
+        return
+    store.create(_figures(name), (n_blocks, len(FIGURES)), "float64", (1, len(FIGURES)))
+    work = store.attributes[WORK]
+    stages = [stage for stage in work["stages"] if stage[0] != name]
+    store.update(**{WORK: {**work, **more, "stages": [*stages, [name, n_blocks]]}})
+
+
+def note_figures(store, name, index, figures):
+    """Write what a block took, (seconds, rays, too_deep), beside it."""
+    store.array(_figures(name))[index] = np.array(figures, np.float64)
+
+
+def read_figures(store, name, n_blocks):
+    """(n_blocks, 3) float64: what blocks took, as far as it is known; else 0."""
+    result = np.zeros((n_blocks, len(FIGURES)))
+    try:
+        array = store.array(_figures(name))
+    except PRTError:
+        return result
+    for index in range(min(n_blocks, len(array))):
+        if array.holds(index):
+            result[index] = array[index]
+    return result
+
+
+def close_work(store, seconds):
+    """Take away what blocks took; the seconds of each stage are added to `seconds`.
+
+    Returns
+    -------
+    int
+        Rays that met too many surfaces that let light pass.
+    """
+    too_deep = 0
+    for stage in open_stages(store):
+        figures = read_figures(store, stage.name, stage.blocks).sum(axis=0)
+        name = stage.name.rstrip("0123456789")
+        seconds[name] = seconds.get(name, 0.0) + float(figures[0])
+        too_deep += int(figures[2])
+        store.remove(_figures(stage.name))
+    for name in WORK_ARRAYS:
+        store.remove(name)
+    return too_deep
+
+
+def _figures(name):
+    return f"work_{name}"

@@ -6,10 +6,10 @@ from bpy.props import BoolProperty
 from prt_core.errors import expect
 
 from . import bakes, plan, preview
-from .operators import PRT_OT_bake
+from .operators import Baking
 
 
-class PRT_OT_update(PRT_OT_bake):
+class PRT_OT_update(Baking, bpy.types.Operator):
     """Bake only what has changed since: points of objects that were moved, edited or added, and
     what the others see of them"""
 
@@ -24,10 +24,6 @@ class PRT_OT_update(PRT_OT_bake):
     )  # fmt: skip
 
     def steps(self, context, pace):
-        expect(
-            not self.restart,
-            "update: takes what is there, which restart throws away; leave out one of them",
-        )
         self.only = selected(context) if self.selected else None
         return (yield from super().steps(context, pace))
 

@@ -38,20 +38,13 @@ from .request import request
 from .work import LongWork, status
 
 
-class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
-    """Trace how light travels in the scene, once; a bake that was stopped goes on where it was"""
+class Baking(LongWork, Button):
+    """What the buttons that bake have in common."""
 
-    bl_idname = "prt.bake"
-    bl_label = "Bake"
     title = "Bake"
     when_stopped = "colours are as before, and the same button goes on where it was"
-    # What is baked of what has changed since the last bake: all, or some objects by name.
-    update, only = False, None
-
-    restart: BoolProperty(
-        name="Restart", description="Begin anew even where the bake is there already",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
+    # Whether what is there is begun anew, or only what has changed of it baked, of some objects.
+    restart, update, only = False, False, None
 
     def steps(self, context, pace):
         scene = self.begin(context)
@@ -140,6 +133,18 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             self.report({"WARNING"}, message)
         self.report({"INFO"}, text)
         work.say(text, notes=line["messages"])
+
+
+class PRT_OT_bake(Baking, bpy.types.Operator):
+    """Trace how light travels in the scene, once; a bake that was stopped goes on where it was"""
+
+    bl_idname = "prt.bake"
+    bl_label = "Bake"
+
+    restart: BoolProperty(
+        name="Restart", description="Begin anew even where the bake is there already",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
 
 
 class PRT_OT_cancel(bpy.types.Operator):

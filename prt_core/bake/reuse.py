@@ -134,8 +134,9 @@ class Reuse:
         new = int((self.compared.old_of < 0).sum())
         whole = self.earlier.whole_rays
         share = report["rays"] / max(whole, 1)
+        left = "; what a selection left" if len(self._pending) else ""
         line = (
-            f"{self.compared}: {new:,} of {report['points']:,} points asked anew, the others where "
+            f"{self.compared}{left}: {new:,} of {report['points']:,} points asked anew, the others where "
             f"they see it; {share:.0%} of the rays of a whole bake"
         )
         if self.still.any():

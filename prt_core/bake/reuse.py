@@ -136,8 +136,8 @@ class Reuse:
         share = report["rays"] / max(whole, 1)
         left = "; what a selection left" if len(self._pending) else ""
         line = (
-            f"{self.compared}{left}: {new:,} of {report['points']:,} points asked anew, the others where "
-            f"they see it; {share:.0%} of the rays of a whole bake"
+            f"{self.compared}{left}: {new:,} of {report['points']:,} points asked anew, the others "
+            f"where they see it; {share:.0%} of the rays of a whole bake"
         )
         if self.still.any():
             line += "; of objects not selected nothing was asked"

@@ -36,7 +36,7 @@ def read_gather(hits, rounds, blocked, memory=None, folder=None):
     memory : Memory, optional
         Where it may not hold all of K it is kept in a file; default: it is in memory.
     folder : Path, optional
-        Where that file is made; default: where the system has such files.
+        Where that file is made (see `file_without_name`); needed where there is a `memory`.
 
     Returns
     -------

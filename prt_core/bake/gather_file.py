@@ -1,15 +1,14 @@
 """K in files without a name, for scenes whose K does not fit into memory: read block by block.
 
-While a bake is made they lie beside it, where there is room for it. They go when nobody uses them
-any more, also where the process is killed.
+They lie beside the bake, and go when nobody uses them any more.
 """
 
-import tempfile
 import threading
 
 import numpy as np
 import scipy.sparse as sp
 
+from prt_core.runtime.files import file_without_name
 from prt_core.runtime.threads import on_all_cores
 
 
@@ -21,15 +20,14 @@ class GatherFile:
 
     Parameters
     ----------
-    folder : Path, or None
-        Where the files are made; None: where the system has such files.
+    folder : Path
+        Where the files are made (see `file_without_name`).
     n_points : int
     """
 
     def __init__(self, folder, n_points):
         self.shape = n_points, n_points
-        # Of POSIX systems they have no name; others remove them when they are closed.
-        self._files = [tempfile.TemporaryFile(dir=folder) for _ in range(2)]
+        self._files = [file_without_name(folder) for _ in range(2)]
         self._lock = threading.Lock()
         self._pointers, self._first_row, self._first_entry = [], [0], [0]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from prt_core.bake.bake import Bake
 from prt_core.bake.reflections import read_reflections
-from prt_core.bake.visibility import add_seconds
+from prt_core.bake.visibility import add_seconds, read_visibility
 from prt_core.errors import expect
 from prt_core.relight.glossy_points import METAL, GlossyPoints
 from prt_core.relight.point_lobes import PointLobes
@@ -54,7 +54,7 @@ class GlossError:
         return max(self.errors.items(), key=lambda item: item[1])
 
 
-def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, seconds):
+def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, seconds, memory):
     """The `GlossError` of a bake whose reflections are stored; a generator of `Progress`.
 
     Parameters
@@ -67,6 +67,7 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
     lights : dict of str -> (n_directions, 3) float32, callable() -> dict, or None
     seconds : dict of str -> float
         By stage; added to.
+    memory : Memory
 
     Returns
     -------
@@ -77,7 +78,8 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         return None
     start = time.perf_counter()
     yield Progress("gloss certificate", 0, 1)
-    bits = store.read("visibility", (len(scene.points), -(-cube_map.n_directions // 8)), "uint8")
+    shape = len(scene.points), -(-cube_map.n_directions // 8)
+    bits = read_visibility(store, shape, memory)
     points = scene.points
     transport = Transport(
         cube_map, bits, None, points.normals, points.materials, opposite=scene.opposite

@@ -11,7 +11,7 @@ from prt_core.bake.lights import read_lights
 from prt_core.bake.memory import Memory
 from prt_core.bake.reflections import read_reflections
 from prt_core.bake.settings import BakeSettings
-from prt_core.bake.visibility import DENSE
+from prt_core.bake.visibility import DENSE, read_visibility
 from prt_core.errors import expect, expect_path
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
@@ -57,11 +57,12 @@ def load(path):
     lamps, world, camera, source, origin, cameras = read_lights(store, cube_map)
     points = scene.points
     n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
-    bits = store.read("visibility", (n_points, n_bytes), "uint8")
+    memory = Memory.of()
+    bits = read_visibility(store, (n_points, n_bytes), memory)
     transport = Transport(
         cube_map,
         bits,
-        _read_gather(store, n_points, rounds) if rounds else None,
+        _read_gather(store, n_points, rounds, memory) if rounds else None,
         points.normals,
         points.materials,
         settings.series,
@@ -86,7 +87,7 @@ def _read_dense(store, n_points):
     return dense
 
 
-def _read_gather(store, n_points, rounds):
+def _read_gather(store, n_points, rounds, memory):
     """K, read block by block: its rays take more memory than it does."""
     blocked = store.read("blocked", (n_points,), "float32")
     expect(
@@ -97,5 +98,5 @@ def _read_gather(store, n_points, rounds):
         stored_hits(store, n_points, rounds) as hits,
         damage_as_error(store.path, "'gather'"),
     ):
-        gather = read_gather(hits, range(rounds), blocked, Memory.of())
+        gather = read_gather(hits, range(rounds), blocked, memory, store.path.parent)
     return gather.mapped() if isinstance(gather, GatherFile) else gather

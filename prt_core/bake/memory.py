@@ -13,6 +13,7 @@ _SHARE = 0.5
 TILE, _SMALLEST = 15_000, 2048
 # Bytes of rows that are sampled whole, in one tile: what is smaller gains nothing by tiles.
 _WHOLE = 96 << 20
+# What is known of a point besides its row takes as much as a row of so many bytes.
 _SHORT = 256
 # More is not held at once of what is gone through piece by piece, however much memory there is.
 _SPAN, _KEPT = 256 << 20, 64 << 20
@@ -62,7 +63,6 @@ class Memory:
         row_bytes : int
             Of a point's visibility.
         """
-        # What is known of each point besides its row takes as much as a short row.
         row_bytes = max(row_bytes, _SHORT)
         fits = self.n_bytes // 4 // (_HELD * row_bytes)
         if n_points <= min(_WHOLE // row_bytes, fits):

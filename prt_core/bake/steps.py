@@ -300,7 +300,7 @@ def rest_steps(
     reflected = yield from reflection_steps(*given, seconds)
     if emitted is None:
         emitted = yield from emission_steps(store, scene, caster, settings, seconds)
-    certified = yield from gloss_certificate_steps(*given, lights, seconds)
+    certified = yield from gloss_certificate_steps(*given, lights, seconds, memory)
     if pictures is not None and scene.emitters:
         pictures.emitted(read_direct(store))
     bounced = Bounced()

@@ -6,6 +6,7 @@ import numpy as np
 
 from prt_core.bake.stages import BlocksMissing, open_stage
 from prt_core.errors import expect_one_of
+from prt_core.runtime.files import file_without_name
 from prt_core.runtime.progress import Pace, Progress
 from prt_core.sampling import sampler_names
 from prt_core.sampling.tracer import Tracer
@@ -125,3 +126,32 @@ def exhaustive_steps(
                 pictures.block(block, work.bits[block])
         yield Progress("visibility", block.stop, n_points)
     return int(work.counts[...].sum())
+
+
+def read_visibility(store, shape, memory):
+    """The bits of a bake, (n_points, n_bytes) uint8: in memory, or a map of a file without a name.
+
+    Parameters
+    ----------
+    store : BakeStore
+    shape : (int, int)
+    memory : Memory
+        Which may hold them or not.
+
+    Raises
+    ------
+    PRTError
+        They are missing, damaged, or of another shape.
+    """
+    if memory.holds(shape[0] * shape[1]):
+        return store.read(STAGE, shape, "uint8")
+    array = store.array(STAGE)
+    store.expect_shape(array, shape, "uint8")
+    array.expect_whole()
+    with file_without_name(store.path.parent) as file:
+        bits = np.memmap(file, np.uint8, "r+", shape=shape)
+    for block in blocks(shape[0]):
+        bits[block] = array[block]
+    store.expect_sealed(array)
+    bits.flush()
+    return bits

@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -120,3 +121,20 @@ def _part_of(path):
 def _expect_no_folder(path):
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+
+
+def file_without_name(folder):
+    """A file for what does not fit into memory, open to read and write; it goes when it is closed.
+
+    It goes as well where the process is killed, but on Windows.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it is made, for there is most likely room; where that may not be written to it is
+        made where the system has such files.
+    """
+    try:
+        return tempfile.TemporaryFile(dir=folder)
+    except OSError:
+        return tempfile.TemporaryFile()

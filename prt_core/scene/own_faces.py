@@ -12,6 +12,8 @@ import numpy as np
 # The loss grows with the square of the angle, and of points that bend less it is below the error
 # that bounces are allowed; between the corners, where the light that they send is too, it is less.
 _BENT = 0.94
+# Triangles looked at together.
+_TRIANGLES = 1 << 18
 
 
 class OwnFaces:
@@ -24,14 +26,17 @@ class OwnFaces:
 
     def __init__(self, scene):
         points = scene.points
-        point, normal = _sides(scene)
-        along = np.einsum("ix,ix->i", normal, points.geometric_normals[point])
         self._bent = np.zeros(len(points), bool)
-        self._bent[point[along < _BENT]] = True
-        kept = np.flatnonzero(self._bent[point])
-        kept = kept[np.argsort(point[kept], kind="stable")]
-        self._normals = normal[kept]
-        self._count = np.bincount(point[kept], minlength=len(points))
+        for point, normal in _sides(scene):
+            along = np.einsum("ix,ix->i", normal, points.geometric_normals[point])
+            self._bent[point[along < _BENT]] = True
+        point, normal = np.zeros(0, scene.lattice.dtype), np.zeros((0, 3), np.float32)
+        if self._bent.any():
+            kept = [(p[self._bent[p]], n[self._bent[p]]) for p, n in _sides(scene)]
+            point, normal = map(np.concatenate, zip(*kept, strict=True))
+        order = np.argsort(point, kind="stable")
+        self._normals = normal[order]
+        self._count = np.bincount(point, minlength=len(points))
         self._first = np.cumsum(self._count) - self._count
 
     def below(self, points, directions, rng):
@@ -59,8 +64,18 @@ class OwnFaces:
 
 
 def _sides(scene):
-    """(m,) points of triangles, of both sides, and (m, 3) the normals of the sides."""
-    normals = np.repeat(scene.triangle_normals, scene.lattice_sizes, axis=0)
-    sided = scene.lattice_back >= 0
-    points = np.append(scene.lattice, scene.lattice_back[sided])
-    return points, np.concatenate([normals, -normals[sided]])
+    """(m,) points of triangles and (m, 3) the normals of the sides: fronts, then backs, by parts.
+
+    All at once they would take more memory than all that is known of the points.
+    """
+    sizes, starts = scene.lattice_sizes, scene.lattice_start
+    for lattice, sign in ((scene.lattice, 1), (scene.lattice_back, -1)):
+        for first in range(0, len(sizes), _TRIANGLES):
+            part = slice(first, first + _TRIANGLES)
+            count = sizes[part]
+            inside = slice(int(starts[first]), int(starts[first]) + int(count.sum()))
+            points = lattice[inside]
+            sided = points >= 0
+            if sided.any():
+                normals = sign * np.repeat(scene.triangle_normals[part], count, axis=0)
+                yield points[sided], normals[sided]

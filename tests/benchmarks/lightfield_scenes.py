@@ -139,11 +139,11 @@ def sphere_on_plane(alpha):
 def translucent_gold_glossy():
     """Figure 1a: an area lamp and three small ones."""
     dark()
-    build.grid("floor", 25, -2.4, 2.4, material("floor", (0.4, 0.4, 0.42)))
-    ball("wax", (-1.1, 0.1, 0.6), 0.6, translucent("wax", (0.8, 0.5, 0.4)))
-    ball("gold", (0.15, 0.5, 0.6), 0.6, material("gold", None, GOLD, 0.05))
+    build.grid("floor", 64, -2.4, 2.4, material("floor", (0.4, 0.4, 0.42)))
+    ball("wax", (-1.1, 0.1, 0.6), 0.6, translucent("wax", (0.8, 0.5, 0.4)), 96)
+    ball("gold", (0.15, 0.5, 0.6), 0.6, material("gold", None, GOLD, 0.05), 96)
     glossy = material("glossy", (0.1, 0.2, 0.45), (0.8, 0.8, 0.8), 0.05, 0.3)
-    ball("glossy", (1.2, -0.3, 0.5), 0.5, glossy)
+    ball("glossy", (1.2, -0.3, 0.5), 0.5, glossy, 96)
     disk = {"shape": "DISK", "size": 1.6}
     build.lamp("disk", "AREA", (0, -0.5, 4), 120, **disk)
     small_lamp("one", (2.5, -2.0, 3.0), 0.2)
@@ -156,11 +156,11 @@ def silver_and_glossy():
     """Figure 1b: ten small lamps in a ring."""
     dark()
     floor = material("floor", (0.3, 0.26, 0.22), (0.6, 0.6, 0.6), 0.2, 0.3)
-    build.grid("floor", 25, -2.4, 2.4, floor)
-    ball("silver", (-0.9, 0.2, 0.7), 0.7, material("silver", None, SILVER, 0.03))
+    build.grid("floor", 64, -2.4, 2.4, floor)
+    ball("silver", (-0.9, 0.2, 0.7), 0.7, material("silver", None, SILVER, 0.03), 96)
     for i, alpha in enumerate((0.2, 0.05)):
         glossy = material(f"glossy {alpha}", (0.35, 0.1 + 0.2 * i, 0.1), (0.8,) * 3, alpha, 0.4)
-        ball(f"glossy {alpha}", (0.55 + 0.75 * i, 0.5 - 0.9 * i, 0.45), 0.45, glossy)
+        ball(f"glossy {alpha}", (0.55 + 0.75 * i, 0.5 - 0.9 * i, 0.45), 0.45, glossy, 96)
     for i in range(10):
         angle = 2 * math.pi * i / 10
         place = 3 * math.cos(angle), 3 * math.sin(angle), 2.4 + 0.4 * (i % 2)
@@ -171,9 +171,9 @@ def silver_and_glossy():
 def gold_ring():
     """Figure 1c: a ring lies on a diffuse plane that gets its caustics; six small lamps."""
     dark()
-    build.grid("floor", 31, -2, 2, material("floor", (0.5, 0.48, 0.45)))
+    build.grid("floor", 72, -2, 2, material("floor", (0.5, 0.48, 0.45)))
     bpy.ops.mesh.primitive_torus_add(
-        major_segments=48, minor_segments=16, major_radius=0.8, minor_radius=0.16,
+        major_segments=160, minor_segments=32, major_radius=0.8, minor_radius=0.16,
         location=(0, 0, 0.16), generate_uvs=False,
     )  # fmt: skip
     build.apply_all(build.added("ring", material("gold", None, GOLD, 0.01), smooth=True))
@@ -183,13 +183,28 @@ def gold_ring():
     build.camera((0.2, -3.9, 2.6), (0, 0, 0.05))
 
 
+def soft_materials():
+    """Wax, satin gold and satin lacquer in soft light: lobes and shadows wider than the field's
+    angles and points."""
+    dark()
+    build.grid("floor", 48, -2, 2, material("floor", (0.4, 0.4, 0.42)))
+    ball("wax", (-1.15, 0.1, 0.55), 0.55, translucent("wax", (0.8, 0.5, 0.4)), 48)
+    ball("gold", (0.05, 0.4, 0.55), 0.55, material("gold", None, GOLD, 0.3), 48)
+    lacquer = material("lacquer", (0.1, 0.2, 0.45), (0.8, 0.8, 0.8), 0.25, 0.3)
+    ball("lacquer", (1.15, -0.2, 0.5), 0.5, lacquer, 48)
+    build.lamp("panel", "AREA", (0.5, -1.5, 3.5), 160, shape="DISK", size=2.4)
+    small_lamp("side", (-3.2, -1.0, 2.6), 0.8, (0.75, 0.85, 1), 8)
+    build.camera((0.3, -4.6, 2.5), (0, 0, 0.3))
+
+
 CASES = {
     f"sphere_{alpha}": Case(lambda a=alpha: sphere_on_plane(a), 32, 45.0, ("sphere",), 32)
     for alpha in ALPHAS
 } | {
-    "translucent_gold_glossy": Case(translucent_gold_glossy, 8, 65.0, paper_percent=12.0),
-    "silver_and_glossy": Case(silver_and_glossy, 8, 59.95, paper_percent=11.0),
-    "gold_ring": Case(gold_ring, 8, 67.55, paper_percent=3.6),
+    "translucent_gold_glossy": Case(translucent_gold_glossy, 32, 65.0, paper_percent=12.0),
+    "silver_and_glossy": Case(silver_and_glossy, 16, 59.95, paper_percent=11.0),
+    "gold_ring": Case(gold_ring, 16, 67.55, paper_percent=3.6),
+    "soft_materials": Case(soft_materials, 16, 60.0),
 }
 
 
@@ -277,13 +292,13 @@ def cycles_picture(seed, samples=CYCLES_SAMPLES):
             return render.pixels(WIDTH, HEIGHT, samples)
 
 
-def field_seen(field, camera, model=None):
-    """A picture of a field by `model`, or white where it has points."""
+def field_seen(field, camera, model=None, shown=True):
+    """A picture of a field by `model`, or white where it has points that are `shown`."""
     caster = field.scene.make_caster(rays="camera")
     try:
         values = np.zeros((len(field.scene.points), 3), np.float32)
         if model is None:
-            values[field.point] = 1
+            values[field.point] = np.broadcast_to(shown, field.point.shape)[:, None]
         else:
             positions = field.scene.to_world(field.scene.points.positions[field.point])
             values[field.point] = model.toward(view_of(camera).outgoing(positions))
@@ -294,26 +309,44 @@ def field_seen(field, camera, model=None):
 
 @cache
 def beside_cycles(name):
-    """Relative L2 of the rebuilt view and of Cycles' other seed, and the three pictures.
+    """Relative L2 of the rebuilt view and of Cycles' other seed, by object, and three pictures.
 
     Of pixels that show captured objects alone, without their lamps.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        Of all of them ("all"), and of each by its name where there are several.
+    list of (str, ndarray)
+        The rebuilt view, Cycles' and their difference.
     """
     field = captured(name)
     model = compressed(name, CASES[name].psnr)[0]
     camera = read_camera(open_case(name))
     truth, other = (cycles_picture(seed) for seed in (1, 2))
     ours = field_seen(field, camera, model)
-    seen = field_seen(field, camera).min(axis=2) > 0.999
-    size = np.linalg.norm(truth[seen].astype(np.float64))
-    away, noise = (
-        float(np.linalg.norm(picture[seen].astype(np.float64) - truth[seen]) / size)
-        for picture in (ours, other)
-    )
+
+    def away(seen):
+        size = np.linalg.norm(truth[seen].astype(np.float64))
+        return tuple(
+            float(np.linalg.norm(picture[seen].astype(np.float64) - truth[seen]) / size)
+            for picture in (ours, other)
+        )
+
+    def seen_of(shown):
+        return field_seen(field, camera, shown=shown).min(axis=2) > 0.999
+
+    seen = seen_of(True)
+    rows = {"all": away(seen)}
+    of_point = field.scene.points.object_index[field.point]
+    numbers = np.unique(of_point)
+    for number in numbers if len(numbers) > 1 else ():
+        rows[field.scene.objects[number].name] = away(seen_of(of_point == number))
     stops = -np.log2(max(float(np.percentile(truth[seen].max(axis=-1), 97)), 1e-6))
     difference = np.where(seen[..., None], np.abs(ours - truth), 0)
     shown = [to_srgb(picture, stops) for picture in (ours, truth, difference)]
     labels = ["light field", f"Cycles, {CYCLES_SAMPLES} samples", "difference"]
-    return away, noise, list(zip(labels, shown, strict=True))
+    return rows, list(zip(labels, shown, strict=True))
 
 
 def write_sheet(path, pictures):

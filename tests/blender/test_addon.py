@@ -593,7 +593,9 @@ def test_joined_or_remeshed_after_the_bake(baked, how):
             object=ball, active_object=ball, selected_editable_objects=[ball, floor]
         ):
             bpy.ops.object.join()
-        assert "no such mesh object" in why_not("relight")
+        # Of the floor, or of the ball that is both: the order of objects is Blender's.
+        why = why_not("relight")
+        assert "no such mesh object" in why or "the mesh was changed after the bake" in why
     else:
         modifier = ball.modifiers.new("Remesh", "REMESH")
         ball.modifiers.move(1, 0)

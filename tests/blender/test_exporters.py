@@ -91,7 +91,8 @@ def test_notes_say_which_objects_blenders_gltf_will_write_otherwise(tmp_path):
     for node in (file := Glb(path, check=False)).json["nodes"]:
         (part, *_) = file.json["meshes"][node["mesh"]]["primitives"]
         largest[node["name"]] = file.array(part["attributes"]["COLOR_0"])[:, :3]
-    assert largest["kept"].max() == 3 and largest["cut"].max() == 1
+    # Blender 4.2 writes 16 bits.
+    assert largest["kept"].max() == 3 and np.isclose(largest["cut"].max(), 1, atol=1e-4)
     assert np.isclose(largest["small"].max(), 1, atol=1e-4) and largest["small"].min() == 0
     assert largest["white"].min() == 1
 

@@ -15,4 +15,4 @@ def test_cycles_at_hand_bakes_the_golden_numbers(name):
         radiance, albedo = cycles_radiance(CASES[name], 256, seed=3)
     assert albedo == pytest.approx(GOLDEN[name]["albedo"], abs=2e-3)
     # The noise of so few samples.
-    assert difference(CASES[name], radiance, GOLDEN[name]["radiance"]) < 0.015
+    assert difference(CASES[name], radiance, GOLDEN[name]["radiance"]) < 0.02

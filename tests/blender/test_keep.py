@@ -228,7 +228,8 @@ def test_originals_come_back_when_what_was_kept_is_deleted(scene):
     fine = scene.objects["fine"]
     scene.collection.objects.unlink(fine)  # as Blender's own Delete does
     bpy.ops.prt.clear()
-    assert fine.users == 0
+    # Not `users`: Blender 4.2 counts some that nothing is.
+    assert not bpy.data.user_map(subset={fine})[fine]
     assert {"fine kept", "twin"} <= {mesh.name for mesh in read_meshes(scene)}
 
 

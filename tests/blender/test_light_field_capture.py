@@ -444,6 +444,7 @@ def test_a_build_without_the_language_of_shaders_says_so(tmp_path, monkeypatch):
     assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()
 
 
+@needs_camera
 def test_glass_has_points_outside_alone_and_nothing_is_said_of_bakes(tmp_path):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_cube_add()

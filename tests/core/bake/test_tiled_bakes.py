@@ -106,6 +106,7 @@ def test_bounces_from_files_are_those_from_memory(scene, tmp_path, monkeypatch):
     assert one["error"] == two["error"]
     assert is_mapped(filed.transport.gather.data) and is_mapped(filed.transport.gather.indices)
     assert not is_mapped(plain.transport.gather.data)
+    assert is_mapped(filed.transport.bits) and not is_mapped(plain.transport.bits)
     assert plain.transport.fingerprint() == filed.transport.fingerprint()
     sky = np.ones((plain.cube_map.n_directions, 3), np.float32)
     assert np.array_equal(*(b.transport.radiance(sky) for b in (plain, filed)))

@@ -17,7 +17,7 @@ from prt_core.sphere import CubeMap
 # Boxes at most, and how much of a box's surface a cut in two has to save.
 _MOST, _SAVES = 32, 0.1
 # Where along each axis it may be cut, and cells of the grid that many triangles are put into.
-_PLANES, _GRID = 8, 14
+_PLANES, _GRID = 4, 12
 # Rays start off the surface, and in float32: boxes are so much larger, of their frame.
 _MARGIN = 1e-4
 # Points worked on together.
@@ -139,7 +139,8 @@ class Boxes:
             may = np.matmul(directions, unit[:, :, None])[:, :, 0] >= np.cos(angle)[:, None]
             place = np.flatnonzero((may | inside[:, None]) & ~result)
             row = place // directions.shape[1]
-            flat[place] = _meets(near[row], far[row], ways[place].T[:, :, None])[:, 0]
+            inverses = _inverse(ways[place].T)[:, :, None]
+            flat[place] = _meets(near[row], far[row], inverses)[:, 0]
         return result
 
     def texels(self, origins, cube_map, wanted=None):
@@ -158,7 +159,7 @@ class Boxes:
             In the order of visibility bits.
         """
         expect_kind("cube_map", cube_map, CubeMap)
-        middle, spread, samples = _bytes_of(cube_map.resolution)
+        middle, spread, inverses = _bytes_of(cube_map.resolution)
         result = np.zeros((len(origins), len(middle)), np.uint8)
 
         def one(first):
@@ -173,8 +174,7 @@ class Boxes:
                 # What another box has filled needs no second look.
                 place = place[flat[place] != 255]
                 row, byte = np.divmod(place, len(middle))
-                ways = np.moveaxis(samples[byte], 2, 0)
-                met = _meets(near[row], far[row], ways)
+                met = _meets(near[row], far[row], inverses.take(byte, axis=1))
                 flat[place] |= np.packbits(met, axis=1, bitorder="little")[:, 0]
 
         on_all_cores(one, range(0, len(origins), _BLOCK))
@@ -249,12 +249,12 @@ def _seen_from(low, high, origins):
     )
 
 
-def _meets(near, far, directions):
-    """(n, k) bool: whether rays of directions (3, n, k) from zero meet boxes, (n, 3) each."""
+def _meets(near, far, inverses):
+    """(n, k) bool: whether rays from zero meet boxes, (n, 3) each; `inverses` (3, n, k) are one
+    through each component of their directions."""
     enter, leave = np.float32(0), np.float32(np.inf)
-    for axis, way in enumerate(directions):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = 1 / way
+    for axis, inverse in enumerate(inverses):
+        with np.errstate(invalid="ignore"):
             one, other = near[:, axis, None] * inverse, far[:, axis, None] * inverse
         # On a face of the box and along it: neither limits the ray (0 times infinity).
         enter = np.fmax(enter, np.fmin(one, other))
@@ -264,7 +264,7 @@ def _meets(near, far, directions):
 
 @lru_cache(4)
 def _bytes_of(resolution):
-    """Of the directions of each byte: the middle, the largest angle to it, and they themselves."""
+    """Of the directions of each byte: the middle, the largest angle to it, and one through them."""
     cube_map = CubeMap(resolution)
     n_bytes = -(-cube_map.n_directions // 8)
     samples = np.resize(cube_map.samples, (8 * n_bytes, 3))
@@ -277,8 +277,14 @@ def _bytes_of(resolution):
     return (
         middle.astype(np.float32),
         np.arccos(np.clip(cosine, -1, 1)).astype(np.float32),
-        samples.astype(np.float32),
+        np.ascontiguousarray(np.moveaxis(_inverse(samples.astype(np.float32)), 2, 0)),
     )
+
+
+def _inverse(values):
+    """One through each of some values; infinite where they are 0."""
+    with np.errstate(divide="ignore"):
+        return 1 / values
 
 
 def _ball(near, far):

@@ -11,7 +11,7 @@ A bake of a selection leaves the points of other objects as they were. What it l
 the bake, and asked by the next one that is not of a selection.
 """
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -116,6 +116,32 @@ class Reuse:
         parts = before.array("gather"), old_of, n_old, shifts, unsure, self.changed, self.still
         return KeptRays(*parts)
 
+    def of_all(self, bounced):
+        """What rays of the bounces came to, as shares of all that the bake has, kept ones too.
+
+        Those that end in the dark are cast again wherever something has changed: of the new rays
+        alone they would be far too many.
+
+        Parameters
+        ----------
+        bounced : Bounced
+        """
+        report, whole = self.earlier.store.attributes["report"], self._gathered(bounced.rays)
+        new = bounced.rays / max(whole, 1)
+        kept = 0.0 if len(self.changed) else 1 - new
+        hidden, dark = (report.get(name) or 0.0 for name in ("hidden_hits", "dark_backs"))
+        return replace(
+            bounced,
+            hidden=bounced.hidden * new + hidden * kept,
+            dark_backs=bounced.dark_backs * new + dark * kept,
+        )
+
+    def _gathered(self, n_rays):
+        """Rays that the bounces of the bake stand on, where so many of them were cast for it."""
+        report = self.earlier.store.attributes["report"]
+        before = (report.get("reused") or {}).get("gather_rays") or report.get("rays_gather", 0)
+        return max(before, n_rays)
+
     def pending(self):
         """Boxes, in the world, of what the points that were left alone do not know of."""
         scene = self.scene
@@ -146,6 +172,7 @@ class Reuse:
             "digest": self.earlier.digest,
             "generation": self.earlier.generation + 1,
             "whole_rays": whole,
+            "gather_rays": self._gathered(report["rays_gather"]),
             "points": new,
             "rays_share": share,
             "left_alone": int(self.still.sum()),

@@ -306,6 +306,7 @@ def rest_steps(
     bounced = Bounced()
     if settings.bounces != 0:
         bounced = yield from bounce_steps(*given, seconds, emitted.probes, *more)
+        bounced = bounced if reuse is None else reuse.of_all(bounced)
     if pictures is not None and pictures.to_the_end:
         with damage_as_error(store.path):
             gather = gather_so_far(store, bounced.rounds, memory)

@@ -7,10 +7,15 @@ stands for: the one is a random one of the others still. Where it was the one, a
 chosen.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from prt_core.transport.gather import REPRESENTED, ROUND
 from prt_core.transport.sharing import DARK
+
+# Chunks of hits that are kept when they were read: 256 kB each.
+_CHUNKS = 64
 
 
 class KeptRays:
@@ -37,6 +42,8 @@ class KeptRays:
         self._hits, self._old_of, self.shifts = hits, old_of, shifts
         self._unsure, self._changed, self._still = unsure, changed, still
         self.rounds = hits.shape[1] // ROUND
+        # Blocks that follow each other have points of the same chunks.
+        self._chunk = lru_cache(_CHUNKS)(self._read)
         # One more, for what is no point.
         self._new_of = np.full(n_old + 1, -1, np.int32)
         known = np.flatnonzero(old_of >= 0)
@@ -71,7 +78,7 @@ class KeptRays:
         hits = np.full((len(old), ROUND), DARK, np.int32)
         again = np.ones((len(old), ROUND), bool)
         if len(known):
-            before = _rows(self._hits, old[known], round_index)
+            before = self._rows(old[known], round_index)
             kept = before < 0
             after = np.where(kept, before, self._new_of[np.where(kept, -1, before)])
             asked = ~self._still[points][known, None]
@@ -83,6 +90,21 @@ class KeptRays:
             lost |= (after < 0) & ~kept
             hits[known], again[known] = _left_over(after, touched, lost, rng)
         return hits, again, new
+
+    def _rows(self, rows, round_index):
+        """Rows of the other bake in one round, in any order."""
+        result = np.empty((len(rows), ROUND), np.int32)
+        size = self._hits.chunks[0]
+        chunk = rows // size
+        for number in np.unique(chunk):
+            mine = np.flatnonzero(chunk == number)
+            result[mine] = self._chunk(int(number), round_index)[rows[mine] - number * size]
+        return result
+
+    def _read(self, number, round_index):
+        size = self._hits.chunks[0]
+        rows = slice(number * size, min((number + 1) * size, self._hits.shape[0]))
+        return self._hits[rows, round_index * ROUND : (round_index + 1) * ROUND]
 
 
 def _left_over(hits, touched, lost, rng):
@@ -105,17 +127,3 @@ def _left_over(hits, touched, lost, rng):
         hits[row[order], slot[order]] = REPRESENTED - chosen
         again[row[order[first]], slot[order[first]]] = True
     return hits, again
-
-
-def _rows(array, rows, round_index):
-    """Rows of a stored array in one round, in any order: each of its chunks is read once."""
-    part = slice(round_index * ROUND, (round_index + 1) * ROUND)
-    result = np.empty((len(rows), ROUND), np.int32)
-    size = array.chunks[0]
-    chunk = rows // size
-    for number in np.unique(chunk):
-        mine = np.flatnonzero(chunk == number)
-        first = int(number) * size
-        block = array[first : min(first + size, array.shape[0]), part]
-        result[mine] = block[rows[mine] - first]
-    return result

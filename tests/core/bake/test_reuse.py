@@ -95,9 +95,13 @@ def test_visibility_is_that_of_a_whole_bake(earlier, name, tmp_path):
 @pytest.mark.parametrize("name", ["moved", "deleted"])
 def test_a_sampled_bake_is_within_the_tolerance(earlier, name, tmp_path):
     report = baked(AFTER[name], tmp_path / "a.prt", SAMPLED, reuse=earlier["agreement"])
-    baked(AFTER[name], tmp_path / "b.prt", replace(SAMPLED, method="exhaustive", seed=5))
+    exact = replace(SAMPLED, method="exhaustive", seed=5)
+    whole = baked(AFTER[name], tmp_path / "b.prt", exact)
     assert report["tolerance_met"] and report["visibility_error"] <= SAMPLED.tolerance
     assert report["reused"]["rays_share"] < 0.8
+    # As shares of all rays, not of the few that were cast.
+    assert report["dark_backs"] == pytest.approx(whole["dark_backs"], abs=0.01)
+    assert report["hidden_hits"] == pytest.approx(whole["hidden_hits"], abs=0.002)
     assert off(tmp_path / "a.prt", tmp_path / "b.prt") < SAMPLED.tolerance
     lines = "\n".join(report_lines("a.prt", report))
     said = {"moved": "ball moved", "deleted": "block deleted"}[name]

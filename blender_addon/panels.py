@@ -9,7 +9,7 @@ import bpy
 
 from prt_core.blender.stand_ins import is_copy, is_kept
 
-from . import advice, bakes, plan, preview
+from . import advice, bakes, moving, plan, preview
 from .panel_parts import Panel, clipped_lines, lines, megabytes, seconds
 from .work import status
 
@@ -61,6 +61,17 @@ def draw_button(layout, scene):
     row.operator("prt.bake", text=text, icon="RENDER_STILL")
     if bakes.is_there(scene):
         row.operator("prt.bake", text="", icon="FILE_REFRESH").restart = True
+        draw_update(layout, scene)
+
+
+def draw_update(layout, scene):
+    """The button that bakes only what has changed, where something has."""
+    if not moving.has_changed(scene):
+        return
+    row = layout.row(align=True)
+    button = row.operator("prt.update", icon="CON_LOCLIKE")
+    button.selected = scene.prt.selection_only
+    row.prop(scene.prt, "selection_only", text="", icon="RESTRICT_SELECT_OFF")
 
 
 def draw_cost(layout, scene):
@@ -74,7 +85,7 @@ def draw_cost(layout, scene):
         text = f"{cost.points:,} points, ~{seconds(cost.seconds)}, {megabytes(cost.memory_bytes)}"
         if scene.prt.refine:
             text += f", up to {scene.prt.refine_vertices:.3g} x refined"
-        row.label(text=text if holds else text + " (before the change)")
+        row.label(text=text if holds else f"Was {text}")
     row.operator("prt.refresh", text="", icon="FILE_REFRESH")
 
 
@@ -91,8 +102,9 @@ def draw_warnings(layout, context):
     told = [text for text in status().notes.split("\n") if text and text not in known]
     missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
-        lines(layout, text, "ERROR", context)
-    more = max(len(warnings) - gravest, 0) + len(told) - len(missed[:_GRAVEST])
+        clipped_lines(layout, text, "ERROR", context)
+    # What is cut off here as well.
+    more = max(len(warnings) - gravest, 0) + len(told)
     if more:
         layout.operator("prt.notes", text=f"{more} More to Know…", icon="INFO")
 

@@ -14,7 +14,6 @@ import json
 import threading
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, GatherBlocks, holds_rays
 from prt_core.bake.settings import BakeSettings
@@ -32,7 +31,8 @@ from prt_core.bake.tiled import ASKED, TILE, TileBlocks
 from prt_core.bake.visibility import RAYS as VISIBILITY_RAYS
 from prt_core.bake.visibility import STAGE as VISIBILITY
 from prt_core.bake.visibility import ExhaustiveBlocks, blocks
-from prt_core.errors import expect, expect_one_of, expect_path, expect_whole, system_errors
+from prt_core.errors import expect, expect_one_of, expect_whole, system_errors
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import return_memory
 from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
@@ -160,7 +160,7 @@ def block_figures(store, stage):
 
 def _planned(store):
     if not isinstance(store, BakeStore):
-        store = _opened(expect_path("store", store))
+        store = _opened(expect_store_path("store", store))
     expect(
         not store.is_complete,
         f"{store.path}: the bake is finished; nothing of it is left to compute",
@@ -212,7 +212,7 @@ def _workplace(store):
     """The `_Workplace` of a store; the last one of this process is kept."""
     attributes = store.attributes
     same = [attributes.get(name) for name in ("identity", "details")]
-    key = str(Path(store.path).absolute()), json.dumps(same, sort_keys=True)
+    key = str(store.path.absolute()), json.dumps(same, sort_keys=True)
     with _lock:
         place = _kept.get(key)
         if place is None:

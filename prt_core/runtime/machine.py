@@ -133,6 +133,11 @@ def _windows_memory():
     return int(status.TotalPhys)
 
 
+def limit_blas(threads):
+    """Let matrix products use so many threads from now on."""
+    _controller().limit(limits=threads, user_api="blas")
+
+
 @cache
 def _controller():
     return ThreadpoolController()

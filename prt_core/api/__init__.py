@@ -63,6 +63,9 @@ def bake(
     memory=None,
     plan=False,
     dask=None,
+    reuse=None,
+    update=False,
+    only=None,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -119,6 +122,15 @@ def bake(
         Blocks of work are computed by the workers of a Dask cluster, all of which must see
         `output`: "local:N" starts N on this machine; or the address of a scheduler, its .json file,
         or a client.
+    reuse : str or Path, optional
+        A finished bake of the scene as it was, of the same settings: only what has changed since
+        is baked, what it cannot have touched is taken from there. The report's `reused` says what
+        was, or why nothing could be.
+    update : bool
+        The same from what `output` holds, which is replaced once the new bake is finished.
+    only : sequence of str, optional
+        Objects that are asked again, of those that have changed or see a change; the colours of
+        the others stay as they were until they are updated as well.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -157,7 +169,8 @@ def bake(
         pictures = Pictures()
     steps = bake_blend_steps(
         blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures,
-        refine=refined, memory=memory, plan=plan, cluster=dask,
+        refine=refined, memory=memory, plan=plan, cluster=dask, reuse=reuse, update=update,
+        only=only,
     )  # fmt: skip
     return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 

@@ -5,6 +5,7 @@ from functools import partial
 
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.distribute import distribute_steps
+from prt_core.bake.earlier import earlier_of
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.plan import plan_steps
 from prt_core.bake.refine import refine_meshes_steps
@@ -34,6 +35,9 @@ def bake_blend_steps(
     memory=None,
     plan=False,
     cluster=None,
+    reuse=None,
+    update=False,
+    only=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -56,12 +60,21 @@ def bake_blend_steps(
         Whether the bake is only planned: then the result is a dict of its `stages`.
     cluster : str or distributed.Client, optional
         By whose workers blocks are computed (see `distribute_steps`).
+    reuse, update, only
+        See `bake`.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
     two_sided = _names("two_sided", two_sided)
     if restart != "changed":
         expect_flag("restart", restart)
+    reuse, restart = earlier_of(output, restart, reuse, update)
+    only = None if only is None else _names("only", only)
+    expect(
+        not (plan or cluster is not None) or reuse is None,
+        "reuse: blocks of work are computed without an earlier bake; leave out reuse and update, "
+        "or plan and dask",
+    )
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if refine is not None:
         expect_kind("refine", refine, RefineSettings)
@@ -133,7 +146,7 @@ def bake_blend_steps(
         return {"stages": [asdict(stage) for stage in stages]}
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        cameras, pictures, memory,
+        cameras, pictures, memory, reuse, only,
     )  # fmt: skip
     return result
 

@@ -38,6 +38,8 @@ class GatherBlocks:
     cube_map : CubeMap
     caster : RayCaster
     seed : int
+    kept : KeptRays, optional
+        Rays that another bake has cast.
 
     Attributes
     ----------
@@ -47,20 +49,20 @@ class GatherBlocks:
         Blocks that are best computed together.
     """
 
-    def __init__(self, hits, counts, store, scene, cube_map, caster, seed):
+    def __init__(self, hits, counts, store, scene, cube_map, caster, seed, kept=None):
         self.hits, self.parts = hits, blocks(len(scene.points))
         self._counts, self._store, self._scene = counts, store, scene
-        self._caster, self._seed = caster, seed
+        self._caster, self._seed, self._kept = caster, seed, kept
         self._clear = _Clear(store.array("visibility"), cube_map)
         self._sharing = Sharing(scene)
         one_thread = _TOGETHER * n_cores()
         self.group = caster.threads if caster.threads > 1 else one_thread
 
     @classmethod
-    def begun(cls, store, scene, cube_map, caster, seed):
+    def begun(cls, store, scene, cube_map, caster, seed, kept=None):
         """Those of a bake whose arrays are made, or taken as far as they are there."""
         arrays = _arrays(store, scene, MOST_ROUNDS)
-        return cls(*arrays, store, scene, cube_map, caster, seed)
+        return cls(*arrays, store, scene, cube_map, caster, seed, kept)
 
     @classmethod
     def opened(cls, store, scene, cube_map, caster, seed):
@@ -81,8 +83,9 @@ class GatherBlocks:
         jobs = [(self.parts[index], turn) for index, turn in todo]
         spared = self._scene.open_points
         gathered = gather_parts(
-            self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing
-        )
+            self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing,
+            self._kept,
+        )  # fmt: skip
         on_all_cores(self._write, zip(todo, gathered, strict=True))
         return sum(one.n_rays + one.n_short for one in gathered)
 

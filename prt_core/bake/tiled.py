@@ -56,22 +56,24 @@ class TileBlocks:
     settings : BakeSettings
     groups : Groups
         What is certified together.
+    reuse : Reuse, optional
+        What it knows is not asked.
     """
 
-    def __init__(self, arrays, tiles, scene, cube_map, caster, settings, groups):
+    def __init__(self, arrays, tiles, scene, cube_map, caster, settings, groups, reuse=None):
         self.arrays, self.tiles, self.groups = arrays, tiles, groups
         self._scene, self._cube_map, self._caster = scene, cube_map, caster
-        self._settings = settings
+        self._settings, self._reuse = settings, reuse
         self._small = small_groups(groups.index, cube_map)
 
     @classmethod
-    def begun(cls, store, scene, cube_map, caster, settings):
+    def begun(cls, store, scene, cube_map, caster, settings, reuse=None):
         """Those of a bake whose arrays are made, or taken as far as they are there."""
         tiles = tiles_of(scene, store.attributes[TILE])
         n_rows = max(map(len, tiles))
         arrays = TileArrays.begun(store, 0, len(tiles), n_rows, -(-cube_map.n_directions // 8))
         groups = certified_together(scene)
-        return cls(arrays, tiles, scene, cube_map, caster, settings, groups)
+        return cls(arrays, tiles, scene, cube_map, caster, settings, groups, reuse)
 
     @classmethod
     def opened(cls, store, scene, cube_map, caster, settings):
@@ -96,8 +98,9 @@ class TileBlocks:
         """Sample a tile, and yield `Progress`; returns how many rays it took."""
         points = self.tiles[index]
         given = tile_scene(self._scene, points), self._cube_map, self._caster
-        wanted = sampler_settings(self._settings, METHOD)
-        sampled = yield from sample_agreement(*given, wanted, pace=pace)
+        wanted = sampler_settings(self._settings, METHOD, self._reuse)
+        known = None if self._reuse is None else self._reuse.known(self._cube_map, points)
+        sampled = yield from sample_agreement(*given, wanted, pace=pace, known=known)
         small = self._small[points]
         if small.any():
             sampled = yield from trace_rest(*given, sampled, small, pace=pace)
@@ -145,7 +148,9 @@ class _Again:
         return sampled.rays
 
 
-def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures, here, memory):
+def tiled_steps(
+    store, scene, cube_map, caster, settings, lights, pace, pictures, here, memory, reuse=None
+):  # fmt: skip
     """Sample tiles, certify them together, and store; yields `Progress`.
 
     Parameters
@@ -161,6 +166,8 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
     here : bool
         Whether tiles that are missing are sampled; otherwise they are said.
     memory : Memory
+    reuse : Reuse, optional
+        What it knows is not asked.
 
     Returns
     -------
@@ -170,7 +177,7 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
         Seconds by stage.
     """
     start, rays = time.perf_counter(), Pace(pace, 1 << 15)
-    work = TileBlocks.begun(store, scene, cube_map, caster, settings)
+    work = TileBlocks.begun(store, scene, cube_map, caster, settings, reuse)
     tiles, n_points = work.tiles, len(scene.points)
     missing = [index for index in range(len(tiles)) if not work.is_done(index)]
     if missing and not here:
@@ -208,8 +215,9 @@ def tiled_steps(store, scene, cube_map, caster, settings, lights, pace, pictures
 
     row_bytes = sampled.bits.shape[1]
     sampled, errors, turns = yield from certified_steps(
-        scene, cube_map, caster, sampled, lights, settings, work.groups, ask_again, spent, rays
-    )
+        scene, cube_map, caster, sampled, lights, settings, work.groups, ask_again, spent, rays,
+        reuse,
+    )  # fmt: skip
     start, traced = time.perf_counter(), 0
     arrays = sample_arrays(store, sampled.bits.shape)
     block = visibility.BLOCK

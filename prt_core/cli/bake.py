@@ -101,6 +101,18 @@ def add_bake(commands, in_blender):
         "--show-light", metavar="IMAGE",
         help="of that picture: .exr or .hdr, or 'world' (all that shines in the scene)",
     )  # fmt: skip
+    bake.add_argument(
+        "--reuse", metavar="OLD.prt",
+        help="a bake of the scene as it was: only what has changed since is baked",
+    )  # fmt: skip
+    bake.add_argument(
+        "--update", action="store_true",
+        help="the same from what the output holds, which the new bake replaces",
+    )  # fmt: skip
+    bake.add_argument(
+        "--only", nargs="+", metavar="NAME",
+        help="with either: objects that are asked again; the others stay as they were",
+    )  # fmt: skip
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -158,6 +170,7 @@ _NEEDED = {
     "show_light": (("show_png",), "--show-png"),
     "compute": (("finish",), "--finish"),
     "open": (("finish",), "--finish"),
+    "only": (("reuse", "update"), "--reuse or --update"),
 }
 
 
@@ -213,6 +226,9 @@ def _bake(options):
             memory=options.memory,
             plan=options.plan,
             dask=options.dask,
+            reuse=options.reuse,
+            update=options.update,
+            only=options.only,
         )
     if options.plan:
         say_plan(options, output, report["stages"])

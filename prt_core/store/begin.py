@@ -55,7 +55,8 @@ def begin_bake(path, identity, restart=False):
     remove_leftovers(path)
     with damage_as_error(path):
         existing = store.attributes.get("identity") or identity
-        different = sorted(key for key in identity if existing.get(key) != identity[key])
+        keys = {*identity, *existing}
+        different = sorted(key for key in keys if existing.get(key) != identity.get(key))
     if different and restart == "changed":
         return _begin_beside(path, identity)
     expect(

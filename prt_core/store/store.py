@@ -270,6 +270,8 @@ class BakeStore:
 
     @property
     def _binding(self):
-        """What chunks belong to: the scene, the settings, and where its details lie."""
+        """What chunks belong to: scene, settings, where its details lie, what they came from."""
         bound = [self._attributes.get(name) for name in ("identity", "details")]
+        taken = self._attributes.get("taken_from")
+        bound += [taken] if taken else []
         return digest(json.dumps(bound, sort_keys=True).encode())

@@ -65,8 +65,10 @@ def bake_call(there):
             "pictures": Pictures(),
             "lights": {"sky": there.light},
             "memory": 1.0,
+            "reuse": there.bake.path,
+            "only": [there.scene.objects[0].known_as],
         },
-        ("lamps no elements", "pictures None", "memory None"),
+        ("lamps no elements", "pictures None", "memory None", "only None"),
     )
 
 

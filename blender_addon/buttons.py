@@ -7,6 +7,15 @@ from . import work
 from .work import has_window, status
 
 
+def show_in_renders(what):
+    """The switch of what is kept: whether renders show it."""
+    return BoolProperty(
+        name="Show in Renders",
+        description=f"Objects show the {what} in Material Preview and renders, over their own "
+        "materials; remove the modifier 'PRT Kept' to see these again",
+    )
+
+
 class Button:
     """Says in grey buttons why, and in one line what went wrong."""
 

@@ -106,10 +106,10 @@ class PRT_OT_export_glb(LongWork, BakeButton, bpy.types.Operator, ExportHelper):
         )
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
-        asked = request(self.scene)
+        asked = request(self.scene).all_around()
         relighter = held.blend.relighter(asked.shining)
         relighter.form = asked.form
-        view = None if settings.of_light else asked.view
+        view = None if settings.of_light else asked.view_of(held)
         report = yield from export_glb_steps(
             held.bake, path, asked.lighting, settings, self.scene.prt.caster, view=view, pace=pace,
             relighter=relighter,

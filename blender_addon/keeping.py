@@ -12,7 +12,7 @@ from prt_core.errors import expect
 from prt_core.runtime.progress import Progress
 
 from . import freshness, plan, preview, work
-from .buttons import Asks, BakeButton, Button
+from .buttons import Asks, BakeButton, Button, show_in_renders
 from .request import request
 from .work import LongWork
 
@@ -30,7 +30,7 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
     bl_idname = "prt.keep"
     bl_label = "Keep Colours"
     title = "Keep Colours"
-    call, asked = "keep", ("attribute", "domain", "kind", "channels", "each_light")
+    call, asked = "keep", ("attribute", "domain", "kind", "channels", "each_light", "show")
 
     attribute: StringProperty(name="Attribute", default="Relit")
     domain: EnumProperty(
@@ -50,12 +50,13 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
         default={"R", "G", "B"},
     )
     each_light: EACH_LIGHT
+    show: show_in_renders("colours")
 
     def steps(self, context, pace):
         scene = self.begin(context)
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
-        asked = request(self.scene)
+        asked = request(self.scene).all_around()
         lights = asked.each() if self.each_light else [("", asked)]
         radiances = {}
         for name, light in lights:
@@ -84,6 +85,7 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
             target=scene,
             byte=self.kind == "BYTE_COLOR",
             channels="".join(sorted(self.channels, key="RGB".index)),
+            show=self.show,
         )
         text = f"'{attribute}' kept on {len(by_object)} objects"
         if realised:

@@ -21,7 +21,7 @@ from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
 from . import bakes, naming, plan, work
-from .buttons import Asks, Button
+from .buttons import Asks, Button, show_in_renders
 from .request import request
 from .work import LongWork
 
@@ -37,7 +37,7 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
     title = "Lightmap"
     call = "lightmap"
     asked = (
-        "filepath", "format", "size", "selected", "uv", "margin", "light_only", "apart",
+        "filepath", "format", "size", "selected", "uv", "margin", "light_only", "apart", "show",
     )  # fmt: skip
 
     filepath: StringProperty(
@@ -82,6 +82,7 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
         name="Each Light Apart", description="An image of the environment, of each lamp and of the "
         "emission, whose sum is the light",
     )  # fmt: skip
+    show: show_in_renders("lightmap")
 
     def draw(self, _context):
         layout = self.layout
@@ -191,7 +192,7 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
     def finish(self, context, result):
         bake, files = result
         images = [load_lightmap(path) for path in files]
-        realised = wear_lightmap(bake.scene, images[0], target=self.scene)
+        realised = wear_lightmap(bake.scene, images[0], target=self.scene, show=self.show)
         bakes.refresh(self.scene)
         text = f"{len(images)} lightmaps" if len(images) > 1 else f"Lightmap '{images[0].name}'"
         text += f" of {len(bake.scene.image.atlas.corner_uv)} objects, in {files[0].parent}"

@@ -22,6 +22,7 @@ from . import (
     gloss,
     plan,
     preview,
+    reflections,
     rendering,
     showing,
     work,
@@ -151,6 +152,7 @@ def _tick():
             touch(bpy.context.scene, show=True)
         if _NOW.job is None and bpy.context.mode == "OBJECT":
             preview.see_again(bpy.context.scene)
+            reflections.follow(bpy.context.scene)
         return min([_work(), _IDLE, *(look for look in looks if look is not None)])
     except Exception:
         stop()
@@ -245,7 +247,7 @@ def _plan_steps(scene):
     field_list.refresh(scene)
     uid = scene.session_uid
     try:
-        yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)))
+        yield from plan.steps(scene, work.PACE, bakes.rate(plan.back_end(scene)), again=False)
     except work.FAILURES:
         pass  # the plan keeps what is wrong, and the panel draws it
     freshness.note(by_uid(bpy.data.scenes, uid))

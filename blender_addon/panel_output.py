@@ -18,7 +18,7 @@ def draw_keep(layout, context):
     """What stays in the .blend."""
     keep = layout.operator("prt.keep", text="Keep Colours…", icon="COLOR")
     keep.domain = context.scene.prt.domain
-    layout.operator("prt.occlusion", icon="SHADING_RENDERED")
+    layout.operator("prt.occlusion", text="Occlusion to Attribute…", icon="SHADING_RENDERED")
 
 
 def draw_files(layout, context):
@@ -27,9 +27,9 @@ def draw_files(layout, context):
     if context.scene.prt.sets:
         column.operator("prt.export_lights", text="Export Lights…", icon="LIGHT")
     column.operator("prt.export", text="Export Sequence…", icon="EXPORT")
-    column.operator("prt.export_glb", icon="EXPORT")
-    column.operator("prt.web_page_dialog", icon="URL")
-    column.operator("prt.lightmap", icon="UV")
+    column.operator("prt.export_glb", text="Export Relit glTF…", icon="EXPORT")
+    column.operator("prt.web_page_dialog", text="Export Web Page…", icon="URL")
+    column.operator("prt.lightmap", text="Bake Lightmap…", icon="UV")
 
 
 register, unregister = bpy.utils.register_classes_factory((PRT_PT_output,))

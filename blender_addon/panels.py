@@ -85,7 +85,7 @@ def draw_cost(layout, scene):
         text = f"{cost.points:,} points, ~{seconds(cost.seconds)}, {megabytes(cost.memory_bytes)}"
         if scene.prt.refine:
             text += f", up to {scene.prt.refine_vertices:.3g} x refined"
-        row.label(text=text if holds else text + " (before the change)")
+        row.label(text=text if holds else f"Was {text}")
     row.operator("prt.refresh", text="", icon="FILE_REFRESH")
 
 
@@ -102,8 +102,9 @@ def draw_warnings(layout, context):
     told = [text for text in status().notes.split("\n") if text and text not in known]
     missed = [text for text in told if "the tolerance of" in text]
     for text in missed[:_GRAVEST]:
-        lines(layout, text, "ERROR", context)
-    more = max(len(warnings) - gravest, 0) + len(told) - len(missed[:_GRAVEST])
+        clipped_lines(layout, text, "ERROR", context)
+    # What is cut off here as well.
+    more = max(len(warnings) - gravest, 0) + len(told)
     if more:
         layout.operator("prt.notes", text=f"{more} More to Know…", icon="INFO")
 

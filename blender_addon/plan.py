@@ -6,7 +6,7 @@ what baking them would cost. Both are made when asked for, or in idle moments, a
 
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import bpy
@@ -16,15 +16,15 @@ from prt_core import BakeSettings, PRTError, Scene
 from prt_core.bake.preflight import preflight
 from prt_core.blender.depsgraph import read_meshes_steps
 from prt_core.blender.identity import by_uid, place_of
-from prt_core.blender.stand_ins import is_copy, is_kept, renders
+from prt_core.blender.stand_ins import is_copy, is_kept
 from prt_core.rays.caster import known_casters
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import mesh_digests
 from prt_core.scene.remarks import grouped
 
 from .naming import bake_name
+from .shapes import GEOMETRY, groups_of, shape_of
 
-GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 # What a plan or a reading may have taken to be made again without being asked for: seconds, and
 # seconds for which it held the window; corners that a scene may show to be read for the first time.
 _MOST_SECONDS, _MOST_HELD, _MOST_CORNERS = 2.0, 0.25, 2_000_000
@@ -215,49 +215,6 @@ def _timed(steps):
         yield progress
 
 
-def shape_of(scene, depsgraph=None):
-    """Where the objects of a scene are and how large their meshes: quick to make and compare.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene or None
-    depsgraph : bpy.types.Depsgraph, optional
-        Where a frame that renders is evaluated.
-
-    Returns
-    -------
-    dict of int -> (str, (4, 4) float, int)
-        By `session_uid`: name, matrix and number of corners.
-    """
-    shapes = {}
-    for item in scene.objects if scene is not None else ():
-        if item.type not in GEOMETRY and item.instance_type == "NONE":
-            continue
-        if is_copy(item) or is_kept(item) or not renders(item):
-            continue
-        seen = item if depsgraph is None else item.evaluated_get(depsgraph)
-        corners = len(item.data.loops) if item.type == "MESH" else 0
-        shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners
-    return shapes
-
-
-def groups_of(scene):
-    """A scene's collections, what renders of them, and what is in them: quick to compare."""
-    groups = []
-
-    def visit(layer):
-        group = layer.collection
-        switches = layer.exclude, layer.holdout, layer.indirect_only, group.hide_render
-        groups.append((group.name, switches, tuple(o.session_uid for o in group.objects)))
-        for child in layer.children:
-            visit(child)
-
-    for layer in scene.view_layers if scene is not None else ():
-        groups.append((layer.name, layer.use))
-        visit(layer.layer_collection)
-    return tuple(groups)
-
-
 def regrouped(scene):
     """Whether what is in a scene, or renders of it, is not as it was when last read.
 
@@ -281,8 +238,17 @@ def moved(scene, depsgraph=None):
     return names
 
 
-def steps(scene, pace=None, rays_per_second=None):
+def steps(scene, pace=None, rays_per_second=None, again=True):
     """Make the plan of a scene and keep it; a generator of `Progress` that returns it.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    pace : float, optional
+    rays_per_second : float, optional
+        As `preflight` takes it.
+    again : bool
+        Whether the scene is read again also where only settings have changed since.
 
     Raises
     ------
@@ -291,6 +257,13 @@ def steps(scene, pace=None, rays_per_second=None):
     """
     start, uid = time.perf_counter(), scene.session_uid
     planned = Plan(back_end=back_end(scene))
+    earlier = None if again else _still_built(scene)
+    if earlier is not None:
+        cost = preflight(earlier.built, bake_settings(scene), planned.back_end, rays_per_second)
+        _PLANS[uid] = replace(earlier, cost=cost, back_end=planned.back_end)
+        _OLD_PLANS.discard(uid)
+        _WANTED.discard(uid)
+        return _PLANS[uid]
     _OLD_PLANS.discard(uid)
     _WANTED.discard(uid)
     try:
@@ -334,6 +307,15 @@ def built(scene):
     return (planned.built, planned.digests) if same else (None, None)
 
 
+def _still_built(scene):
+    """The plan of a scene where it holds but for its settings, else None."""
+    planned, (read, is_read) = _PLANS.get(scene.session_uid), reading(scene)
+    if planned is None or planned.built is None or read is None or not is_read:
+        return None
+    same = planned.digests == read.digests and read.gloss == scene.prt.gloss
+    return planned if same else None
+
+
 def reading(scene):
     """The last `Reading` of a scene, or None; and whether it still holds."""
     return _READINGS.get(scene.session_uid), scene.session_uid not in _OLD_READINGS
@@ -350,11 +332,11 @@ def is_quick(kept):
 
 
 def want(scene):
-    """Ask for a plan at the next idle moment: none there, or an old one that was made quickly."""
+    """Ask for a plan at the next idle moment: none there, or an old one that is made quickly."""
     planned, holds = of(scene)
     if planned is None and _corners_shown() < _MOST_CORNERS:
         _WANTED.add(scene.session_uid)
-    elif planned is not None and not holds and is_quick(planned):
+    elif planned is not None and not holds and (is_quick(planned) or _still_built(scene)):
         _WANTED.add(scene.session_uid)
 
 

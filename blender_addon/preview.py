@@ -185,7 +185,9 @@ def write(scene, preview, radiance, asked):
         baked, by_object, settings.attribute, domain, places=places, target=scene, others=others,
         layers=layers, solid=solid,
     )  # fmt: skip
-    preview_look.show_colours(baked, settings.attribute, settings.look, places, by_object)
+    preview_look.show_colours(
+        baked, settings.attribute, settings.look, places, by_object, target=scene
+    )
     if settings.shown != settings.attribute:
         settings.shown = settings.attribute
     preview.shown, preview.radiance = asked, radiance

@@ -225,8 +225,8 @@ class PRTScene(Light, bpy.types.PropertyGroup):
     )  # fmt: skip
     seen_from: EnumProperty(
         name="Seen from",
-        description="Gloss looks different from everywhere: sides that face away from here show "
-        "none, and metals there are black. Renders look through the camera",
+        description="Gloss looks different from everywhere: it is that which is seen from here. "
+        "Renders look through the camera",
         items=[
             ("VIEW", "3D View", "From the 3D view that moved last"),
             ("CAMERA", "Camera", "From the scene's camera"),

@@ -34,6 +34,10 @@ class Request:
         From where gloss is seen.
     every : int
         One of so many points has its own lobes (see `Relighter.view_steps`).
+    mapped : bool
+        Whether wide lobes are looked up in maps of views.
+    around : bool
+        Whether colours are looked at from elsewhere too (see `viewport.from_all_sides`).
     """
 
     lights: tuple
@@ -41,12 +45,14 @@ class Request:
     key: tuple
     view: View | None = None
     every: int = 1
+    mapped: bool = False
+    around: bool = False
 
     @staticmethod
-    def of(lights, form, view):
+    def of(lights, form, view, around=False):
         """The `Request` of some lights, with its key."""
-        key = form, view is not None, *(light.key for light in lights)
-        return Request(tuple(lights), form, key, view)
+        key = form, view is not None, around, *(light.key for light in lights)
+        return Request(tuple(lights), form, key, view, around=around)
 
     @property
     def shining(self):
@@ -76,9 +82,20 @@ class Request:
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
         shown.blend.form = self.form
-        radiance = yield from shown.blend.steps(self.lights, pace, self.view, self.every)
+        how = pace, self.view_of(shown), self.every, self.mapped
+        radiance = yield from shown.blend.steps(self.lights, *how)
         shown.received = shown.blend.received
         return radiance
+
+    def view_of(self, shown):
+        """The `View` by which a `Preview`'s points are seen; None where gloss is not shown."""
+        if self.view is None or not self.around:
+            return self.view
+        return viewport.from_all_sides(self.view, shown.bake.scene)
+
+    def all_around(self):
+        """The same for colours that stay, and are looked at from everywhere."""
+        return self.of(self.lights, self.form, self.view, around=True)
 
     def sky(self, shown):
         """What is behind the scene, as a function of directions; None where nothing is."""
@@ -87,11 +104,12 @@ class Request:
     def each(self):
         """(name, `Request`) of each light alone, at weight 1."""
         for light in self.lights:
-            yield light.name, self.of([replace(light, weight=1.0)], self.form, self.view)
+            one = [replace(light, weight=1.0)]
+            yield light.name, self.of(one, self.form, self.view, self.around)
 
-    def seen_from(self, view, every=1):
+    def seen_from(self, view, every=1, mapped=False):
         """The same light seen from elsewhere."""
-        return replace(self, view=view, every=every)
+        return replace(self, view=view, every=every, mapped=mapped)
 
     @property
     def place(self):
@@ -100,7 +118,7 @@ class Request:
 
     def looks_like(self, other):
         """Whether the colours of two requests are the same."""
-        one, two = ((each.key, each.place, each.every) for each in (self, other))
+        one, two = ((each.key, each.place, each.every, each.mapped) for each in (self, other))
         return one == two
 
 
@@ -139,7 +157,8 @@ def request(scene, samples=None, depsgraph=None, rendered=False, shown=None):
         WeightedLight(name, _lighting(scene, light, lamps, samples, shown), weight)
         for name, weight, light in sets
     ]
-    return Request.of(lights, "auto" if settings.use_compressed else "exact", view)
+    around = settings.seen_from == "CAMERA" and not rendered
+    return Request.of(lights, "auto" if settings.use_compressed else "exact", view, around)
 
 
 def _lighting(scene, light, lamps, samples, shown):

@@ -3,6 +3,11 @@
 import bpy
 
 _KEPT = "prt_shading_before"
+# How Solid mode shows colours as they are, and nothing of its own.
+_SHOWS = {
+    "color_type": "VERTEX", "light": "FLAT", "show_object_outline": False, "show_cavity": False,
+    "show_shadows": False,
+}  # fmt: skip
 
 
 def _solid_views():
@@ -16,12 +21,14 @@ def show():
     """Let Solid mode show vertex colours as they are; how many views changed."""
     changed = 0
     for screen, key, shading in _solid_views():
-        if (shading.color_type, shading.light) == ("VERTEX", "FLAT"):
+        before = {name: getattr(shading, name) for name in _SHOWS}
+        if before == _SHOWS:
             continue
-        kept = dict(screen.get(_KEPT, {}))
-        kept.setdefault(key, [shading.color_type, shading.light])
+        kept = screen[_KEPT].to_dict() if _KEPT in screen else {}
+        kept.setdefault(key, before)
         screen[_KEPT] = kept
-        shading.color_type, shading.light = "VERTEX", "FLAT"
+        for name, value in _SHOWS.items():
+            setattr(shading, name, value)
         changed += 1
     return changed
 
@@ -30,14 +37,20 @@ def restore():
     """Give the views back what `show` took; how many changed."""
     changed = 0
     for screen, key, shading in _solid_views():
-        before = dict(screen.get(_KEPT, {})).get(key)
+        before = screen[_KEPT].get(key) if _KEPT in screen else None
         if before is not None:
-            shading.color_type, shading.light = before
+            for name, value in _named(before).items():
+                setattr(shading, name, type(getattr(shading, name))(value))
             changed += 1
     for window in bpy.context.window_manager.windows:
         if _KEPT in window.screen:
             del window.screen[_KEPT]
     return changed
+
+
+def _named(before):
+    """What was kept of a view by its names; files of earlier versions have two values in a list."""
+    return dict(before) if hasattr(before, "keys") else dict(zip(_SHOWS, before, strict=False))
 
 
 def in_solid():

@@ -17,7 +17,7 @@ from prt_core.transport.gather import ROUND
 from prt_core.transport.sent import mean_of_channels, sent_of
 from prt_core.transport.visibility import received_light
 
-# Rays of all points together at most: what K holds of them has to fit into memory.
+# Rays of all points together at most: where they ended takes 8 GB before it is compressed.
 _MOST_RAYS = 1 << 31
 
 

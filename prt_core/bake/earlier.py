@@ -3,11 +3,13 @@
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from prt_core.bake.settings import BakeSettings
-from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_path
+from prt_core.errors import PRTError, expect, expect_all, expect_flag
+from prt_core.runtime.address import expect_store_path
 from prt_core.scene import Scene, compare, with_details
 from prt_core.store import BakeStore, damage_as_error, read_scene
 from prt_core.store.attributes import digest
@@ -69,10 +71,15 @@ def earlier_of(output, restart, reuse, update):
         # What was stopped in its first bake goes on; where nothing is, a whole bake begins.
         return (output if _is_finished(output) else None), "changed"
     if reuse is not None:
-        path = expect_path("reuse", reuse)
-        if path.resolve() == expect_path("output", output).resolve() and not restart:
+        path, other = expect_store_path("reuse", reuse), expect_store_path("output", output)
+        if _place(path) == _place(other) and not restart:
             restart = "changed"
     return reuse, restart
+
+
+def _place(path):
+    """What two names of the same bake have in common."""
+    return path.resolve() if isinstance(path, Path) else path
 
 
 def _is_finished(path):
@@ -97,7 +104,7 @@ def earlier_bake(path, scene, settings):
     PRTError
         There is no finished bake that can be read.
     """
-    path = expect_path("reuse", path)
+    path = expect_store_path("reuse", path)
     try:
         store = BakeStore(path)
         expect(store.is_complete, f"{path}: the bake is not finished")

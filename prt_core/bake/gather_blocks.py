@@ -1,12 +1,12 @@
 """Gather rays block by block: so many points and a round are one job, whoever does it and when."""
 
-import os
 from functools import lru_cache
 
 import numpy as np
 
 from prt_core.bake import visibility
 from prt_core.bake.visibility import blocks
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.dilate import dilate
 from prt_core.transport import Sharing, gather_parts
@@ -55,7 +55,7 @@ class GatherBlocks:
         self._caster, self._seed, self._kept = caster, seed, kept
         self._clear = _Clear(store.array("visibility"), cube_map)
         self._sharing = Sharing(scene)
-        one_thread = _TOGETHER * (os.cpu_count() or 1)
+        one_thread = _TOGETHER * n_cores()
         self.group = caster.threads if caster.threads > 1 else one_thread
 
     @classmethod
@@ -130,7 +130,7 @@ class _Clear:
     def __init__(self, bits, cube_map):
         self._bits, self._cube_map = bits, cube_map
         # Of the blocks that are at work: all their rounds ask.
-        self._near = lru_cache(2 * _TOGETHER * (os.cpu_count() or 1))(self._blocked_nearby)
+        self._near = lru_cache(2 * _TOGETHER * n_cores())(self._blocked_nearby)
 
     def _blocked_nearby(self, start, stop):
         return dilate(~self._bits[start:stop], self._cube_map.resolution)

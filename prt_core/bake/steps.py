@@ -19,6 +19,7 @@ from prt_core.bake.stages import WORK, close_work, is_planned
 from prt_core.bake.visibility_stage import comes_in_blocks, visibility_steps
 from prt_core.errors import expect, expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
+from prt_core.runtime.machine import return_memory
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
 from prt_core.scene import Scene, expect_camera, with_details
@@ -256,6 +257,8 @@ def begin_steps(
     if pictures is not None:
         pictures.detailed(scene)
     keep_lights(store, attributes, world)
+    # What building the scene and looking for details took.
+    return_memory()
     yield Progress("scene", 0, 0)
     reuse = reuse_of(earlier, scene, only)
     return Begun(store, scene, caster, seconds, resumed, reuse=reuse)
@@ -297,6 +300,7 @@ def rest_steps(
     reuse = begun.reuse if isinstance(begun.reuse, Reuse) else None
     more = pictures, here, memory, reuse
     seen = yield from visibility_steps(*given, lights, seconds, pace, *more)
+    return_memory()
     reflected = yield from reflection_steps(*given, seconds)
     if emitted is None:
         emitted = yield from emission_steps(store, scene, caster, settings, seconds)
@@ -311,6 +315,7 @@ def rest_steps(
         with damage_as_error(store.path):
             gather = gather_so_far(store, bounced.rounds, memory)
             pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
+    return_memory()
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds, memory)
     planned = is_planned(store)
     if planned:

@@ -5,8 +5,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from prt_core.blender.covers import cover
 from prt_core.blender.identity import objects_by_place
-from prt_core.blender.realised import build_objects, copies_there, kept_objects, stand_in_for
+from prt_core.blender.realised import (
+    build_objects,
+    copies_there,
+    kept_material,
+    kept_objects,
+    stand_in_for,
+)
 from prt_core.blender.stand_ins import arrange
 from prt_core.errors import PRTError, expect, expect_array, expect_path
 from prt_core.runtime.files import written
@@ -265,12 +272,19 @@ def write_all(
 
 def keep_all(
     scene, colours, attribute, domain="CORNER", places=None, target=None, byte=False,
-    channels=CHANNELS, vector=False,
+    channels=CHANNELS, vector=False, show=False,
 ):  # fmt: skip
     """Colours of a bake as an attribute that stays when the preview goes.
 
     As `write_all`, but what has no mesh of its own gets a realised object that is the user's: it
     shows the attribute, lies in the collection `PRT Kept` and stands in for what it was made of.
+
+    Parameters
+    ----------
+    scene, colours, attribute, domain, places, target, byte, channels, vector
+        As those of `write_all` and `write_colours`.
+    show : bool
+        Whether the other objects show it as well, over their own materials (see `covers`).
 
     Returns
     -------
@@ -287,6 +301,8 @@ def keep_all(
     realised = [name for name in colours if name not in own]
     for name, present in own.items():
         write_colours(present, colours[name], attribute, domain, **options)
+        if show:
+            cover(present, kept_material(attribute))
     if not realised:
         return [], []
     originals = {name: objects.get(places[name]) for name in realised}

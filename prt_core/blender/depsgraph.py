@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 
+from prt_core.blender.covers import covers_of
 from prt_core.blender.identity import display_names, place_of, scene_of
 from prt_core.blender.left_out import (
     NO_MATERIAL,
@@ -18,7 +19,6 @@ from prt_core.blender.left_out import (
     surface_kind,
 )
 from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of, weights_of
-from prt_core.blender.preview_look import is_shaded
 from prt_core.blender.raw_mesh import RawMesh
 from prt_core.blender.ray_visibility import ray_visibility
 from prt_core.blender.render_scene import as_rendered
@@ -263,8 +263,8 @@ class _Reading:
             if data is None or not len(data.polygons):
                 return None, None
             slotted, slots_of = source, data
-            # Under the preview's material the object still has its own.
-            if is_shaded(source.original):
+            # Under the material of a preview, or of what was kept, the object still has its own.
+            if covers_of(source.original):
                 original = source.original
                 if len(original.data.polygons) == len(data.polygons):
                     slotted, slots_of = original, original.data

@@ -20,12 +20,12 @@ from scipy.ndimage import distance_transform_edt
 from prt_core.blender.casters import mark_temporary, remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
 from prt_core.blender.compat import custom_camera_missing
+from prt_core.blender.covers import covers_of
 from prt_core.blender.denoising import denoised
 from prt_core.blender.identity import objects_by_place, scene_of
 from prt_core.blender.light_field_shader import MOST_POINTS, shader_source
 from prt_core.blender.light_groups import group_names, grouped_lights
 from prt_core.blender.passes.traces import same_images, switched
-from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
 from prt_core.blender.stand_ins import originals_render, rendered_objects, stands_in
 from prt_core.errors import PRTError, expect
@@ -246,8 +246,8 @@ def _without_previews(stack, scene):
     for item in scene.objects:
         if stands_in(item, rendered):
             stack.enter_context(switched(item, "hide_render", True))
-        if PREVIEW in item.modifiers:
-            stack.enter_context(switched(item.modifiers[PREVIEW], "show_render", False))
+        for modifier in covers_of(item):
+            stack.enter_context(switched(modifier, "show_render", False))
         before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
         if before is not None:
             stack.enter_context(switched(item.data.attributes, "default_color_name", before))

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from prt_core.blender.colours import places_of
+from prt_core.blender.covers import cover
 from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import kept_objects
 from prt_core.blender.stand_ins import COPY, KEPT, arrange, is_copy
@@ -46,7 +47,7 @@ def load_lightmap(path, name=None):
     return image
 
 
-def wear_lightmap(scene, image, places=None, target=None, kept=True):
+def wear_lightmap(scene, image, places=None, target=None, kept=True, show=False):
     """UV maps of an atlas on the objects that are in it, and a material that shows the image.
 
     Objects whose own mesh was baked get a UV map `PRT Lightmap`, beside those that they have. What
@@ -65,6 +66,8 @@ def wear_lightmap(scene, image, places=None, target=None, kept=True):
     kept : bool
         Whether realised objects are the user's, as those of `keep_all`; else the copies that
         `write_all` has made wear it.
+    show : bool
+        Whether objects with a mesh of their own show it too, over their materials (see `covers`).
 
     Returns
     -------
@@ -80,9 +83,13 @@ def wear_lightmap(scene, image, places=None, target=None, kept=True):
     expect(atlas is not None, "lightmap: this bake holds no atlas; bake with one")
     target = target or bpy.context.scene
     material = _material(image, None if atlas.own else UV_MAP)
-    if atlas.own:
-        return []
     places, objects = places_of(scene, places), objects_by_place()
+    if atlas.own:
+        for item in scene.objects if show else ():
+            present = objects.get(places[item.name]) if item.name in atlas.corner_uv else None
+            if present is not None and present.type == "MESH" and present.library is None:
+                cover(present, material)
+        return []
     own, realised = {}, {}
     for item in scene.objects:
         if item.name in atlas.corner_uv:
@@ -95,6 +102,8 @@ def wear_lightmap(scene, image, places=None, target=None, kept=True):
     realised = {name: present for name, present in realised.items() if name in receiving}
     for name, present in own.items():
         _set_uv(present, atlas.corner_uv[name])
+        if show:
+            cover(present, material)
     if realised:
         built = {item[COPY]: item for item in target.objects if is_copy(item)}
         if kept:

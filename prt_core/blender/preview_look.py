@@ -21,11 +21,14 @@ from prt_core.blender.identity import objects_by_place
 from prt_core.blender.own_materials import forget_copies, relit_material
 from prt_core.blender.realised import PREVIEW, holds, preview_material, remove_copies
 from prt_core.blender.stand_ins import COPY, arrange, is_copy
+from prt_core.blender.worn_materials import wear_colours, wear_own
 
 LOOKS = ("COLOURS", "MATERIALS", "SOLID")
 
 
-def show_colours(scene, attribute="PRT", look="COLOURS", places=None, names=None):
+def show_colours(
+    scene, attribute="PRT", look="COLOURS", places=None, names=None, target=None
+):  # fmt: skip
     """Show the colours of a bake in every shading mode: cover the materials of its objects.
 
     Parameters
@@ -36,11 +39,13 @@ def show_colours(scene, attribute="PRT", look="COLOURS", places=None, names=None
     look : {"COLOURS", "MATERIALS", "SOLID"}
         In Material Preview and renders: the colours as emission, the light of `light_name` on
         the objects' own materials, or nothing: then only Solid mode shows them. Realised copies
-        have no materials but the colours.
+        have the materials of what they were made of, or the colours.
     places : dict of str -> (str, str), optional
         As `write_all` takes it.
     names : collection of str, optional
         Of the baked objects that are meant; default: all that receive.
+    target : bpy.types.Scene, optional
+        Where the copies are; default: the current one.
     """
     group = _shading_group(attribute, [preview_material(attribute)]) if look == "COLOURS" else None
     places, objects = places_of(scene, places), objects_by_place()
@@ -49,6 +54,20 @@ def show_colours(scene, attribute="PRT", look="COLOURS", places=None, names=None
         present = objects.get(places[item.name]) if item.own_mesh and meant else None
         if present is not None:
             _shade(present, _own_group(present, attribute) if look == "MATERIALS" else group)
+    _dress_copies(scene, attribute, look, places, objects, target or bpy.context.scene)
+
+
+def _dress_copies(scene, attribute, look, places, objects, target):
+    """The materials of the realised copies that hold the attribute."""
+    copies = {o[COPY]: o for o in target.objects if is_copy(o) and holds(o, [attribute])}
+    for item in scene.objects if copies else ():
+        copy = copies.get(item.name)
+        if copy is not None and look == "MATERIALS":
+            normals = scene.points.normals[item.corner_point]
+            owner = objects.get(places[item.name])
+            wear_own(copy, item, owner, normals, light_name(attribute))
+        elif copy is not None:
+            wear_colours(copy, preview_material(attribute))
 
 
 def materials_changed(attribute):
@@ -112,11 +131,6 @@ def restore(target=None, attributes=(), of=None):
         for block in [b for b in kind if b.get(PREVIEW) and not b.users]:
             kind.remove(block)
     return changed
-
-
-def is_shaded(item):
-    """Whether an object shows the preview's material over its own."""
-    return PREVIEW in item.modifiers
 
 
 def _restore_mesh(mesh, attributes):

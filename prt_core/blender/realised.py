@@ -1,6 +1,8 @@
 """Realised objects: the meshes that modifiers, instances and libraries give, as objects of their
 own that can hold colours. The preview's copies go with it; kept ones are the user's."""
 
+import weakref
+import zlib
 from itertools import chain
 
 import bpy
@@ -14,6 +16,10 @@ COLLECTION, KEPT_COLLECTION = "PRT", "PRT Kept"
 PREVIEW = "PRT preview"
 # Of collections: which of the two it is, whatever it is called by now.
 _HOME = "prt_home"
+# Of copies: what tells their mesh from that of another bake.
+_MARK = "prt_mesh"
+# The scene whose meshes were marked last, and their marks.
+_LAST = [None, {}]
 # Positions are the same within this share of the scene's size.
 _SAME = 1e-6
 
@@ -46,11 +52,13 @@ def build_objects(
     target = target or bpy.context.scene
     # Copies of an earlier run are replaced, not stacked upon.
     remove_copies(target, lambda item: not holds(item, others))
+    marks = _marks(scene)
     home, material = _home(target, collection), preview_material(attribute)
     built = {}
     for item, mesh, mirrored in _meshes(scene, names):
         built[item.name] = _object(item.name, mesh, mirrored, material, home)
         built[item.name][COPY] = item.name
+        built[item.name][_MARK] = marks[item.name]
         if item.refined is not None and originals:
             carry_over(mesh, item.refined, originals.get(item.name))
     return built
@@ -66,7 +74,29 @@ def copies_there(scene, names, target, others=()):
     fits = set(copies) == set(names) and all(
         len(copies[name].data.loops) == sizes[name] for name in names
     )
+    marks = _marks(scene) if fits and copies else {}
+    fits = fits and all(copies[name].get(_MARK) == marks[name] for name in names)
     return copies if fits else None
+
+
+def _marks(scene):
+    """What tells the meshes of a bake from those of another, by name; of the last scene at hand."""
+    last, marks = _LAST
+    if last is None or last() is not scene:
+        first, marks = 0, {}
+        for item in scene.objects:
+            begin, first = first, first + item.n_vertices
+            arrays = [scene.to_world(scene.vertices[begin:first]).astype(np.float32)]
+            arrays += [item.corner_vertex, item.face_sizes]
+            if item.parts is not None:
+                arrays += [item.parts.corner_material, item.parts.matrix]
+                arrays += [] if item.parts.corner_uv is None else [item.parts.corner_uv]
+            mark = 0
+            for array in arrays:
+                mark = zlib.crc32(np.ascontiguousarray(array), mark)
+            marks[item.name] = f"{mark:08x}"
+        _LAST[:] = weakref.ref(scene), marks
+    return marks
 
 
 def kept_objects(scene, originals, attribute, target):
@@ -93,7 +123,7 @@ def kept_objects(scene, originals, attribute, target):
         if is_kept(item):
             by_name[item[KEPT]] = item
             by_original.setdefault(item.get(ORIGINAL), []).append(item)
-    material, home = _kept_material(attribute), _home(target, KEPT_COLLECTION)
+    material, home = kept_material(attribute), _home(target, KEPT_COLLECTION)
     by_object, used, left = {}, set(), []
     for item, mesh, mirrored in _meshes(scene, originals):
         original = originals[item.name]
@@ -246,8 +276,8 @@ def preview_material(attribute):
     return _emission(attribute, PREVIEW, f"{attribute} colours")
 
 
-def _kept_material(attribute):
-    """The same for the user's kept objects."""
+def kept_material(attribute):
+    """The same for what is kept, which is the user's."""
     return _emission(attribute, KEPT, f"{attribute} kept colours")
 
 

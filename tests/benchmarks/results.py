@@ -32,6 +32,7 @@ from tests.benchmarks import (  # noqa: E402
     assets,
     compress_tables,
     farm_tiles,
+    farm_workers,
     gloss_page,
     irradiance,
     lightfield_page,
@@ -215,7 +216,7 @@ PARTS = {
     "gloss": (gloss_page.PAGE, gloss_page.SECTIONS),
     "refinement": (refinement.PAGE, refinement.SECTIONS),
     "moved": (moved.PAGE, moved.SECTIONS),
-    "costs": (farm_tiles.PAGE, farm_tiles.SECTIONS),
+    "costs": (farm_tiles.PAGE, {**farm_tiles.SECTIONS, **farm_workers.SECTIONS}),
 }
 
 

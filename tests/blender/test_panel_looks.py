@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import advice, live, preview
+from blender_addon import advice, live, plan, preview
+from prt_core import run
 from prt_core.blender.own_materials import relit_material
 from prt_core.blender.passes.records import surface_of
 from prt_core.blender.raw_mesh import RawMesh
@@ -175,6 +176,34 @@ def test_presets_set_quality_and_custom_stays(floor_scene):
     chosen.quality = "FINAL"
     chosen.quality = "CUSTOM"
     assert chosen.quality == "CUSTOM" and chosen.resolution == "32"
+
+
+def test_another_quality_costs_no_new_reading(floor_scene, monkeypatch):
+    bpy.ops.prt.refresh()
+    before, _ = plan.of(floor_scene)
+    floor_scene.prt.resolution = "32"
+    assert not plan.of(floor_scene)[1]
+    with monkeypatch.context() as alone:
+        alone.setattr(plan, "read_steps", None)
+        run(plan.steps(floor_scene, again=False))
+    after, holds = plan.of(floor_scene)
+    assert holds and after.cost.rays > before.cost.rays
+    assert (after.messages, after.digests) == (before.messages, before.digests)
+    # What is of the scene is read anew, and so is gloss.
+    live.geometry_changed(floor_scene)
+    assert reads_again(floor_scene, monkeypatch)
+    floor_scene.prt.gloss = True
+    assert reads_again(floor_scene, monkeypatch)
+    assert not reads_again(floor_scene, monkeypatch)
+
+
+def reads_again(scene, monkeypatch):
+    """Whether the next plan reads the scene."""
+    read, reads = plan.read_steps, []
+    with monkeypatch.context() as counted:
+        counted.setattr(plan, "read_steps", lambda *a, **k: reads.append(1) or read(*a, **k))
+        run(plan.steps(scene, again=False))
+    return bool(reads)
 
 
 def test_missing_gloss_is_said_before_the_bake_with_what_helps(floor_scene):

@@ -54,13 +54,13 @@ class RealBlender:
         for file in (ROOT / "tests" / "window" / "inside").glob("*.py"):
             shutil.copy(file, self.folder)
 
-    def play(self, story):
-        """Play a story in the window; its report, with what Blender printed (`said_all`) and
-        its exit `code`."""
+    def play(self, story, size=(1280, 900)):
+        """Play a story in a window of a size; its report, with what Blender printed (`said_all`)
+        and its exit `code`."""
         self.bring_scripts()
         done = self.run(
-            "--factory-startup", "--enable-event-simulate", "--window-geometry", "0", "0", "1280",
-            "900", "-P", "play.py", "--", story, user="user",
+            "--factory-startup", "--enable-event-simulate", "--window-geometry", 0, 0, *size,
+            "-P", "play.py", "--", story, user="user",
         )  # fmt: skip
         report = self.folder / "report.json"
         said = done.stdout + done.stderr

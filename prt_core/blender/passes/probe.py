@@ -13,9 +13,9 @@ import numpy as np
 
 from prt_core.blender.casters import remove_blocks
 from prt_core.blender.colours import ACTIVE_BEFORE
+from prt_core.blender.covers import covers_of
 from prt_core.blender.passes.gloss_tree import PREFIX, add_gloss_outputs
 from prt_core.blender.passes.traces import same_images, switched
-from prt_core.blender.preview_look import PREVIEW
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
 
 # Places of one render: a second or less of a slow machine.
@@ -265,9 +265,8 @@ def probe(scene, objects, centre, size, samples=1):
         for item in objects:
             for name, value in SEEN.items():
                 stack.enter_context(switched(item, name, value))
-            # The preview's material covers the object's own.
-            if PREVIEW in item.modifiers:
-                stack.enter_context(switched(item.modifiers[PREVIEW], "show_render", False))
+            for modifier in covers_of(item):
+                stack.enter_context(switched(modifier, "show_render", False))
             before = item.data.get(ACTIVE_BEFORE) if item.data is not None else None
             if before is not None:
                 stack.enter_context(switched(item.data.attributes, "default_color_name", before))

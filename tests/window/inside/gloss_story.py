@@ -76,6 +76,12 @@ def from_api(hand):
         matrix = scene.camera.matrix_world
     view = View(position=np.array(matrix.translation)) if scene.prt.show_gloss else None
     loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))
+    if view is not None and scene.prt.seen_from == "CAMERA":
+        # Sides that face away are seen at the same slant.
+        normals = loaded.scene.points.normals.astype(float)
+        outgoing = view.outgoing(loaded.scene.to_world(loaded.scene.points.positions))
+        behind = np.minimum(np.einsum("nx,nx->n", normals, outgoing), 0)[:, None]
+        view = View(direction=outgoing - 2 * behind * normals)
     relighter = Relighter(loaded, scene.prt.caster)
     try:
         return loaded.colours(

@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 from hand import FOLDER, Until
 from relight_story import install, part, settled, status
-from rooms import press
 
 
 def story(hand, report):
@@ -19,7 +18,12 @@ def story(hand, report):
     hand.picture("before")
     report["height"] = yield from height(hand)
     began = time.monotonic()
-    yield from press(hand, "prt.bake", status, seconds=300)
+    yield from hand.click("prt.bake")
+    yield Until("the bake has begun", lambda: status().running, 10)
+    report["height_baking"] = yield from height(hand)
+    hand.picture("baking")
+    report["was_baking"] = status().running
+    yield Until("the bake is done", lambda: not status().running, 300)
     report["seconds_to_picture"] = time.monotonic() - began
     hand.picture("baked")
     yield Until("the preview has settled", settled)
@@ -106,17 +110,26 @@ def checked():
 
 
 def height(hand):
-    """Pixels from the top of the sidebar to below its last button, without scrolling, and the
-    window's height."""
+    """Pixels that the panel is high: as far as it scrolls, and to below the last button there."""
     yield from hand.wheel("WHEELUPMOUSE", 30)
+    yield 0.2
     region, lowest, last = hand.sidebar, 0, None
-    for y in range(region.y + region.height - 8, region.y + 4, -7):
-        for at in (0.45, 0.85):
+    top = region.view2d.region_to_view(0, 0)[1]
+    yield from hand.wheel("WHEELDOWNMOUSE", 60)
+    yield 0.2
+    scrolled = top - region.view2d.region_to_view(0, 0)[1]
+    y = region.y + 4
+    while last is None and y < region.y + region.height:
+        for at in (0.45, 0.85, 0.2):
             yield from hand.move(region.x + region.width * at, y)
-            name = hand.under_mouse()
-            if name:
-                lowest, last = region.y + region.height - y, name
-    return {"panel": lowest, "last": last, "region": region.height, "window": hand.window.height}
+            last = last or hand.under_mouse()
+        y += 7
+    lowest = scrolled + region.y + region.height - y
+    yield from hand.wheel("WHEELUPMOUSE", 30)
+    return {
+        "panel": lowest, "scrolled": scrolled, "last": last, "region": region.height,
+        "window": hand.window.height,
+    }  # fmt: skip
 
 
 def seen(hand, name, shading):

@@ -1,4 +1,7 @@
-"""blender --enable-event-simulate -P play.py -- STORY: play the story of STORY.py."""
+"""blender --enable-event-simulate -P play.py -- STORY: play the story of STORY.py.
+
+STORY may be MODULE:FUNCTION, where a module has several.
+"""
 
 import importlib
 import os
@@ -8,5 +11,5 @@ import bpy
 
 sys.path.insert(0, os.getcwd())
 bpy.context.preferences.view.show_splash = False
-story = sys.argv[sys.argv.index("--") + 1]
-importlib.import_module("hand").play(importlib.import_module(story).story)
+module, _, function = sys.argv[sys.argv.index("--") + 1].partition(":")
+importlib.import_module("hand").play(getattr(importlib.import_module(module), function or "story"))

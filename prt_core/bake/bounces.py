@@ -110,7 +110,10 @@ def bounce_steps(
     room, most = (memory, store.path.parent), most_rounds(n_points)
     rounds, error = 0, np.inf
     while rounds < most and error > settings.tolerance:
-        turns = range(rounds, _next_rounds(rounds, error, settings.tolerance, most))
+        # As many as another bake needed are there, but for what has changed.
+        least = 0 if kept is None or rounds else min(kept.rounds, most)
+        wanted = _next_rounds(rounds, error, settings.tolerance, most)
+        turns = range(rounds, max(wanted, least))
         rounds = turns.stop
         yield from _gather_round(store, work, turns, seconds, here)
         start = time.perf_counter()

@@ -73,11 +73,10 @@ def changes(meshes):
     added = replace(ball, name="ball 3", vertices=ball.vertices + [0.6, -0.65, 0])
     return {
         "a ball is moved": shifted("ball 1", 0.25, 0.1, 0),
-        "a ring is moved": shifted("ring 1", 0.2, 0.12, 0),
         "Suzanne is moved": shifted("monkey 1", 0.3, -0.2, 0),
-        "a ring is deformed": {**meshes, "ring 1": replace(ring, vertices=bent)},
         "a ball is added": {"ball 3": added, **meshes},
         "a ball is deleted": without("ball 1"),
+        "a ring is deformed": {**meshes, "ring 1": replace(ring, vertices=bent)},
         "a ball is painted": {
             **meshes,
             "ball 1": replace(ball, materials=ball.materials.replaced(

@@ -14,6 +14,8 @@ from prt_core.bake.report_lines import report_lines
 from prt_core.light import sun_light
 from prt_core.sampling.tracer import count_bits
 from prt_core.store import BakeStore
+from prt_core.transport.gather import REPRESENTED
+from prt_core.transport.sharing import DARK
 from tests.meshes import glowing, plane, sphere, wall
 
 EXACT = BakeSettings(resolution=8, tolerance=0.1, method="exhaustive")
@@ -129,15 +131,39 @@ def test_bakes_are_taken_from_one_another_again_and_again(earlier, tmp_path):
     baked(meshes, tmp_path / "b.prt", replace(SAMPLED, method="exhaustive"))
     assert off(before, tmp_path / "b.prt") < SAMPLED.tolerance
     # Rays keep the directions they were cast along, whatever block they are in now.
-    bake, seen = load(before), {}
+    bake, store = load(before), BakeStore(before)
+    hits, caster = store.read("gather"), bake.make_caster()
+    origins, seen = bake.scene.ray_origins, []
 
     def weigh(block, ways):
-        normals = bake.scene.points.normals[block]
-        seen[block.start] = np.einsum("nkx,nx->nk", ways, normals).min()
+        ends = hits[block]
+        cast = ends > REPRESENTED
+        starts = np.repeat(origins[block], cast.sum(axis=1), axis=0)
+        met = caster.intersect(starts, ways[cast]).triangle >= 0
+        seen.append(met[ends[cast] != DARK] == (ends[cast] >= 0)[ends[cast] != DARK])
         return np.ones((1, *ways.shape[:2]))
 
     gather_terms(bake, weigh)
-    assert min(seen.values()) >= -1e-5
+    assert np.concatenate(seen).mean() > 0.999
+
+
+def test_the_certificate_draws_what_no_bake_before_has_drawn(earlier, tmp_path, monkeypatch):
+    stage, turns = sys.modules["prt_core.bake.sampled"], []
+    draw = stage.certificate_steps
+
+    def drawn(*given, **more):
+        turns.append(given[6])
+        return draw(*given, **more)
+
+    monkeypatch.setattr(stage, "certificate_steps", drawn)
+    before = earlier["agreement"]
+    for turn in range(2):
+        after = [moved(BALL, 0.1 + 0.1 * turn, 0, 0), FLOOR, BLOCK, SCREEN]
+        settings = replace(SAMPLED, bounces=None)
+        baked(after, tmp_path / f"{turn}.prt", settings, reuse=before)
+        before = tmp_path / f"{turn}.prt"
+    # A bake asks three times at most; none of those of another.
+    assert turns and set(turns) <= {16, 17, 18, 19, 32, 33, 34, 35} and max(turns) >= 32
 
 
 def test_a_selection_leaves_others_and_the_next_bake_brings_them(earlier, tmp_path):

@@ -83,7 +83,7 @@ def error(bake, shown, light, **keywords):
 
 
 def test_gloss_under_images_from_two_sides(bake, shown):
-    browser = shown[0]
+    browser, errors = shown[0], []
     browser.run("PRT.page.strengths = [0]")
     for name, image in page_images().items():
         browser.run(f"PRT.page.choose('{name}')")
@@ -91,7 +91,10 @@ def test_gloss_under_images_from_two_sides(bake, shown):
             browser.run(f"PRT.page.orbit.azimuth = {azimuth}; PRT.page.turn = {turn};"
                         "PRT.page.relight()")  # fmt: skip
             near, plain = error(bake, shown, image, rotation=turn)
-            assert near < 0.02 < plain, (name, turn, near)
+            assert near < 0.06 < plain, (name, turn, near)
+            errors.append(near)
+    # What lies on rims, where views graze, is further off.
+    assert np.mean(errors) < 0.025
     assert not browser.errors
 
 

@@ -24,74 +24,21 @@ function fours(values, width) {
   return out;
 }
 
-class Gloss {
-  constructor(gpu, arrays) {
-    const {gl, facts} = gpu, {top, levels, cells, wide, rows, parts, lobes, surfaces, nodes, patches} = facts.gloss;
-    Object.assign(this, {gpu, ...facts.gloss, n: facts.resolution, met: arrays.gloss_met, open: arrays.gloss_open});
-    this.side = top << levels - 1;
-    this.blocks = 6 * this.side ** 2;
-    const narrow = rows > wide, {head} = gpu;
-    this.sizes = levels + narrow;
-    gpu.head += Object.entries({TOP: 6 * top * top, LEVELS: levels, CELLS: cells, QUADS: max(1, cells * cells / 4), WIDE_ROWS: wide,
-      ROWS: rows, PARTS: parts, LOBES: lobes.length, GROUPS: lobes.join(), KNOTS: nodes, SURFACES: surfaces}).map(([name, value]) => `#define ${name} ${value}\n`).join("");
-    this.patchMeans = gpu.program(PATCHES, null);
-    this.field = gpu.program(CORNER, FIELD);
-    this.glimpses = gpu.program(GLIMPSES, null);
-    this.glossed = gpu.program(GLOSSED, null);
-    gpu.head = head;
+// Nodes of a row of a tree of so many sizes.
+const nodesOf = (top, sizes) => 2 * top ** 2 * (4 ** sizes - 1);
+
+// A light as lobes of one width take it, on texels along `fine` of an edge: nodes of the tree, each
+// where its light is; parts of the smallest; the brightest texels; what bits of blocks let through.
+class GlossLight {
+  constructor({top, levels, cells, n, met, open, blocks, side}, fine, sizes, parts) {
+    Object.assign(this, {top, levels, cells, n, met, open, blocks, side, fine, sizes, parts});
     this.lay();
-    const {data} = gpu, lamps = facts.sources, n = gpu.n, bits = gpu.bits, width = arrays.bits.shape[1];
-    const metals = new Uint32Array(patches), middles = new Uint32Array(max(1, this.metal));
-    arrays.metal.forEach((patch, k) => {
-      metals[patch] = k + 1;
-      middles[k] = arrays.patch[patch] + arrays.patch[patch + 1] - 1 >> 1;
-    });
-    const views = new Uint32Array(max(1, this.metal) * this.blocks);
-    arrays.glimpse.forEach((code, k) => { views[code] = k; });
-    const direct = new Uint32Array(lamps.length * n || 1), count = (rows - wide) * this.nodesOf(1) + wide * this.nodesOf(0);
-    lamps.forEach(({lamp}, k) => { if (lamp) direct.set(arrays["direct" + k], k * n); });
-    if (ceil(max(count, this.blocks * rows) / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
-      fail("This device's graphics hold no tables as large as the gloss of this bake needs.");
-    Object.assign(data, {
-      codes: gpu.table("u32", this.codes(arrays, bits, width), this.blocks * rows), field: gpu.table("u32", null, count),
-      patches: gpu.table("u32", arrays.patch, patches + 1), metals: gpu.table("u32", metals, patches),
-      middles: gpu.table("u32", middles, middles.length), sends: gpu.target(patches), glossed: gpu.target(n),
-      views: gpu.table("u32", views, views.length), glimpses: gpu.table("u32", arrays.glimpse, arrays.glimpse.length),
-      glimpsed: gpu.target(max(1, arrays.glimpse.length)), glossRow: gpu.table("u32", arrays.gloss_row, n),
-      surfaces: gpu.table("u32", arrays.surface, n), matter: gpu.table("f32x4", arrays.lobe, arrays.lobe.length / 4),
-      light: gpu.table("f32x4", null, this.table.length / 4), brightBits: gpu.table("u8", null, MOST_GLINTS * width),
-      direct: gpu.table("shared", direct, n, max(1, lamps.length)),
-    });
-    data.shown = data.glossed;
-    this.frame = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, data.field.texture, 0);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    this.rowBytes = width;
-    this.glimpsed = arrays.glimpse.length;
-  }
-
-  // Nodes of a row, without the smallest ones or with them.
-  nodesOf(more) { return 2 * this.top ** 2 * (4 ** (this.levels + more) - 1); }
-
-  // Bits of the cells of each block, what is in its way, and how much of that hides light.
-  codes({met, hidden, gloss_point: points}, bits, width) {
-    const {top, levels, cells, rows, n, side} = this, many = cells * cells, out = new Uint32Array(this.blocks * rows);
-    const order = treeOrder(top, levels + Math.log2(cells)), edge = side * cells, step = n / edge;
-    for (let i = 0; i < out.length; i++) out[i] = met[i] << 16 | hidden[i] << 30;
-    for (let c = 0; c < order.length; c++) {
-      const face = order[c] / (edge * edge) | 0, row = order[c] / edge % edge | 0, half = step >> 1;
-      const texel = (face * n + row * step + half) * n + order[c] % edge * step + half;
-      const first = (c / many | 0) * rows, bit = c % many, from = texel * width;
-      for (let r = 0; r < rows; r++) out[first + r] |= (bits[from + (points[r] >> 3)] >> (points[r] & 7) & 1) << bit;
-    }
-    return out;
   }
 
   // What belongs to no light: where blocks and their parts are.
   lay() {
     const {top, levels, cells, sizes, parts, fine} = this, more = max(Math.log2(cells), parts ? 1 + Math.log2(parts) : 0);
-    const all = this.nodesOf(sizes - levels), details = parts ? 4 * this.blocks * parts * parts : 0;
+    const all = nodesOf(top, sizes), details = parts ? 4 * this.blocks * parts * parts : 0;
     this.details = 2 * all;
     this.brights = this.details + 2 * details;
     this.tables = this.brights + 2 * MOST_GLINTS;
@@ -141,29 +88,10 @@ class Gloss {
     })};
   }
 
-  // A new light from far away, on texels; null: none. And where it comes from, and how it is turned.
-  setLight(texels, source, turn) {
-    this.lit = !!texels;
-    this.take(texels ? this.finer(texels, source, turn) : floats(18 * this.fine ** 2));
-  }
-
-  // The light on as many texels as narrow lobes need.
-  finer(texels, source, turn) {
-    const {fine, n} = this, step = fine / n;
-    if (step === 1) return texels;
-    if (source.turning) return (source.finer ||= new TurningLight(source.image, fine)).at(turn);
-    const out = floats(18 * fine * fine);
-    for (let i = 0; i < out.length / 3; i++) {
-      const from = 3 * (((i / (fine * fine) | 0) * n + (i / fine % fine / step | 0)) * n + (i % fine / step | 0));
-      out.set(texels.subarray(from, from + 3), 3 * i);
-    }
-    return out;
-  }
-
-  take(light) {
-    const {gpu, table, fine, n, side, top, levels, sizes, parts, cells, place, angles, ways, deep, open, met} = this, {bits} = gpu;
-    const {mean, glints} = this.glints(light), rest = light.slice(), width = this.rowBytes;
-    const rows = new Uint8Array(MOST_GLINTS * width), step = fine / n;
+  // Take a light in; `rows` are set to the bits of the brightest texels, `width` bytes each.
+  take(light, bits, rows, width) {
+    const {table, fine, n, side, top, levels, sizes, parts, cells, place, angles, ways, deep, open, met} = this;
+    const {mean, glints} = this.glints(light), rest = light.slice(), step = fine / n;
     table.fill(0, 4 * this.brights, 4 * this.tables);
     glints.forEach(([i, more], k) => {
       const face = i / (fine * fine) | 0, texel = (face * n + (i / fine % fine / step | 0)) * n + (i % fine / step | 0);
@@ -177,7 +105,6 @@ class Gloss {
     });
     this.nBright = glints.length;
     this.mean = mean;
-    gpu.fill("brightBits", rows, 1);
     // Of every part: its light, how much of it is met in the mean and where that comes from.
     let sums = new Float64Array(8 * 6 * (top << deep - 1) ** 2);
     const far = 2 * (deep - levels);
@@ -210,7 +137,6 @@ class Gloss {
         for (let c = 0; c < 3; c++) table[to + c] = each[8 * i + c] / each[8 * i + 3] - whole[w + c] / whole[w + 3];
       }
     }
-    gpu.fill("light", table, 4);
   }
 
   // What each four bits of a block let through, over the area of the block.
@@ -225,13 +151,107 @@ class Gloss {
       }
     }
   }
+}
+
+class Gloss {
+  constructor(gpu, arrays) {
+    const {gl, facts} = gpu, {top, levels, cells, wide, rows, parts, lobes, surfaces, nodes, patches} = facts.gloss;
+    Object.assign(this, {gpu, ...facts.gloss, n: facts.resolution, met: arrays.gloss_met, open: arrays.gloss_open});
+    this.side = top << levels - 1;
+    this.blocks = 6 * this.side ** 2;
+    const narrow = rows > wide, {head} = gpu;
+    gpu.head += Object.entries({TOP: 6 * top * top, LEVELS: levels, CELLS: cells, QUADS: max(1, cells * cells / 4), WIDE_ROWS: wide,
+      ROWS: rows, PARTS: parts, MOST_GLINTS, LOBES: lobes.length, GROUPS: lobes.join(), KNOTS: nodes,
+      SURFACES: surfaces}).map(([name, value]) => `#define ${name} ${value}\n`).join("");
+    this.patchMeans = gpu.program(PATCHES, null);
+    this.field = gpu.program(CORNER, FIELD);
+    this.glimpses = gpu.program(GLIMPSES, null);
+    this.glossed = gpu.program(GLOSSED, null);
+    gpu.head = head;
+    const lights = this.lights = [[facts.resolution, levels, 0], [facts.gloss.fine, levels + 1, parts]].slice(0, narrow ? 2 : 1)
+      .map(each => new GlossLight(this, ...each));
+    const {data} = gpu, lamps = facts.sources, n = gpu.n, bits = gpu.bits, width = arrays.bits.shape[1];
+    const metals = new Uint32Array(patches), middles = new Uint32Array(max(1, this.metal));
+    arrays.metal.forEach((patch, k) => {
+      metals[patch] = k + 1;
+      middles[k] = arrays.patch[patch] + arrays.patch[patch + 1] - 1 >> 1;
+    });
+    const views = new Uint32Array(max(1, this.metal) * this.blocks);
+    arrays.glimpse.forEach((code, k) => { views[code] = k; });
+    const direct = new Uint32Array(lamps.length * n || 1), count = (rows - wide) * nodesOf(top, levels + 1) + wide * nodesOf(top, levels);
+    lamps.forEach(({lamp}, k) => { if (lamp) direct.set(arrays["direct" + k], k * n); });
+    if (ceil(max(count, this.blocks * rows) / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+      fail("This device's graphics hold no tables as large as the gloss of this bake needs.");
+    Object.assign(data, {
+      codes: gpu.table("u32", this.codes(arrays, bits, width), this.blocks * rows), field: gpu.table("u32", null, count),
+      patches: gpu.table("u32", arrays.patch, patches + 1), metals: gpu.table("u32", metals, patches),
+      middles: gpu.table("u32", middles, middles.length), sends: gpu.target(patches), glossed: gpu.target(n),
+      views: gpu.table("u32", views, views.length), glimpses: gpu.table("u32", arrays.glimpse, arrays.glimpse.length),
+      glimpsed: gpu.target(max(1, arrays.glimpse.length)), glossRow: gpu.table("u32", arrays.gloss_row, n),
+      surfaces: gpu.table("u32", arrays.surface, n), matter: gpu.table("f32x4", arrays.lobe, arrays.lobe.length / 4),
+      light: gpu.table("f32x4", null, lights.reduce((sum, {table}) => sum + table.length / 4, 0)),
+      brightBits: gpu.table("u8", null, 2 * MOST_GLINTS * width),
+      direct: gpu.table("shared", direct, n, max(1, lamps.length)),
+    });
+    data.shown = data.glossed;
+    this.frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, data.field.texture, 0);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    this.rowBytes = width;
+    this.glimpsed = arrays.glimpse.length;
+  }
+
+  // Bits of the cells of each block, what is in its way, and how much of that hides light.
+  codes({met, hidden, gloss_point: points}, bits, width) {
+    const {top, levels, cells, rows, n, side} = this, many = cells * cells, out = new Uint32Array(this.blocks * rows);
+    const order = treeOrder(top, levels + Math.log2(cells)), edge = side * cells, step = n / edge;
+    for (let i = 0; i < out.length; i++) out[i] = met[i] << 16 | hidden[i] << 30;
+    for (let c = 0; c < order.length; c++) {
+      const face = order[c] / (edge * edge) | 0, row = order[c] / edge % edge | 0, half = step >> 1;
+      const texel = (face * n + row * step + half) * n + order[c] % edge * step + half;
+      const first = (c / many | 0) * rows, bit = c % many, from = texel * width;
+      for (let r = 0; r < rows; r++) out[first + r] |= (bits[from + (points[r] >> 3)] >> (points[r] & 7) & 1) << bit;
+    }
+    return out;
+  }
+
+  // A new light from far away, on texels; null: none. And where it comes from, and how it is turned.
+  setLight(texels, source, turn) {
+    const {gpu, lights, rowBytes: width} = this, rows = new Uint8Array(2 * MOST_GLINTS * width);
+    this.lit = !!texels;
+    lights.forEach((light, k) => {
+      const {fine} = light, mine = texels ? k ? this.finer(texels, source, turn) : texels : floats(18 * fine * fine);
+      light.take(mine, gpu.bits, rows.subarray(k * MOST_GLINTS * width), width);
+    });
+    const all = floats(lights.reduce((sum, {table}) => sum + table.length, 0));
+    lights.reduce((at, {table}) => { all.set(table, at); return at + table.length; }, 0);
+    gpu.fill("brightBits", rows, 1);
+    gpu.fill("light", all, 4);
+  }
+
+  // The light on as many texels as narrow lobes need.
+  finer(texels, source, turn) {
+    const {fine, n} = this, step = fine / n;
+    if (step === 1) return texels;
+    if (source.turning) return (source.finer ||= new TurningLight(source.image, fine)).at(turn);
+    const out = floats(18 * fine * fine);
+    for (let i = 0; i < out.length / 3; i++) {
+      const from = 3 * (((i / (fine * fine) | 0) * n + (i / fine % fine / step | 0)) * n + (i % fine / step | 0));
+      out.set(texels.subarray(from, from + 3), 3 * i);
+    }
+    return out;
+  }
 
   // Fill the field in, of what points send now.
   settle(environment, strengths) {
-    const {gpu, lit, mean} = this, {gl, facts} = gpu, env = lit ? environment : 0;
+    const {gpu, lit, lights, rowBytes} = this, {facts} = gpu, env = lit ? environment : 0, {mean} = lights[0];
+    // Of wide lobes, and of narrow ones.
+    const both = value => ["2iv", [value(lights[0], 0), lights[1] ? value(lights[1], lights[0].table.length / 4) : 0]];
+    const of = name => both((light, first) => first + light[name]);
     const numbers = this.numbers = {environment: ["1f", env], scale: ["1f", env * mean > 0 ? 1 / (env * mean) : 1],
-      tables: ["1i", this.tables], nBright: ["1i", this.nBright], rowBytes: ["1i", this.rowBytes], details: ["1i", this.details],
-      brights: ["1i", this.brights]};
+      bases: both((light, first) => first), tables: of("tables"), details: of("details"), brights: of("brights"),
+      nBright: both(light => light.nBright), rowBytes: ["1i", rowBytes]};
     const own = floats(gpu.many), shine = floats(gpu.many), lamps = floats(8 * gpu.many);
     facts.sources.forEach(({lamp, lamp_factor}, k) => {
       own[k] = strengths[k] / facts.emission_factor;

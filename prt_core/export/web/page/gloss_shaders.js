@@ -8,6 +8,11 @@ precision highp int;
 #define BLOCKS (TOP << 2 * DEEP)
 #define NODES first(LEVELS)
 #define NARROW first(LEVELS + 1)
+// Lobes are wide (0) or narrow (1), and each have a light of their own.
+uniform ivec2 bases, tables, details, brights, nBright;
+int W;
+#define OWN(each) (W == 1 ? each.y : each.x)
+#define NODE(node) (OWN(bases) + 2 * (node))
 int startOf(int row) { return row < WIDE_ROWS ? row * NODES : WIDE_ROWS * NODES + (row - WIDE_ROWS) * NARROW; }
 `;
 
@@ -36,8 +41,8 @@ void main() {
 // texels or cells of a block at once, and of what is in the way.
 const CORNER = `void main() { gl_Position = vec4(ID == 1 ? 3 : -1, ID == 2 ? 3 : -1, 0, 1); }`;
 const FIELD = TREE + SHARED + `uniform usampler2D codes, metals, views; uniform sampler2D light, sends, glimpsed;
-uniform float environment, scale; uniform int tables; uniform bool again; out uint value;
-vec3 sky(int block, int quad, uint bits) { return get(light, tables + (block * QUADS + quad) * 16 + int(bits)).rgb * environment; }
+uniform float environment, scale; uniform bool again; out uint value;
+vec3 sky(int block, int quad, uint bits) { return get(light, OWN(tables) + (block * QUADS + quad) * 16 + int(bits)).rgb * environment; }
 vec3 behind(uint code, int block) {
   int patch_ = int(code >> 16 & 16383u);
   if (patch_ == 0) return vec3(0);
@@ -47,13 +52,14 @@ vec3 behind(uint code, int block) {
 }
 float hidden(uint code) { return float(code >> 30) / 3.; }
 float open(uint bits) { return float((bits & 1u) + (bits >> 1 & 1u) + (bits >> 2 & 1u) + (bits >> 3 & 1u)) / 4.; }
-float solid(int node) { return get(light, 2 * node + 1).w; }
+float solid(int node) { return get(light, NODE(node) + 1).w; }
 void main() {
   int e = int(gl_FragCoord.y) * ${WIDE} + int(gl_FragCoord.x), wide = WIDE_ROWS * NODES, row, node;
   value = 0u;
   if (e < wide) { row = e / NODES; node = e % NODES; }
   else { row = WIDE_ROWS + (e - wide) / NARROW; node = (e - wide) % NARROW; }
   if (row >= ROWS) return;
+  W = row < WIDE_ROWS ? 0 : 1;
   vec3 sum = vec3(0);
   if (node >= NODES) {
     int q = node - NODES, block = q >> 2, k = q & 3;
@@ -90,7 +96,7 @@ void main() {
 // Lobes over the field, GGX as Cycles has it. N, O, H: normal, way to the viewer, their cosine.
 const LOBES_OVER = TREE + SHARED + `uniform usampler2D codes, field, glossRow, normals, brightBits, surfaces;
 uniform sampler2D light, matter, radiance, received; uniform float environment, scale;
-uniform int nBright, rowBytes, details, brights;
+uniform int rowBytes;
 vec3 N, O, P[4]; float H, own, A;
 vec3 lobe(vec3 way, float spread) {
   float c = dot(N, way);
@@ -107,6 +113,7 @@ vec3 over(int i, int row, float alpha) {
   vec3 mirror = 2. * H * N - O, sum = vec3(0);
   float width = min(2. * alpha, 0.5) * (H < 0.2 ? 0.35 : H < 0.45 ? 0.7 : 1.), square = width * width;
   bool narrow = row >= WIDE_ROWS;
+  W = narrow ? 1 : 0;
   int deepest = narrow ? LEVELS : DEEP, count = TOP << 2 * deepest, start = startOf(row);
   for (int k = 0; k < count;) {
     int level = deepest, node;
@@ -115,7 +122,7 @@ vec3 over(int i, int row, float alpha) {
     float away;
     for (;; level++) {
       node = first(level) + (k >> 2 * (deepest - level));
-      middle = get(light, 2 * node + 1);
+      middle = get(light, NODE(node) + 1);
       away = max(acos(clamp(dot(middle.xyz, mirror), -1., 1.)) - 0.1, 0.);
       if (level == deepest || middle.w <= 0.16 * (square + away * away)) break;
     }
@@ -127,20 +134,20 @@ vec3 over(int i, int row, float alpha) {
       uint code = get(codes, block * ROWS + row).r;
       uint bits = QUADS == 4 ? code >> uint(4 * (q & 3)) & 15u : (code >> uint(q & 3) & 1u) * 15u;
       float open = float((bits & 1u) + (bits >> 1 & 1u) + (bits >> 2 & 1u) + (bits >> 3 & 1u)) / 4. * environment;
-      for (int j = details + 2 * q * PARTS * PARTS, end = j + 2 * PARTS * PARTS; j < end; j += 2) {
+      for (int j = OWN(details) + 2 * q * PARTS * PARTS, end = j + 2 * PARTS * PARTS; j < end; j += 2) {
         vec4 way = get(light, j);
         sum += lobe(way.xyz, way.w / 12.) * way.w * (here + open * get(light, j + 1).rgb);
       }
       continue;
     }
 #endif
-    vec4 way = get(light, 2 * node);
+    vec4 way = get(light, NODE(node));
     sum += lobe(way.xyz, way.w) * middle.w * here;
   }
-  for (int b = 0; b < nBright; b++) {
-    uint byte = get(brightBits, b * rowBytes + i / 8).r;
+  for (int b = 0; b < OWN(nBright); b++) {
+    uint byte = get(brightBits, (MOST_GLINTS * W + b) * rowBytes + i / 8).r;
     if ((byte >> uint(i & 7) & 1u) == 1u)
-      sum += lobe(get(light, brights + 2 * b).xyz, 0.) * get(light, brights + 2 * b + 1).rgb * environment;
+      sum += lobe(get(light, OWN(brights) + 2 * b).xyz, 0.) * get(light, OWN(brights) + 2 * b + 1).rgb * environment;
   }
   return max(sum, 0.);
 }
@@ -185,7 +192,8 @@ const GLIMPSES = LOBES_OVER + `uniform usampler2D middles, glimpses; out vec4 va
 void main() {
   int code = int(get(glimpses, ID).r), i = int(get(middles, code / BLOCKS).r), row = int(get(glossRow, i).r) - 1;
   prepare(i);
-  vec3 way = -get(light, 2 * (first(DEEP) + code % BLOCKS) + 1).xyz;
+  W = row < WIDE_ROWS ? 0 : 1;
+  vec3 way = -get(light, NODE(first(DEEP) + code % BLOCKS) + 1).xyz;
   look(normalize(way + max(0.05 - dot(way, N), 0.) * N));
   value = vec4(max(even(i) + reflected(i, row, 0.1), 0.), 0);
 }`;

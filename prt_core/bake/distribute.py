@@ -208,9 +208,12 @@ def _compute_steps(client, path, stage, blocks, patience):
                 )
                 continue
             index = running.pop(future)
-            try:
-                future.result(timeout=_CONNECT)
+            if future.status in ("finished", "pending"):
+                # Pending again: what it returned is lost with its worker, but not what it computed.
                 n_done += 1
+                continue
+            try:
+                raise future.exception(timeout=_CONNECT)
             except KilledWorker as error:
                 deaths[index] += 1
                 if deaths[index] == _LIVES:

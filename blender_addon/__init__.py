@@ -1,16 +1,16 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties and light_properties (what is set), operators, keeping, exporting, web_page, lightmaps,
-occlusion, looking, light_sets and remedies (what is done), panels and panel_… (what is drawn),
-plan (what a bake would be), advice (what is to be known before), bakes (those on disk), naming and
-saving (what they are called, and how they go with their file), preview (the one in memory and its
-colours), freshness (whether it is of the scene), live (when all this is done again), gloss (when
-the view moves), rendering (whether something renders), history (files and undo steps), work (long
-work without a stuck window), idle_work (short work of a timer), own_changes (whose change it is),
-views and studio (Blender's shading and lights). Light fields likewise: field_operators,
-field_panel, field_list (those on disk), light_fields (the one in memory), following (when it is
-shown again), viewport (from where).
+properties and light_properties (what is set), operators, moving, keeping, exporting, web_page,
+lightmaps, occlusion, looking, light_sets, remedies (what is done), panels and panel_… (what is
+drawn), plan (what a bake would be), advice (what is to be known before), bakes (those on disk),
+naming and saving (what they are called, and how they go with their file), preview (the one in
+memory and its colours), freshness (whether it is of the scene), live (when all this is done again),
+gloss (when the view moves), rendering (whether something renders), history (files and undo steps),
+work (long work without a stuck window), idle_work (short work of a timer), own_changes (whose
+change it is), views and studio (Blender's shading and lights). Light fields likewise:
+field_operators, field_panel, field_list (those on disk), light_fields (the one in memory),
+following (when it is shown again), viewport (from where).
 """
 
 import bpy
@@ -28,6 +28,7 @@ from . import (
     lightmaps,
     live,
     looking,
+    moving,
     occlusion,
     operators,
     panel_bakes,
@@ -47,6 +48,7 @@ from . import (
 _PARTS = (
     properties,
     operators,
+    moving,
     field_operators,
     keeping,
     exporting,

@@ -2,7 +2,8 @@
 
 The timer of the live preview asks here. A move is looked for, never told of, and what is seen when
 it is looked for is shown: moves never queue. While the view moves, lobes are evaluated at as many
-points as fit into a moment, and at all of them when it stands still.
+points as fit into a moment, and at all of them when it stands still. After a first move, maps of
+all views are made in quiet moments; then wide lobes of all points are looked up while it moves.
 """
 
 import time
@@ -31,8 +32,10 @@ class _State(IdleWork):
 
     def forget(self):
         self.every = 1  # of the job
+        self.turned = False  # whether the view has ever moved
         self.place = None  # from where it was looked when last asked
         self.moved = 0.0  # when that changed
+        self.maps = self.mapped = False  # whether the job makes maps of views, or looks up there
         self.failed = self.said = None  # where something went wrong, and what: once is enough
         self.moving = _FIRST  # one of so many points while the view moves
         self.took = {}  # by these numbers: seconds of the last view
@@ -52,8 +55,8 @@ def idle(scene):
     if not _follows(scene):
         return True
     shown, place = preview.held(scene).shown, _place(scene)
-    done = shown.every == 1 and shown.place == place
-    return _NOW.job is None and (done or place == _NOW.failed)
+    done = shown.every == 1 and not shown.mapped and shown.place == place
+    return (_NOW.job is None or _NOW.maps) and (done or place == _NOW.failed)
 
 
 def moves(scene):
@@ -79,9 +82,12 @@ def tick():
     if bpy.context.mode.startswith("EDIT"):
         return _LOOK
     try:
-        if _NOW.job is None or (_NOW.every < _NOW.moving and moves(scene)):
+        moving = moves(scene)
+        if _NOW.job is None or (moving and _is_slow(scene)):
             _begin(scene)
-        if _NOW.go_on(_BUDGET):
+        if _NOW.job is None and _NOW.turned and not moving:
+            _map_views(scene)
+        if _NOW.go_on(_BUDGET) and not _NOW.maps:
             _NOW.failed = _NOW.said = None
     except work.FAILURES as error:
         stop()
@@ -89,6 +95,14 @@ def tick():
             work.say(str(error), True)
         _NOW.failed, _NOW.said = _NOW.place, str(error)
     return 0.0 if _NOW.job is not None else _LOOK
+
+
+def _is_slow(scene):
+    """Whether what is under way takes longer than a view that moves may."""
+    if _NOW.maps or _NOW.every < _NOW.moving:
+        return True
+    held = preview.held(scene)
+    return not _NOW.mapped and held.blend.maps_views(held.shown.lights)
 
 
 def is_stale(scene):
@@ -121,7 +135,7 @@ def _look(scene):
     viewport.look_around()
     place = _place(scene)
     if _NOW.place not in (None, place):
-        _NOW.moved = time.perf_counter()
+        _NOW.moved, _NOW.turned = time.perf_counter(), True
     _NOW.place = place
 
 
@@ -131,12 +145,23 @@ def _begin(scene):
     if _NOW.bake != held.path:
         _NOW.bake, _NOW.moving, _NOW.took = held.path, _FIRST, {}
     every = _NOW.moving if moving else 1
-    asked = held.shown.seen_from(view_of(scene), every)
-    there = asked.place == held.shown.place and held.shown.every <= every
+    mapped = moving and held.blend.maps_views(held.shown.lights)
+    asked, shown = held.shown.seen_from(view_of(scene), every, mapped), held.shown
+    near = shown.every <= every and (moving or not shown.mapped)
+    there = asked.place == shown.place and near
     if there or asked.place == _NOW.failed:
         return
     stop()  # that of an older view, if any
     _NOW.job, _NOW.every = _steps(scene, held, asked), every
+    _NOW.maps, _NOW.mapped = False, mapped
+
+
+def _map_views(scene):
+    """Make maps of views, in pieces: a view that moves meanwhile is shown at once."""
+    held = preview.held(scene)
+    if not held.blend.maps_views(held.shown.lights):
+        _NOW.job = held.blend.map_views_steps(held.shown.lights, work.PACE)
+        _NOW.maps, _NOW.mapped = True, False
 
 
 def _steps(scene, held, asked):

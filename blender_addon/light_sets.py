@@ -134,11 +134,16 @@ class PRT_OT_export_lights(_SetButton, bpy.types.Operator):
                 "file: save the scene first, or give a full path",
             )
             path = bpy.path.abspath(self.filepath)
-            write_lights(path, {each.name: _as_values(each) for each in scene.prt.sets})
+            write_lights(path, as_values(scene))
         except work.FAILURES as error:
             return self.fail(error)
         work.say(f"{len(scene.prt.sets)} lights written to {path}")
         return {"FINISHED"}
+
+
+def as_values(scene):
+    """What a file of a scene's lights holds, by their names."""
+    return {each.name: _as_values(each) for each in scene.prt.sets}
 
 
 def _as_values(light):

@@ -38,18 +38,13 @@ from .request import request
 from .work import LongWork, status
 
 
-class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
-    """Trace how light travels in the scene, once; a bake that was stopped goes on where it was"""
+class Baking(LongWork, Button):
+    """What the buttons that bake have in common."""
 
-    bl_idname = "prt.bake"
-    bl_label = "Bake"
     title = "Bake"
     when_stopped = "colours are as before, and the same button goes on where it was"
-
-    restart: BoolProperty(
-        name="Restart", description="Begin anew even where the bake is there already",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
+    # Whether what is there is begun anew, or only what has changed of it baked, of some objects.
+    restart, update, only = False, False, None
 
     def steps(self, context, pace):
         scene = self.begin(context)
@@ -58,7 +53,8 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         if not self.restart:
             bakes.expect_ours(scene, path)
         live.stop()
-        pictures = None if pace is None else showing.begin(scene)
+        # What is taken over needs no first look: it stays as it is shown.
+        pictures = None if pace is None or self.update else showing.begin(scene)
         finished = False
         try:
             result = yield from self._bake_steps(path, caster, pace, pictures)
@@ -88,12 +84,14 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
             settings,
             plan.receivers(scene),
             plan.two_sided(scene),
-            self.restart or "changed",
+            False if self.update else self.restart or "changed",
             pace,
             scene,
             strict=False,
             pictures=pictures,
             refine=refined,
+            update=self.update,
+            only=self.only,
         )
         preview.forget()
         path = saving.settle(self.scene, path)
@@ -129,10 +127,24 @@ class PRT_OT_bake(LongWork, Button, bpy.types.Operator):
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
         if line["error"] is not None:
             text += f", bounced light within {line['error']:.2%}"
+        if "reused" in line:
+            text = f"{line['reused']['line']}; {seconds:.1f} s"
         for message in line["messages"]:
             self.report({"WARNING"}, message)
         self.report({"INFO"}, text)
         work.say(text, notes=line["messages"])
+
+
+class PRT_OT_bake(Baking, bpy.types.Operator):
+    """Trace how light travels in the scene, once; a bake that was stopped goes on where it was"""
+
+    bl_idname = "prt.bake"
+    bl_label = "Bake"
+
+    restart: BoolProperty(
+        name="Restart", description="Begin anew even where the bake is there already",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
 
 
 class PRT_OT_cancel(bpy.types.Operator):

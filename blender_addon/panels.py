@@ -9,7 +9,7 @@ import bpy
 
 from prt_core.blender.stand_ins import is_copy, is_kept
 
-from . import advice, bakes, plan, preview
+from . import advice, bakes, moving, plan, preview
 from .panel_parts import Panel, clipped_lines, lines, megabytes, seconds
 from .work import status
 
@@ -61,6 +61,17 @@ def draw_button(layout, scene):
     row.operator("prt.bake", text=text, icon="RENDER_STILL")
     if bakes.is_there(scene):
         row.operator("prt.bake", text="", icon="FILE_REFRESH").restart = True
+        draw_update(layout, scene)
+
+
+def draw_update(layout, scene):
+    """The button that bakes only what has changed, where something has."""
+    if not moving.has_changed(scene):
+        return
+    row = layout.row(align=True)
+    button = row.operator("prt.update", icon="CON_LOCLIKE")
+    button.selected = scene.prt.selection_only
+    row.prop(scene.prt, "selection_only", text="", icon="RESTRICT_SELECT_OFF")
 
 
 def draw_cost(layout, scene):

@@ -184,6 +184,11 @@ class PRTScene(Light, bpy.types.PropertyGroup):
         default=False,
         update=_plan_changed,
     )
+    selection_only: BoolProperty(
+        name="Selection Only",
+        description="Bake What Moved asks selected objects alone: others keep their colours",
+        default=False,
+    )
     refine: BoolProperty(
         name="Refine",
         description="Split edges where vertices are too few for shadows under the scene's lights: "

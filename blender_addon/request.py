@@ -34,6 +34,8 @@ class Request:
         From where gloss is seen.
     every : int
         One of so many points has its own lobes (see `Relighter.view_steps`).
+    mapped : bool
+        Whether wide lobes are looked up in maps of views.
     around : bool
         Whether colours are looked at from elsewhere too (see `viewport.from_all_sides`).
     """
@@ -43,6 +45,7 @@ class Request:
     key: tuple
     view: View | None = None
     every: int = 1
+    mapped: bool = False
     around: bool = False
 
     @staticmethod
@@ -79,7 +82,8 @@ class Request:
     def steps(self, shown, pace=None):
         """Radiance of the points of a `Preview`'s bake; a generator of `Progress`."""
         shown.blend.form = self.form
-        radiance = yield from shown.blend.steps(self.lights, pace, self.view_of(shown), self.every)
+        how = pace, self.view_of(shown), self.every, self.mapped
+        radiance = yield from shown.blend.steps(self.lights, *how)
         shown.received = shown.blend.received
         return radiance
 
@@ -103,9 +107,9 @@ class Request:
             one = [replace(light, weight=1.0)]
             yield light.name, self.of(one, self.form, self.view, self.around)
 
-    def seen_from(self, view, every=1):
+    def seen_from(self, view, every=1, mapped=False):
         """The same light seen from elsewhere."""
-        return replace(self, view=view, every=every)
+        return replace(self, view=view, every=every, mapped=mapped)
 
     @property
     def place(self):
@@ -114,7 +118,7 @@ class Request:
 
     def looks_like(self, other):
         """Whether the colours of two requests are the same."""
-        one, two = ((each.key, each.place, each.every) for each in (self, other))
+        one, two = ((each.key, each.place, each.every, each.mapped) for each in (self, other))
         return one == two
 
 

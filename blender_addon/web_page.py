@@ -1,6 +1,7 @@
 """The bake as a web page: the button, and the page in the browser afterwards."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
@@ -8,8 +9,9 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from prt_core.api import export_web_steps
 from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.errors import expect
+from prt_core.relight.light_file import write_lights
 
-from . import freshness, live, preview, work
+from . import freshness, light_sets, live, preview, work
 from .buttons import BakeButton
 from .work import LongWork
 
@@ -30,6 +32,10 @@ class _Page:
             ("SOFT", "Soft", "A small page, on which hard suns are blurred"),
         ],
     )
+    sets: BoolProperty(
+        name="Buttons for Light Sets", description="Of the lights that are kept by name",
+        default=True,
+    )  # fmt: skip
     show: BoolProperty(name="Open in the Browser", default=True)
 
 
@@ -53,7 +59,12 @@ class PRT_OT_web_page(_Page, LongWork, BakeButton, bpy.types.Operator):
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
         settings = {"bits": self.suns == "SHARP", "caster": self.scene.prt.caster}
-        return (yield from export_web_steps(held.bake, output, pace=pace, **settings))
+        with TemporaryDirectory() as folder:
+            if self.sets and self.scene.prt.sets:
+                path = Path(folder) / "lights.json"
+                write_lights(path, light_sets.as_values(self.scene))
+                settings["sets"] = [path]
+            return (yield from export_web_steps(held.bake, output, pace=pace, **settings))
 
     def finish(self, context, report):
         page = Path(report["output"])

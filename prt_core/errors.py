@@ -4,6 +4,7 @@ import errno
 import math
 import numbers
 import os
+import re
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import numpy as np
 _SHOWN = 60
 # Bytes of a file's name, at most, on all systems.
 _LONGEST = 255
+# How an address in an object store begins, and no path does: a `Path` of one has a slash less.
+_SCHEME = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)
 # What numpy's integers hold.
 _MOST_WHOLE = (1 << 63) - 1
 # What a person can do about what the system refuses.
@@ -169,6 +172,11 @@ def expect_path(name, value):
     text = os.fspath(value) if good else ""
     expect(good and text.strip(), f"{name}: expected a path, got {shown(value)}")
     expect("\0" not in text, f"{name}: a path cannot hold a zero byte, got {shown(value)}")
+    expect(
+        not _SCHEME.match(text),
+        f"{name}: expected a path on this machine, got {shown(value)}; only bakes and light fields "
+        "lie at addresses, which are given as text",
+    )
     path = Path(text)
     longest = max(path.parts, key=len, default="")
     expect(

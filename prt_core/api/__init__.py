@@ -13,6 +13,7 @@ from prt_core.api.light_field import light_field_steps as light_field_steps
 from prt_core.api.occlusion import occlusion as occlusion
 from prt_core.bake import Bake, BakeSettings
 from prt_core.bake.compress import CompressSettings, compress_steps
+from prt_core.bake.distribute import expect_cluster
 from prt_core.bake.images import ImageSettings
 from prt_core.bake.load import load
 from prt_core.bake.memory import Memory
@@ -25,18 +26,17 @@ from prt_core.errors import (
     expect,
     expect_flag,
     expect_kind,
-    expect_path,
     shown,
 )
 from prt_core.light.environment import named_images
 from prt_core.relight.environments import Environments
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.relighter import Relighter
-from prt_core.runtime.files import expect_output
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.runtime.progress import run
 from prt_core.runtime.renamed import renamed_keyword, warn_renamed
-from prt_core.store import BakeStore, remove_compressed
+from prt_core.store import BakeStore, expect_store_output, remove_compressed
 from prt_core.transport import View
 
 
@@ -62,6 +62,10 @@ def bake(
     atlas_margin=4,
     memory=None,
     plan=False,
+    dask=None,
+    reuse=None,
+    update=False,
+    only=None,
     **settings,
 ):
     """Bake a .blend file, or Blender's current scene, into a store.
@@ -114,6 +118,19 @@ def bake(
     plan : bool
         Only put the scene and its settings into `output`, whose blocks of work are then computed
         anywhere (see `prt_core.bake.blocks`), and closed by `finish`.
+    dask : str or distributed.Client, optional
+        Blocks of work are computed by the workers of a Dask cluster, all of which must see
+        `output`: "local:N" starts N on this machine; or the address of a scheduler, its .json file,
+        or a client.
+    reuse : str or Path, optional
+        A finished bake of the scene as it was, of the same settings: only what has changed since
+        is baked, what it cannot have touched is taken from there. The report's `reused` says what
+        was, or why nothing could be.
+    update : bool
+        The same from what `output` holds, which is replaced once the new bake is finished.
+    only : sequence of str, optional
+        Objects that are asked again, of those that have changed or see a change; the colours of
+        the others stay as they were until they are updated as well.
     **settings
         See `BakeSettings`: resolution, bounces, tolerance, caster, seed, method, gloss.
 
@@ -131,13 +148,18 @@ def bake(
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
     settings = BakeSettings(**settings)
-    output = expect_output("output", output, ".prt", folder=True, create=True)
+    output = expect_store_output("output", output, ".prt", create=True)
     image = ImageSettings(
         camera_pixels, pixel_samples, geometry_image, parametrisation, atlas, atlas_objects,
         atlas_uv, atlas_margin,
     )  # fmt: skip
     refined = refine_settings(refine, refine_tolerance, refine_vertices)
     Memory.of(memory)
+    if dask is not None:
+        expect(not plan, "dask: a plan computes nothing; leave out one of dask and plan")
+        expect(restart is False, "restart: workers replace no bake; remove the old one first")
+        expect(on_picture is None, "on_picture: what workers compute is not shown; leave it out")
+        expect_cluster(dask)
     if expect_flag("plan", plan):
         expect(restart is False, "restart: a plan replaces nothing; remove the old bake first")
         expect(on_picture is None, "on_picture: a plan computes nothing that could be shown")
@@ -147,7 +169,8 @@ def bake(
         pictures = Pictures()
     steps = bake_blend_steps(
         blend, output, settings, objects, two_sided, restart, image=image, pictures=pictures,
-        refine=refined, memory=memory, plan=plan,
+        refine=refined, memory=memory, plan=plan, cluster=dask, reuse=reuse, update=update,
+        only=only,
     )  # fmt: skip
     return run(steps if pictures is None else handed_out(steps, pictures, on_picture), report)
 
@@ -222,14 +245,14 @@ def compress_bake_steps(
             "method 'none' removes the compressed form; it takes no tolerance, size, time or "
             "lights",
         )
-        path = bake.path if isinstance(bake, Bake) else expect_path("bake", bake)
+        path = bake.path if isinstance(bake, Bake) else expect_store_path("bake", bake)
         remove_compressed(BakeStore(path, "r+"))
         return None
     settings = CompressSettings(method, tolerance, megabytes, milliseconds, seed, of)
     if lights is not None and not isinstance(lights, dict):
         lights = named_images(lights)
     if not isinstance(bake, Bake):
-        bake = yield from in_thread("load", load, expect_path("bake", bake))
+        bake = yield from in_thread("load", load, expect_store_path("bake", bake))
     if lights is None:
         with suppress(PRTError):  # without Blender plain skies stand in
             lights = studio_lights()
@@ -293,7 +316,7 @@ def _view_of(bake, view):
 
 
 def _loaded(bake):
-    return bake if isinstance(bake, Bake) else load(expect_path("bake", bake))
+    return bake if isinstance(bake, Bake) else load(expect_store_path("bake", bake))
 
 
 def environment_light(bake, light, rotation=None, strength=1.0):

@@ -2,15 +2,17 @@
 
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 
 from prt_core.bake import BakeSettings, bake_steps
+from prt_core.bake.distribute import distribute_steps
+from prt_core.bake.earlier import earlier_of
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.plan import plan_steps
 from prt_core.bake.refine import refine_meshes_steps
 from prt_core.bake.visibility import chosen_method
 from prt_core.blender_access import import_bpy, open_blend
 from prt_core.errors import PRTError, expect, expect_all, expect_flag, expect_kind
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import each_in_thread
 from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
@@ -32,6 +34,10 @@ def bake_blend_steps(
     refine=None,
     memory=None,
     plan=False,
+    cluster=None,
+    reuse=None,
+    update=False,
+    only=None,
 ):
     """`bake` as a generator of `Progress`.
 
@@ -52,12 +58,23 @@ def bake_blend_steps(
         See `bake_steps`.
     plan : bool
         Whether the bake is only planned: then the result is a dict of its `stages`.
+    cluster : str or distributed.Client, optional
+        By whose workers blocks are computed (see `distribute_steps`).
+    reuse, update, only
+        See `bake`.
     """
     expect_kind("settings", settings, BakeSettings)
     objects = None if objects is None else _names("objects", objects)
     two_sided = _names("two_sided", two_sided)
     if restart != "changed":
         expect_flag("restart", restart)
+    reuse, restart = earlier_of(output, restart, reuse, update)
+    only = None if only is None else _names("only", only)
+    expect(
+        not (plan or cluster is not None) or reuse is None,
+        "reuse: blocks of work are computed without an earlier bake; leave out reuse and update, "
+        "or plan and dask",
+    )
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if refine is not None:
         expect_kind("refine", refine, RefineSettings)
@@ -81,7 +98,7 @@ def bake_blend_steps(
     from prt_core.sphere import CubeMap
 
     scene = scene or import_bpy().context.scene
-    uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
+    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
     camera, seen = read_camera(scene, messages), []
     cameras = read_cameras(scene)
 
@@ -119,14 +136,17 @@ def bake_blend_steps(
     if settings.gloss or method != "exhaustive":
         # Where they are Blender tells here; they are read when the certificate asks for them.
         lights = partial(studio_lights, studio_images(), cube_map)
-    if plan:
+    if plan or cluster is not None:
         stages = yield from plan_steps(
-            built, output, settings, lamps, world, camera, source, lights, origin, cameras, memory
-        )
+            built, output, settings, lamps, world, camera, source, lights, origin, cameras, memory,
+            finished=cluster is not None,
+        )  # fmt: skip
+        if cluster is not None:
+            return (yield from distribute_steps(output, cluster, memory))
         return {"stages": [asdict(stage) for stage in stages]}
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        cameras, pictures, memory,
+        cameras, pictures, memory, reuse, only,
     )  # fmt: skip
     return result
 

@@ -4,13 +4,14 @@ from pathlib import Path
 
 from prt_core.bake import Bake
 from prt_core.bake.load import load
-from prt_core.errors import expect, expect_kind, expect_path
+from prt_core.errors import expect, expect_kind
 from prt_core.export.glb import GLBSettings, glb_steps
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import load_compressed
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.received import as_received
 from prt_core.relight.relighter import Relighter
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import MainThreadCalls, maybe_in_thread, steps_in_thread
 from prt_core.runtime.progress import run
@@ -55,7 +56,7 @@ def export_glb(bake, output, light=None, *, caster="auto", form="auto", view=Non
     settings = {name: keywords.pop(name) for name in _SETTINGS if name in keywords}
     settings, lighting = GLBSettings(**settings), lighting_of(light, **keywords)
     output = expect_output("output", output, ".glb", create=True)
-    bake = bake if isinstance(bake, Bake) else load(expect_path("bake", bake))
+    bake = bake if isinstance(bake, Bake) else load(expect_store_path("bake", bake))
     return run(export_glb_steps(bake, output, lighting, settings, caster, form, view), report)
 
 

@@ -1,17 +1,16 @@
 """The light field of a scene or of a bake, from Python."""
 
-from pathlib import Path
-
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.light_field import LightFieldSettings, capture_light_field
 from prt_core.bake.light_field_transport import TransportCamera
 from prt_core.bake.load import load
 from prt_core.blender_access import import_bpy, open_blend
-from prt_core.errors import expect, expect_all, expect_flag, expect_path, expect_whole
-from prt_core.runtime.files import expect_output
+from prt_core.errors import expect, expect_all, expect_flag, expect_whole
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.main_thread import each_in_thread, in_thread
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
+from prt_core.store import expect_store_output
 
 
 def light_field(
@@ -25,6 +24,8 @@ def light_field(
     lamps=False,
     restart=False,
     report=None,
+    plan=False,
+    share=None,
     **settings,
 ):
     """Capture the light field of objects: radiance of their points in all directions.
@@ -50,13 +51,18 @@ def light_field(
     restart : bool
         Begin anew whatever `output` holds.
     report : callable(Progress), optional
+    plan : bool
+        Only put the scene into `output`, which others then capture in shares.
+    share : (int, int), optional
+        (I, N): capture every N-th block from number I on of what was planned with the same
+        arguments. Without a share what is missing is captured, and the light field closed.
     **settings
         See `LightFieldSettings`: angles, samples, tolerance, denoise, seed.
 
     Returns
     -------
     dict
-        The report (see `capture_light_field`).
+        The report, or how many `blocks` were planned or captured (see `capture_light_field`).
 
     Raises
     ------
@@ -66,9 +72,10 @@ def light_field(
     known = LightFieldSettings.__dataclass_fields__
     unknown = sorted(set(settings) - set(known))
     expect(not unknown, f"{', '.join(unknown)}: no such setting; there are {', '.join(known)}")
-    output = expect_output("output", output, ".slf", folder=True, create=True)
+    output = expect_store_output("output", output, ".slf", create=True)
     asked = LightFieldSettings(**settings), objects, two_sided, grid, hidden, lamps, restart
-    return run(light_field_steps(source, output, *asked), report)
+    steps = light_field_steps(source, output, *asked, plan=plan, share=share)
+    return run(steps, report)
 
 
 def light_field_steps(
@@ -83,6 +90,8 @@ def light_field_steps(
     restart=False,
     pace=None,
     scene=None,
+    plan=False,
+    share=None,
 ):
     """`light_field` as a generator of `Progress`.
 
@@ -99,13 +108,21 @@ def light_field_steps(
         expect_whole("hidden", hidden)
     if grid is not None:
         expect_whole("grid", grid, 1)
-    if source is not None and expect_path("source", source).suffix == ".prt":
+    if source is not None and expect_store_path("source", source).suffix == ".prt":
         given = objects is not None or two_sided or grid is not None or hidden is not None
         expect(not given, f"{source}: its points are those of the bake; name none, and no grid")
         bake = yield from in_thread("load", load, source)
         camera = yield from in_thread("light", TransportCamera, bake, lamps)
         steps = capture_light_field(
-            bake.scene, camera, output, settings, bake.camera, bake.origin, restart
+            bake.scene,
+            camera,
+            output,
+            settings,
+            bake.camera,
+            bake.origin,
+            restart,
+            plan=plan,
+            share=share,
         )
         return (yield from steps)
     messages = [] if source is None else list(open_blend(source))
@@ -114,7 +131,7 @@ def light_field_steps(
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 
     scene = scene or bpy.context.scene
-    uid, origin = scene.session_uid, origin_of(scene, Path(output).parent)
+    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
     objects = None if objects is None else expect_all("objects", objects, str, "objects' names")
     two_sided = expect_all("two_sided", two_sided, str, "objects' names")
     meshes = yield from light_field_meshes_steps(uid, objects, two_sided, lamps, pace)
@@ -132,6 +149,6 @@ def light_field_steps(
         messages += built.messages
     camera, view = light_field_camera(uid, built, lamps, messages)
     steps = capture_light_field(
-        built, camera, output, settings, view, origin, restart, messages, pace
+        built, camera, output, settings, view, origin, restart, messages, pace, plan, share
     )
     return (yield from steps)

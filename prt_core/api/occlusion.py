@@ -4,7 +4,7 @@ import numpy as np
 
 from prt_core.bake import Bake, load
 from prt_core.bake.occlusion import baked_occlusion_steps
-from prt_core.errors import expect_path
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.progress import run
 from prt_core.transport import Occlusion
 
@@ -50,7 +50,7 @@ def occlusion(
         The bake cannot be read, or there is no such kind, falloff or weight.
     """
     asked = Occlusion(kind, distance, falloff, weight)
-    bake = bake if isinstance(bake, Bake) else load(expect_path("bake", bake))
+    bake = bake if isinstance(bake, Bake) else load(expect_store_path("bake", bake))
     values = run(baked_occlusion_steps(bake, asked, caster), report)
     if values.ndim == 2:
         return bake.colours(values)

@@ -10,10 +10,10 @@ the same bit for bit, each file whole or not there. Nobody but who plans and fin
         for each of its blocks, anywhere: compute(path, stage, index)
 """
 
+import json
 import threading
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, GatherBlocks, holds_rays
 from prt_core.bake.settings import BakeSettings
@@ -27,14 +27,21 @@ from prt_core.bake.stages import (
     read_figures,
 )
 from prt_core.bake.tile_rows import TileArrays
-from prt_core.bake.tiled import TILE, TileBlocks
+from prt_core.bake.tiled import ASKED, TILE, TileBlocks
 from prt_core.bake.visibility import RAYS as VISIBILITY_RAYS
 from prt_core.bake.visibility import STAGE as VISIBILITY
 from prt_core.bake.visibility import ExhaustiveBlocks, blocks
-from prt_core.errors import expect, expect_one_of, expect_path, expect_whole, system_errors
+from prt_core.errors import expect, expect_one_of, expect_whole, system_errors
+from prt_core.runtime.address import expect_store_path
+from prt_core.runtime.machine import return_memory
 from prt_core.runtime.progress import run
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
+from prt_core.store.attributes import read_attributes
+
+# What the last call of this process opened, for the next one.
+_lock = threading.Lock()
+_stores, _kept = {}, {}
 
 
 @dataclass(frozen=True)
@@ -62,8 +69,8 @@ class BlockDone:
 def stages(store):
     """The stages of a planned bake that are known by now.
 
-    How many rounds of bounce rays are needed shows while the bake is finished, step by step: each
-    call of `finish_steps` may open another stage.
+    Where sampling was not near enough, and how many rounds of bounce rays are needed, shows while
+    the bake is finished, step by step: each call of `finish_steps` may open another stage.
 
     Parameters
     ----------
@@ -80,9 +87,7 @@ def stages(store):
     PRTError
         There is no such bake, or it is not planned.
     """
-    store = _planned(store)
-    with damage_as_error(store.path, "its plan"):
-        return open_stages(store)
+    return open_stages(_planned(store))
 
 
 def missing_blocks(store, stage):
@@ -131,7 +136,7 @@ def compute(store, stage, index):
     known = _stage_of(store, stage)
     index = expect_whole(f"block of stage '{known.name}'", index, 0, known.blocks - 1)
     with system_errors(store.path):
-        return _workplace(store).compute(known, index)
+        return _workplace(store).compute(store, known, index)
 
 
 def block_figures(store, stage):
@@ -155,8 +160,7 @@ def block_figures(store, stage):
 
 def _planned(store):
     if not isinstance(store, BakeStore):
-        # To read: who may write attributes also removes what a kill left, which may be another's.
-        store = BakeStore(expect_path("store", store))
+        store = _opened(expect_store_path("store", store))
     expect(
         not store.is_complete,
         f"{store.path}: the bake is finished; nothing of it is left to compute",
@@ -169,18 +173,34 @@ def _planned(store):
     return store
 
 
+def _opened(path):
+    """The store at a path, to read: who may write also removes what a kill left, another's too."""
+    with _lock:
+        store = _stores.get(path)
+        # To open one looks at every file; while nothing is said anew that was done for the last.
+        if store is None or read_attributes(store.files) != store.attributes:
+            _stores.clear()
+            store = _stores[path] = BakeStore(path)
+        return store
+
+
 def _stage_of(store, stage):
-    with damage_as_error(store.path, "its plan"):
-        known = {each.name: each for each in open_stages(store)}
+    known = {each.name: each for each in open_stages(store)}
     name = stage.name if isinstance(stage, Stage) else stage
     return known[expect_one_of("stage", name, tuple(known))]
 
 
 def _holds(store, stage):
     """A function that tells whether a block of a stage is there."""
-    if stage.name != VISIBILITY:
+    if stage.name.startswith(GATHER):
         arrays, turns = (store.array(GATHER), store.array(GATHER_RAYS)), _rounds_of(store, stage)
         return lambda index: holds_rays(*arrays, index, turns)
+    if stage.name != VISIBILITY:
+        turn = _turn_of(stage)
+        arrays = TileArrays.opened(store, turn)
+        with damage_as_error(store.path, "its plan"):
+            asked = set(store.attributes[WORK][ASKED][turn - 1]["tiles"])
+        return lambda index: index not in asked or arrays.holds(index)
     if TILE in store.attributes:
         return TileArrays.opened(store, 0).holds
     bits, counts = store.array(VISIBILITY), store.array(VISIBILITY_RAYS)
@@ -188,13 +208,11 @@ def _holds(store, stage):
     return lambda index: bits.holds(parts[index]) and counts.holds(index)
 
 
-_lock = threading.Lock()
-_kept = {}
-
-
 def _workplace(store):
     """The `_Workplace` of a store; the last one of this process is kept."""
-    key = str(Path(store.path).absolute()), store.attributes["seal"]
+    attributes = store.attributes
+    same = [attributes.get(name) for name in ("identity", "details")]
+    key = str(store.path.absolute()), json.dumps(same, sort_keys=True)
     with _lock:
         place = _kept.get(key)
         if place is None:
@@ -205,10 +223,10 @@ def _workplace(store):
 
 
 class _Workplace:
-    """All that blocks of a store need."""
+    """All that blocks of a store need, whatever the stage."""
 
     def __init__(self, store):
-        self._store, attributes = store, store.attributes
+        attributes = store.attributes
         with damage_as_error(store.path):
             self._settings = BakeSettings(**attributes["settings"])
             work = dict(attributes[WORK])
@@ -219,31 +237,35 @@ class _Workplace:
         self._scene.open_points = store.read(OPEN, (n_points,), "bool")
         self._caster = self._scene.make_caster(name, "diffuse", self._settings.resolution)
         self._blocks, self._lock = {}, threading.Lock()
+        return_memory()
 
-    def compute(self, stage, index):
+    def compute(self, store, stage, index):
         """Compute a block: `BlockDone`."""
         with self._lock:
-            work = self.blocks_of(stage)
+            work = self._blocks_of(store, stage)
         if work.is_done(index):
-            seconds, rays, _ = read_figures(self._store, stage.name, index + 1)[index]
+            seconds, rays, _ = read_figures(store, stage.name, index + 1)[index]
             return BlockDone(stage.name, index, float(seconds), int(rays), True)
         start, before = time.perf_counter(), getattr(self._caster, "too_deep", 0)
         rays = work.compute(index)
         seconds = time.perf_counter() - start
         too_deep = getattr(self._caster, "too_deep", 0) - before
-        note_figures(self._store, stage.name, index, (seconds, rays, too_deep))
+        note_figures(store, stage.name, index, (seconds, rays, too_deep))
         return BlockDone(stage.name, index, seconds, int(rays))
 
-    def blocks_of(self, stage):
+    def _blocks_of(self, store, stage):
         """What computes blocks of a stage: `is_done(index)`, `compute(index)`."""
         if stage.name not in self._blocks:
-            given = self._store, self._scene, self._cube_map, self._caster
-            if stage.name != VISIBILITY:
+            given = store, self._scene, self._cube_map, self._caster
+            if stage.name.startswith(GATHER):
                 gather = GatherBlocks.opened(*given, self._settings.seed)
-                turns = _rounds_of(self._store, stage)
+                turns = _rounds_of(store, stage)
                 self._blocks[stage.name] = _Rounds(gather, turns)
-            elif TILE in self._store.attributes:
-                self._blocks[stage.name] = _Steps(TileBlocks.opened(*given, self._settings))
+            elif TILE in store.attributes:
+                tiles = TileBlocks.opened(*given, self._settings)
+                if stage.name != VISIBILITY:
+                    tiles = tiles.again(store, _turn_of(stage))
+                self._blocks[stage.name] = _Steps(tiles)
             else:
                 self._blocks[stage.name] = _Steps(ExhaustiveBlocks.opened(*given))
         return self._blocks[stage.name]
@@ -274,6 +296,11 @@ class _Rounds:
         """Cast the rays of a block that are missing; returns how many these were."""
         turns = [turn for turn in self._turns if not self._gather.is_done(index, turn)]
         return self._gather.compute([(index, turn) for turn in turns])
+
+
+def _turn_of(stage):
+    """Which turn of asking again a stage is: 1 is the first."""
+    return int(stage.name.removeprefix(VISIBILITY))
 
 
 def _rounds_of(store, stage):

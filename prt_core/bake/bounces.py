@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.bake.coarse import probe_skies
-from prt_core.bake.gather import read_gather
+from prt_core.bake.gather import SHIFTS, read_gather
 from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, MOST_ROUNDS, GatherBlocks
 from prt_core.bake.stages import BlocksMissing, open_stage
 from prt_core.bake.visibility import add_seconds, blocks
@@ -17,7 +17,7 @@ from prt_core.transport.gather import ROUND
 from prt_core.transport.sent import mean_of_channels, sent_of
 from prt_core.transport.visibility import received_light
 
-# Rays of all points together at most: what K holds of them has to fit into memory.
+# Rays of all points together at most: where they ended takes 8 GB before it is compressed.
 _MOST_RAYS = 1 << 31
 
 
@@ -51,7 +51,7 @@ class Bounced:
 
 def bounce_steps(
     store, scene, cube_map, caster, settings, seconds, emitted=None, pictures=None, here=True,
-    memory=None,
+    memory=None, reuse=None,
 ):  # fmt: skip
     """Gather rays of a scene into a store; yields `Progress`.
 
@@ -71,6 +71,8 @@ def bounce_steps(
     here : bool
         Whether blocks that are missing are computed; otherwise they are said.
     memory : Memory, optional
+    reuse : Reuse, optional
+        Whose rays are taken where they are as they were.
 
     Returns
     -------
@@ -96,14 +98,15 @@ def bounce_steps(
         bound = np.inf
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
-        for name in (GATHER, GATHER_RAYS, "blocked"):
+        for name in (GATHER, GATHER_RAYS, SHIFTS, "blocked"):
             store.remove(name)
         store.update(rounds=0)
         return Bounced(error=bound, skipped=skipped)
     # Of an even sky a point receives what is not blocked.
     blocked = np.clip(1 - probes[:, 0], 0, 1)
     store.keep("blocked", blocked)
-    work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed)
+    kept = None if reuse is None else reuse.kept_rays(store, settings.seed)
+    work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed, kept)
     room, most = (memory, store.path.parent), most_rounds(n_points)
     rounds, error = 0, np.inf
     while rounds < most and error > settings.tolerance:

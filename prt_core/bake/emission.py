@@ -1,6 +1,5 @@
 """The emission stage of a bake: what points receive of each emitter, directly and with bounces."""
 
-import os
 import time
 from dataclasses import dataclass, field
 
@@ -11,6 +10,7 @@ from prt_core.bake.gather import read_gather
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.errors import expect
 from prt_core.rays import cast_on_all_cores
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.threads import on_all_cores
 from prt_core.store import damage_as_error
@@ -95,7 +95,7 @@ def emission_steps(store, scene, caster, settings, seconds):
         points, seed = parts[index], settings.seed
         return emitted_light(scene, caster, lights, points, seed, settings.tolerance)
 
-    group = max(caster.threads, os.cpu_count() or 1) * _TOGETHER
+    group = max(caster.threads, n_cores()) * _TOGETHER
     todo = [
         index
         for index, part in enumerate(parts)
@@ -182,8 +182,8 @@ def bounced_emission_steps(store, scene, rounds, settings, seconds, memory=None)
         received[index] = np.hstack(parts)
 
     emitters = range(len(scene.emitters))
-    for first in range(0, len(emitters), os.cpu_count() or 1):
-        on_all_cores(one, emitters[first : first + (os.cpu_count() or 1)])
+    for first in range(0, len(emitters), n_cores()):
+        on_all_cores(one, emitters[first : first + n_cores()])
         yield Progress("emission", first, len(emitters))
     add_seconds(seconds, "emission", time.perf_counter() - start)
 

@@ -16,6 +16,8 @@ from prt_core.store import BakeStore, damage_as_error
 from prt_core.transport import gather_directions, gather_operator, ray_ends
 from prt_core.transport.gather import ROUND
 
+# Of bounce rays that were taken over from another bake (see `gather_directions`).
+SHIFTS = "gather_shift"
 # Bytes of an entry of K, of which a ray makes one at most; joining its blocks takes twice as many.
 _ENTRY = 16
 # Blocks made together where K is written to a file.
@@ -90,11 +92,12 @@ def gather_terms(bake, weigh, blocked=None):
     expect(callable(weigh), f"weigh: expected a function of a block and rays, got {shown(weigh)}")
     store, rounds = _rays_of(bake)
     scene, n_points, seed = bake.scene, len(bake.scene.points), bake.settings["seed"]
+    shifts = read_shifts(store, n_points)
     if blocked is not None:
         blocked = expect_array("blocked", blocked, (None, n_points), np.float32, 0)
 
     def one(block):
-        turns = [gather_directions(scene, block, seed, turn) for turn in range(rounds)]
+        turns = [gather_directions(scene, block, seed, turn, shifts) for turn in range(rounds)]
         directions = np.concatenate(turns, axis=1)
         shape = None, *directions.shape[:2]
         weights = expect_array("weights", weigh(block, directions), shape)
@@ -132,6 +135,13 @@ def stored_hits(store, n_points, rounds):
     hits.expect_whole()
     yield hits
     store.expect_sealed(hits)
+
+
+def read_shifts(store, n_points):
+    """Shifts of the bounce rays of a bake that has taken some from another; else None."""
+    if SHIFTS not in (store.attributes.get("arrays") or {}):
+        return None
+    return store.read(SHIFTS, (n_points, 2, 2), "float32")
 
 
 def _rays_of(bake):

@@ -1,12 +1,12 @@
 """Gather rays block by block: so many points and a round are one job, whoever does it and when."""
 
-import os
 from functools import lru_cache
 
 import numpy as np
 
 from prt_core.bake import visibility
 from prt_core.bake.visibility import blocks
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.dilate import dilate
 from prt_core.transport import Sharing, gather_parts
@@ -38,6 +38,8 @@ class GatherBlocks:
     cube_map : CubeMap
     caster : RayCaster
     seed : int
+    kept : KeptRays, optional
+        Rays that another bake has cast.
 
     Attributes
     ----------
@@ -47,20 +49,20 @@ class GatherBlocks:
         Blocks that are best computed together.
     """
 
-    def __init__(self, hits, counts, store, scene, cube_map, caster, seed):
+    def __init__(self, hits, counts, store, scene, cube_map, caster, seed, kept=None):
         self.hits, self.parts = hits, blocks(len(scene.points))
         self._counts, self._store, self._scene = counts, store, scene
-        self._caster, self._seed = caster, seed
+        self._caster, self._seed, self._kept = caster, seed, kept
         self._clear = _Clear(store.array("visibility"), cube_map)
         self._sharing = Sharing(scene)
-        one_thread = _TOGETHER * (os.cpu_count() or 1)
+        one_thread = _TOGETHER * n_cores()
         self.group = caster.threads if caster.threads > 1 else one_thread
 
     @classmethod
-    def begun(cls, store, scene, cube_map, caster, seed):
+    def begun(cls, store, scene, cube_map, caster, seed, kept=None):
         """Those of a bake whose arrays are made, or taken as far as they are there."""
         arrays = _arrays(store, scene, MOST_ROUNDS)
-        return cls(*arrays, store, scene, cube_map, caster, seed)
+        return cls(*arrays, store, scene, cube_map, caster, seed, kept)
 
     @classmethod
     def opened(cls, store, scene, cube_map, caster, seed):
@@ -81,8 +83,9 @@ class GatherBlocks:
         jobs = [(self.parts[index], turn) for index, turn in todo]
         spared = self._scene.open_points
         gathered = gather_parts(
-            self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing
-        )
+            self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing,
+            self._kept,
+        )  # fmt: skip
         on_all_cores(self._write, zip(todo, gathered, strict=True))
         return sum(one.n_rays + one.n_short for one in gathered)
 
@@ -127,7 +130,7 @@ class _Clear:
     def __init__(self, bits, cube_map):
         self._bits, self._cube_map = bits, cube_map
         # Of the blocks that are at work: all their rounds ask.
-        self._near = lru_cache(2 * _TOGETHER * (os.cpu_count() or 1))(self._blocked_nearby)
+        self._near = lru_cache(2 * _TOGETHER * n_cores())(self._blocked_nearby)
 
     def _blocked_nearby(self, start, stop):
         return dilate(~self._bits[start:stop], self._cube_map.resolution)

@@ -1,25 +1,27 @@
 """What a bake is given, checked before anything is written; and what is left where it fails."""
 
-import shutil
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import contextmanager, suppress
 
 from prt_core.errors import (
+    PRTError,
     expect,
     expect_all,
     expect_flag,
     expect_kind,
     expect_named,
     expect_number,
-    expect_path,
 )
 from prt_core.light import Lamp
 from prt_core.light.environment import expect_radiance
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import expect_memory
 from prt_core.scene import Camera, Scene
+from prt_core.store import files_at, is_taken, remove_begun
 
-# Of a point while it is baked, its bits apart.
-_POINT_BYTES = 400
+# Of a point while it is baked; its bits are in memory a tile at a time.
+_POINT_BYTES = 700
+# Arrays of answers of rays.
+_RAYS = "visibility", "ray_journal"
 
 
 def expect_bake_input(
@@ -40,7 +42,7 @@ def expect_bake_input(
     world : (n_directions, 3) float32, or None
     """
     expect_kind("scene", scene, Scene)
-    expect_path("bake", path)
+    expect_store_path("bake", path)
     if restart != "changed":
         expect_flag("restart", restart)
     if pace is not None:
@@ -59,9 +61,9 @@ def expect_bake_input(
             expect_radiance(f"light '{name}'", light, cube_map)
     n_points = len(scene.points)
     expect_memory(
-        f"bake: {n_points:,} points with {cube_map.n_directions:,} directions",
-        n_points * (cube_map.n_directions / 8 + _POINT_BYTES),
-        "take a lower resolution, or fewer points",
+        f"bake: {n_points:,} points",
+        n_points * _POINT_BYTES,
+        "take fewer points",
     )
     return None if world is None else expect_radiance("world", world, cube_map)
 
@@ -69,12 +71,13 @@ def expect_bake_input(
 @contextmanager
 def unless_begun(path):
     """Take a new bake away again where it fails before a ray is cast: nothing would be lost."""
-    path = Path(path)
-    exists = path.exists()
+    path = expect_store_path("bake", path)
+    existed = is_taken(path)
     try:
         yield
     except Exception:
-        rays = [path / name / "c" for name in ("visibility", "ray_journal")]
-        if not exists and not any(chunks.exists() for chunks in rays):
-            shutil.rmtree(path, ignore_errors=True)
+        with suppress(PRTError):
+            files = files_at(path)
+            if not existed and not any(files.names(f"{name}/c") for name in _RAYS):
+                remove_begun(path)
         raise

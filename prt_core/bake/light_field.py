@@ -9,7 +9,7 @@ light field that goes on is of the same scene, whatever of it has changed.
 """
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 
@@ -23,19 +23,23 @@ from prt_core.bake.field_denoise import (
 )
 from prt_core.bake.inputs import unless_begun
 from prt_core.bake.light_field_load import KIND
+from prt_core.bake.light_field_settings import MOST_ANGLES as MOST_ANGLES
+from prt_core.bake.light_field_settings import (
+    MOST_SAMPLES,
+    PLANNED,
+    LightFieldSettings,
+    expect_share,
+    planned_field,
+)
 from prt_core.errors import (
     expect,
     expect_flag,
     expect_kind,
-    expect_number,
     expect_offers,
-    expect_pair,
-    expect_path,
-    expect_seed,
-    expect_whole,
     system_errors,
 )
 from prt_core.lightfield.tangent_frames import smooth_frames
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import expect_memory
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
@@ -46,9 +50,6 @@ from prt_core.store import begin_bake, check_scene, damage_as_error, finish_bake
 from prt_core.store.attributes import digest
 from prt_core.version import __version__
 
-# Cells along a side of the hemisphere's square.
-MOST_ANGLES = 1024
-MOST_SAMPLES = 1 << 16
 # Seconds of a render where others wait between two, as a window does.
 _RENDER = 1.0
 # Paths of a block: some twenty seconds; and bytes of what it holds, at most.
@@ -61,44 +62,6 @@ _FIRST_SAMPLES, _STEP = 8, 8
 _SOME_MISSED, _MOST_MISSED = 0.02, 0.5
 
 
-@dataclass(frozen=True)
-class LightFieldSettings:
-    """What a light field depends on besides the scene.
-
-    Parameters
-    ----------
-    angles : (int, int)
-        Rows and columns of the hemisphere's square (m1, m2).
-    samples : int or None
-        Paths of each direction; None: as many as the tolerance takes.
-    tolerance : float
-        Where samples are not given: the relative L2 of one seed's field, as two of them tell.
-    denoise : bool
-        Whether Open Image Denoise is asked for; its result is used where it keeps the energy.
-    seed : int
-    """
-
-    angles: tuple = (32, 16)
-    samples: int | None = 32
-    tolerance: float = 0.05
-    denoise: bool = False
-    seed: int = 0
-
-    def __post_init__(self):
-        angles = expect_pair("angles", self.angles, 1, MOST_ANGLES)
-        expect(
-            min(angles) > 1,
-            f"angles: expected two numbers of 2 to {MOST_ANGLES}, got {angles[0]} x {angles[1]}; "
-            "a single cell along a side has no direction to tell apart",
-        )
-        object.__setattr__(self, "angles", angles)
-        if self.samples is not None:
-            expect_whole("samples", self.samples, 1, MOST_SAMPLES)
-        expect_number("tolerance", self.tolerance, above=0, below=1)
-        expect_flag("denoise", self.denoise)
-        expect_seed(self.seed)
-
-
 def capture_light_field(
     scene,
     camera,
@@ -109,6 +72,8 @@ def capture_light_field(
     restart=False,
     messages=(),
     pace=None,
+    plan=False,
+    share=None,
 ):
     """Capture a light field into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -135,12 +100,17 @@ def capture_light_field(
     pace : float, optional
         Where it is given, renders take about a second each; by default a block is one. The bits
         are the same.
+    plan : bool
+        Only put the scene and the settings into the store, for those who capture shares.
+    share : (int, int), optional
+        (I, N): of a light field that was planned, only every N-th block from number I on. Several
+        do so at once, on any machine; who captures without a share then closes it.
 
     Returns
     -------
     dict
         The report: points, cells, lights, samples, noise, seconds, paths_per_second, bytes,
-        missed, messages.
+        missed, messages. Of a plan or a share only `blocks`: how many there are, or were captured.
 
     Raises
     ------
@@ -153,9 +123,14 @@ def capture_light_field(
     expect_offers(
         "camera", camera, ("name", "lights", "most_points", "shoot"), "a camera of light fields"
     )
-    path = expect_path("light field", path)
+    path = expect_store_path("light field", path)
     if restart != "changed":
         expect_flag("restart", restart)
+    share = expect_share(share)
+    expect(
+        not (expect_flag("plan", plan) and share) and (restart is False or not (plan or share)),
+        "plan: one of plan, share and restart is asked for at a time",
+    )
     expect(
         not settings.denoise or hasattr(camera, "denoise"),
         "denoise: the light of a bake has no noise; leave it out",
@@ -171,7 +146,7 @@ def capture_light_field(
     )
     work = _Capture(scene, camera, settings, points, None if pace is None else _RENDER)
     with system_errors(path), unless_begun(path):
-        return (yield from work.steps(path, view, origin, restart, list(messages)))
+        return (yield from work.steps(path, view, origin, restart, list(messages), plan, share))
 
 
 def points_of(scene):
@@ -204,7 +179,7 @@ class _Capture:
         self.cells = settings.angles[0] * settings.angles[1]
         self.a_render, self.seconds, self.paths = seconds, 0, 0
 
-    def steps(self, path, view, origin, restart, messages):
+    def steps(self, path, view, origin, restart, messages, plan, share):
         settings, points = self.settings, self.points
         check_scene(self.scene)
         pilot = yield from self._pilot()
@@ -218,6 +193,10 @@ class _Capture:
             **asdict(settings),
             "angles": list(settings.angles),
         }
+        if share is not None:
+            store = planned_field(path, identity)
+            captured = 0 if store.is_complete else (yield from self._blocks(store, samples, share))
+            return {"blocks": captured}
         store = begin_bake(path, identity, restart)
         if store.is_complete:
             if store.is_sound():
@@ -233,13 +212,19 @@ class _Capture:
         )  # fmt: skip
         store.keep("field_point", points.point)
         store.keep("field_frames", points.frames.astype(np.float32))
-        missed, apart = yield from self._blocks(store, samples)
+        if plan:
+            *_, apart = self._arrays(store.create, samples)
+            store.update(**{PLANNED: True})
+            return {"blocks": len(apart)}
+        yield from self._blocks(store, samples)
+        *_, missed, apart = self._arrays(store.create, samples)
+        missed, apart = missed.read(), apart.read().max()
         messages = [*messages, *self._missed_lines(missed), *(yield from self._dark_lines(store))]
         kept = None
         if settings.denoise:
             kept = yield from keep_denoised(store, self.lights, list(self._objects()), messages)
         if resumed:
-            messages.append("the capture was stopped and went on: times are those since then")
+            messages.append("the capture went on where others stopped: times are those since then")
         report = {
             "points": len(points), "cells": self.cells, "angles": list(settings.angles),
             "lights": list(self.lights), "camera": self.camera.name, **pilot,
@@ -248,7 +233,7 @@ class _Capture:
             "apart": float(apart), "missed": float(missed.mean()), "denoised": kept,
             "bytes": store.nbytes(), "messages": messages, "versions": {"prt_core": __version__},
         }  # fmt: skip
-        store.seal(report=report)
+        store.seal(without=(PLANNED,), report=report)
         finish_bake(store, path)
         return report
 
@@ -321,20 +306,29 @@ class _Capture:
         most = self.camera.most_points
         return max(1, min(by_paths, by_bytes, by_chunk, most, len(self.points)))
 
-    def _blocks(self, store, samples):
-        """Shoot what is not there yet; returns the share of rays that missed, of each point."""
-        n_points, n_lights = len(self.points), len(self.lights)
-        size = self._block_size(samples)
-        shape = n_lights, n_points, *self.settings.angles, 3
+    def _arrays(self, create, samples):
+        """Those that blocks fill: the fields, which rays missed, how far points were apart."""
+        n_points, size = len(self.points), self._block_size(samples)
+        shape = len(self.lights), n_points, *self.settings.angles, 3
         chunks = 1, size, *self.settings.angles, 3
-        noisy = NOISY if self.settings.denoise else RADIANCE
-        fields = [store.create(noisy, shape, "float32", chunks)]
-        if self.settings.denoise:
-            fields.append(store.create(DENOISED, shape, "float32", chunks))
-        missed = store.create("field_missed", (n_points,), "float32", (size,))
-        apart = store.create("field_apart", (-(-n_points // size),), "float32", (1,))
+        names = (NOISY, DENOISED) if self.settings.denoise else (RADIANCE,)
+        return [
+            *(create(name, shape, "float32", chunks) for name in names),
+            create("field_missed", (n_points,), "float32", (size,)),
+            create("field_apart", (-(-n_points // size),), "float32", (1,)),
+        ]
+
+    def _blocks(self, store, samples, share=None):
+        """Shoot what is not there yet, all or a share of it; returns how many blocks."""
+        n_points, n_lights, count = len(self.points), len(self.lights), 0
+        # Who captures a share finds them there.
+        create = store.create if share is None else lambda name, *_: store.array(name)
+        *fields, missed, apart = self._arrays(create, samples)
+        size = self._block_size(samples)
         starts = range(0, n_points, size)
         for number, first in enumerate(starts):
+            if share is not None and number % share[1] != share[0]:
+                continue
             block = slice(first, min(first + size, n_points))
             yield Progress(KIND, first, n_points)
             if missed.holds(block) and apart.holds(number):
@@ -354,8 +348,9 @@ class _Capture:
                 field[:, block] = part
             apart[number : number + 1] = shot[2]
             missed[block] = shot[1]
+            count += 1
         yield Progress(KIND, n_points, n_points)
-        return missed.read(), apart.read().max()
+        return count
 
     def _objects(self):
         """(name, rows of the field) of each object that has some."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.bake.field_denoise import RADIANCE, by_blocks
-from prt_core.errors import expect, expect_array, expect_named, expect_path
+from prt_core.errors import expect, expect_array, expect_named
+from prt_core.runtime.address import expect_store_path
 from prt_core.scene import Camera, Scene
 from prt_core.store import BakeStore, damage_as_error, read_scene
 
@@ -120,7 +121,7 @@ def load_light_field(path):
     PRTError
         Not there, not finished, damaged, or something else.
     """
-    path = expect_path("light field", path)
+    path = expect_store_path("light field", path)
     store = BakeStore(path)
     attributes = store.attributes
     expect(

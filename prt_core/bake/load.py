@@ -12,7 +12,8 @@ from prt_core.bake.memory import Memory
 from prt_core.bake.reflections import read_reflections
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import DENSE, read_visibility
-from prt_core.errors import expect, expect_path
+from prt_core.errors import expect
+from prt_core.runtime.address import expect_store_path
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
 from prt_core.transport import Transport
@@ -34,7 +35,7 @@ def load(path):
     PRTError
         Not there, not finished, damaged, foreign, or of another version.
     """
-    path = expect_path("bake", path)
+    path = expect_store_path("bake", path)
     store = BakeStore(path)
     attributes = store.attributes
     expect(

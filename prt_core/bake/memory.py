@@ -80,4 +80,9 @@ class Memory:
 
     def holds(self, n_bytes):
         """Whether an array of so many bytes is kept in memory, rather than in a file."""
-        return n_bytes <= self.n_bytes // 4
+        return n_bytes <= self.most_held
+
+    @property
+    def most_held(self):
+        """Bytes of an array that is kept in memory, at most."""
+        return self.n_bytes // 4

@@ -16,8 +16,10 @@ from prt_core.bake.steps import Begun, begin_steps, rest_steps, stored_seconds
 from prt_core.bake.tiled import TILE, TileBlocks
 from prt_core.bake.visibility import STAGE, ExhaustiveBlocks, chosen_method
 from prt_core.bake.visibility_stage import choose_tile
-from prt_core.errors import expect, expect_flag, expect_kind, expect_path, system_errors
+from prt_core.errors import expect, expect_flag, expect_kind, system_errors
 from prt_core.light.environment import expect_radiance
+from prt_core.runtime.address import expect_store_path
+from prt_core.runtime.machine import return_memory
 from prt_core.scene import expect_camera
 from prt_core.sphere import CubeMap
 from prt_core.store import BakeStore, damage_as_error, read_scene
@@ -35,6 +37,7 @@ def plan_steps(
     origin=None,
     cameras=None,
     memory=None,
+    finished=False,
 ):
     """Put a scene into a store whose blocks of work are computed apart; yields `Progress`.
 
@@ -46,6 +49,8 @@ def plan_steps(
         See `bake_steps`.
     memory : float, optional
         Gigabytes that each of those who compute blocks may take, beside the scene.
+    finished : bool
+        Whether a bake that is finished is left as it is, without stages, and is no error.
 
     Returns
     -------
@@ -74,10 +79,9 @@ def plan_steps(
     try:
         with system_errors(path), unless_begun(path):
             begun = yield from begin_steps(scene, path, settings, parts, False, caster)
-            expect(
-                begun.report is None,
-                f"{path}: the bake is finished; nothing of it is left to plan",
-            )
+            if begun.report is not None:
+                expect(finished, f"{path}: the bake is finished; nothing of it is left to plan")
+                return []
             yield from _planned_steps(begun, cube_map, settings, lights, memory)
             return open_stages(begun.store)
     finally:
@@ -135,7 +139,7 @@ def finish_steps(path, memory=None, compute=False):
     PRTError
         There is no such bake, it was not planned, or it is damaged.
     """
-    path, memory = expect_path("store", path), Memory.of(memory)
+    path, memory = expect_store_path("store", path), Memory.of(memory)
     expect_flag("compute", compute)
     store = BakeStore(path, "r+")
     if store.is_complete:
@@ -154,6 +158,7 @@ def finish_steps(path, memory=None, compute=False):
         scene = read_scene(store)
         scene.messages[:] = map(str, work["messages"])
         lights = _read_lights(store, work["lights"], cube_map)
+    return_memory()
     scene.open_points = store.read(OPEN, (len(scene.points),), "bool")
     emitted = EmissionResult()
     if scene.emitters:

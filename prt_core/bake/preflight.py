@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.bake.bounces import MOST_ROUNDS
+from prt_core.bake.memory import Memory
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.visibility import chosen_method
 from prt_core.errors import expect_kind, expect_number
@@ -20,6 +21,8 @@ _ROUNDS = 2
 _EMISSION = 250
 # Share of the rays that sampling casts at 60,000 points, and how much longer one takes.
 _SAMPLED, _GRAZING = 0.06, 4.0
+# What sampling holds for each byte of the rows of a tile, about.
+_HELD = 4
 # Points further apart than this share of the scene cannot show a shadow's edge.
 _COARSE = 1 / 40
 
@@ -86,7 +89,11 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
         rounds = min(MOST_ROUNDS, max(_ROUNDS, wanted))
         gather = n_points * rounds * ROUND
     emission = n_points * len(scene.emitters) * _EMISSION
-    bits = n_points * -(-n_directions // 8)
+    row, memory = -(-n_directions // 8), Memory.of()
+    bits = n_points * row
+    # What does not fit is read from files, piece by piece.
+    rows = max(_HELD * row * memory.tile_points(n_points, row), min(bits, memory.most_held))
+    gathered = min(12 * gather, memory.most_held)
     return Preflight(
         points=n_points,
         hidden_points=int((~scene.points.visible).sum()),
@@ -94,7 +101,7 @@ def preflight(scene, settings, back_end="embree", rays_per_second=None):
         rays=rays + gather + emission,
         seconds=(rays * slower + gather + emission)
         / (rays_per_second or _RATES.get(back_end, _RATES["blender"])),
-        memory_bytes=bits + 12 * gather + 200 * n_points + (64 << 20),
+        memory_bytes=rows + gathered + 200 * n_points + (64 << 20),
         disk_bytes=bits // 2 + 3 * gather + 100 * n_points,
         coarse=coarse_objects(scene),
     )

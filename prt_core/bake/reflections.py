@@ -1,6 +1,5 @@
 """The reflection stage of a bake: what glossy points see where something is in the way."""
 
-import os
 import time
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ from prt_core.bake import visibility
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.errors import expect
 from prt_core.rays import cast_on_all_cores
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.progress import Progress
 from prt_core.sphere import Blocks
 from prt_core.store import damage_as_error
@@ -113,7 +113,7 @@ def reflection_steps(store, scene, cube_map, caster, settings, seconds):
             key = (side << 32) + parts[index].start
             return reflection_hits(scene, caster, sharing, divided, rows, seen, settings.seed, key)
 
-        group = max(caster.threads, os.cpu_count() or 1) * _TOGETHER
+        group = max(caster.threads, n_cores()) * _TOGETHER
         yield Progress("reflections", 0, len(points))
         for first in range(0, len(todo), group):
             batch = todo[first : first + group]

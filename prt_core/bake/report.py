@@ -1,12 +1,12 @@
 """The report of a bake: what it holds, what it cost, how near it is, what to know of it."""
 
-import os
 import platform
 from dataclasses import asdict
 
 import numpy as np
 
 from prt_core.rays import MOST_LAYERS
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.machine import peak_bytes
 from prt_core.transport.emission import MOST_TURNS, TURN
 from prt_core.transport.gather import ROUND
@@ -114,7 +114,7 @@ def bake_report(
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "bytes": store.nbytes(),
         "peak_bytes": peak_bytes(),
-        "cores": os.cpu_count(),
+        "cores": n_cores(),
         "versions": {
             "prt_core": __version__,
             "numpy": np.__version__,

@@ -22,6 +22,8 @@ def report_lines(path, report):
     yield (
         f"  size    {report['bytes'] / 1e6:.1f} MB, peak memory {report['peak_bytes'] / 1e6:.0f} MB"
     )
+    if report.get("reused"):
+        yield f"  reused  {report['reused']['line']}"
     yield from _traced(report)
     yield from (f"  error   {line}" for line in _errors(report))
     yield from (f"  spared  {line}" for line in _spared(report.get("skipped") or {}))

@@ -41,12 +41,18 @@ TURNS = (
 )
 
 
-def sampler_settings(settings, method):
-    """The settings of a bake's sampler."""
+# What is left to ask after a change lies beside outlines: checks are cheap, and most of those at
+# random fall on what is known.
+_AFTER_A_CHANGE = {"checks": 16, "edge_halvings": 2}
+
+
+def sampler_settings(settings, method, reuse=None):
+    """The settings of a bake's sampler, where some is known before (see `Reuse`) or nothing is."""
     _, kind = sampler_named(method)
     more = dict(_CHEAPEST) if settings.method == "auto" else {}
     if kind is AgreementSettings:
         more["most_wrong"] = _HOPELESS * settings.tolerance
+        more |= {} if reuse is None else _AFTER_A_CHANGE
     return kind(seed=settings.seed, **more)
 
 
@@ -55,8 +61,12 @@ def sample_arrays(store, shape):
     return [store.create(name, shape, "uint8", (visibility.BLOCK, shape[1])) for name in SAMPLES]
 
 
-def sampled_steps(store, scene, cube_map, caster, method, settings, lights, pace, pictures):
+def sampled_steps(
+    store, scene, cube_map, caster, method, settings, lights, pace, pictures, reuse=None
+):  # fmt: skip
     """Sample all points together, certify, and store; yields `Progress`.
+
+    What `reuse` knows is not asked.
 
     Returns
     -------
@@ -68,7 +78,9 @@ def sampled_steps(store, scene, cube_map, caster, method, settings, lights, pace
     start = time.perf_counter()
     rays = Pace(pace, 1 << 15)
     sampler, _ = sampler_named(method)
-    steps = sampler(scene, cube_map, caster, sampler_settings(settings, method), pace=rays)
+    wanted = sampler_settings(settings, method, reuse)
+    more = {} if reuse is None else {"known": reuse.known(cube_map)}
+    steps = sampler(scene, cube_map, caster, wanted, pace=rays, **more)
     sampled = yield from (steps if pictures is None else _shown(steps, pictures))
     dense = getattr(sampled, "dense", None)
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
@@ -81,7 +93,7 @@ def sampled_steps(store, scene, cube_map, caster, method, settings, lights, pace
         return asked_again_steps(scene, cube_map, caster, settings, sampled, points, turn, rays)
 
     sampled, errors, turns = yield from certified_steps(
-        scene, cube_map, caster, sampled, lights, settings, groups, ask_again, spent, rays
+        scene, cube_map, caster, sampled, lights, settings, groups, ask_again, spent, rays, reuse
     )
     start = time.perf_counter()
     arrays = sampled.bits, sampled.traced
@@ -116,7 +128,7 @@ def asked_again_steps(scene, cube_map, caster, settings, sampled, points, turn, 
 
 
 def certified_steps(
-    scene, cube_map, caster, sampled, lights, settings, groups, ask_again, spent, rays
+    scene, cube_map, caster, sampled, lights, settings, groups, ask_again, spent, rays, reuse=None
 ):
     """Certify, and ask again until the tolerance is met; yields `Progress`.
 
@@ -134,6 +146,8 @@ def certified_steps(
     spent : dict of str -> float
         Seconds by stage; added to.
     rays : Pace
+    reuse : Reuse, optional
+        Of another bake, whose draws must not be drawn again: they were put right there.
 
     Returns
     -------
@@ -148,7 +162,7 @@ def certified_steps(
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)
         attributes = yield from certificate_steps(
-            scene, cube_map, caster, sampled, lights, drawn, turn,
+            scene, cube_map, caster, sampled, lights, drawn, turn + (reuse.turn if reuse else 0),
             pace=rays, groups=groups, wanted=poor,
         )  # fmt: skip
         spent["certificate"] += time.perf_counter() - start

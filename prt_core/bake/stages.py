@@ -6,15 +6,18 @@ time, writes its attributes: which stages there are stands in the attribute "wor
 not finished. Beside each block stands what it took, in an array that goes with the attribute.
 """
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
-from prt_core.errors import PRTError
+from prt_core.errors import PRTError, expect
+from prt_core.store import damage_as_error
 
 # What a block notes of itself: seconds, rays, and rays that met too many surfaces that let light
 # pass (see `PassingCaster`).
 FIGURES = ("seconds", "rays", "too_deep")
+_NAME, _MOST_BLOCKS = re.compile("(visibility[123]?|gather[0-9]{1,2})"), 1 << 31
 # Stages that are open, their settings, and what only who planned the bake knew.
 WORK = "work"
 # Arrays that go with that attribute: from which points nothing can be in the way, and the lights
@@ -77,8 +80,24 @@ def is_planned(store):
 
 
 def open_stages(store):
-    """The stages of a planned bake that are known by now, in order: list of `Stage`."""
-    return [Stage(name, blocks) for name, blocks in store.attributes[WORK]["stages"]]
+    """The stages of a planned bake that are known by now, in order: list of `Stage`.
+
+    Raises
+    ------
+    PRTError
+        What is said of them is damaged.
+    """
+    with damage_as_error(store.path, "its plan"):
+        stages = [Stage(name, blocks) for name, blocks in store.attributes[WORK]["stages"]]
+        good = all(
+            isinstance(each.name, str)
+            and _NAME.fullmatch(each.name)
+            and type(each.blocks) is int
+            and 0 < each.blocks <= _MOST_BLOCKS
+            for each in stages
+        )
+        expect(good, "its stages are named otherwise than by this library")
+        return stages
 
 
 def open_stage(store, name, n_blocks, **more):

@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass, field
 
 from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
+from prt_core.bake.earlier import details_of, earlier_bake, expect_objects, taken
 from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
 from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
@@ -12,11 +13,13 @@ from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
+from prt_core.bake.reuse import Reuse, note_reuse, reuse_of
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.stages import WORK, close_work, is_planned
 from prt_core.bake.visibility_stage import comes_in_blocks, visibility_steps
-from prt_core.errors import expect_kind, expect_number, system_errors
+from prt_core.errors import expect, expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
+from prt_core.runtime.machine import return_memory
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import STOP, Progress
 from prt_core.scene import Scene, expect_camera, with_details
@@ -49,6 +52,8 @@ def bake_steps(
     cameras=None,
     pictures=None,
     memory=None,
+    reuse=None,
+    only=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -86,13 +91,18 @@ def bake_steps(
     memory : float, optional
         Gigabytes that the bake may take, beside the scene; default: half of what there is. Where
         it is too little for the points, they are sampled in smaller tiles.
+    reuse : str or Path, optional
+        An earlier bake of the scene, which may be the one at `path`: what a change cannot have
+        touched is taken from it. Where nothing can be, the report says why.
+    only : sequence of str, optional
+        With `reuse`: objects whose points are asked again; those of others stay as they were.
 
     Returns
     -------
     dict
         The report: points, directions, back_end, rays, seconds by stage, bytes, peak_bytes,
         error (of the bounces), method, entries_percent, certificate, visibility_error,
-        tolerance_met, skipped, messages.
+        tolerance_met, skipped, messages; and `reused`, where that was asked for.
 
     Raises
     ------
@@ -108,6 +118,9 @@ def bake_steps(
     if pictures is not None:
         expect_kind("pictures", pictures, Pictures)
     memory = Memory.of(memory)
+    expect(only is None or reuse is not None, "only: changes nothing without reuse")
+    if only is not None:
+        expect_objects(scene, only)
     casters = []
 
     def caster():
@@ -117,7 +130,7 @@ def bake_steps(
     parts = (lamps, world, camera, source, origin, cameras)
     try:
         with system_errors(path), unless_begun(path):
-            given = scene, path, settings, parts, restart, lights, pictures, memory
+            given = scene, path, settings, parts, restart, lights, pictures, memory, reuse, only
             if pace is None:
                 return (yield from _bake(*given, caster))
             calls = MainThreadCalls()
@@ -133,11 +146,14 @@ def bake_steps(
             item.close()
 
 
-def _bake(scene, path, settings, parts, restart, lights, pictures, memory, new_caster, pace=None):
+def _bake(
+    scene, path, settings, parts, restart, lights, pictures, memory, reuse, only, new_caster,
+    pace=None,
+):  # fmt: skip
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
     given = scene, path, settings, parts, restart, new_caster
-    begun = yield from begin_steps(*given, pictures, memory)
+    begun = yield from begin_steps(*given, pictures, memory, reuse, only)
     if begun.report is not None:
         return begun.report
     report = yield from rest_steps(
@@ -163,6 +179,8 @@ class Begun:
         Whether some of it was there.
     report : dict, or None
         Of a bake that is finished.
+    reuse : Reuse or str, or None
+        What is taken from an earlier bake, or why nothing is.
     """
 
     store: BakeStore
@@ -171,9 +189,13 @@ class Begun:
     seconds: dict = field(default_factory=dict)
     resumed: bool = False
     report: dict | None = None
+    reuse: object = None
 
 
-def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None, memory=None):
+def begin_steps(
+    scene, path, settings, parts, restart, new_caster, pictures=None, memory=None, reuse=None,
+    only=None,
+):  # fmt: skip
     """The first part of a bake: whose it is, and its scene, in a store; yields `Progress`.
 
     Parameters
@@ -188,6 +210,8 @@ def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None
     pictures : Pictures, optional
     memory : Memory, optional
         Where there are pictures.
+    reuse, only
+        See `bake_steps`.
 
     Returns
     -------
@@ -200,6 +224,9 @@ def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None
         "scene": scene.fingerprint(),
         **{k: v for k, v in settings.stored().items() if k != "caster"},
     }
+    if only is not None:
+        # Of a selection alone: no bake of the scene, until what it left is baked as well.
+        identity["selection"] = sorted(only)
     yield Progress("scene", 0, 0)
     store = begin_bake(path, identity, restart)
     if store.is_complete:
@@ -209,24 +236,32 @@ def begin_steps(scene, path, settings, parts, restart, new_caster, pictures=None
                 return Begun(store, report=finish_bake(store, path).attributes["report"])
         # What is damaged is made again, as if the bake had been stopped before.
         store.update(complete=False)
+    earlier = None if reuse is None else earlier_bake(reuse, scene, settings)
     # A caster that cannot be made leaves no folder.
     caster = new_caster()
     resumed = "identity" in store.attributes
     if not resumed:
         # Whose it is at once: one of an unknown file is never replaced unasked.
         store.update(identity=identity, settings=settings.stored(), **attributes)
+    taken_from = taken(earlier, only)
+    if store.attributes.get("taken_from") != taken_from:
+        # What there is was made from another bake, or from none: it is made again.
+        store.update(taken_from=taken_from, sampled=None)
     seconds = stored_seconds(store)
     if pictures is not None:
         parts = parts[0], world, *parts[2:]
         joined = comes_in_blocks(settings, len(scene.points), cube_map, memory)
         pictures.begin(scene, cube_map, settings, caster, parts, joined)
         yield Progress("scene", 0, 0)
-    scene = yield from _detailed(store, scene, caster, settings, parts, seconds)
+    scene = yield from _detailed(store, scene, caster, settings, parts, seconds, earlier)
     if pictures is not None:
         pictures.detailed(scene)
     keep_lights(store, attributes, world)
+    # What building the scene and looking for details took.
+    return_memory()
     yield Progress("scene", 0, 0)
-    return Begun(store, scene, caster, seconds, resumed)
+    reuse = reuse_of(earlier, scene, only)
+    return Begun(store, scene, caster, seconds, resumed, reuse=reuse)
 
 
 def rest_steps(
@@ -262,7 +297,10 @@ def rest_steps(
     memory = memory or Memory.of()
     store, scene, caster, seconds = begun.store, begun.scene, begun.caster, begun.seconds
     given = store, scene, cube_map, caster, settings
-    seen = yield from visibility_steps(*given, lights, seconds, pace, pictures, here, memory)
+    reuse = begun.reuse if isinstance(begun.reuse, Reuse) else None
+    more = pictures, here, memory, reuse
+    seen = yield from visibility_steps(*given, lights, seconds, pace, *more)
+    return_memory()
     reflected = yield from reflection_steps(*given, seconds)
     if emitted is None:
         emitted = yield from emission_steps(store, scene, caster, settings, seconds)
@@ -271,11 +309,13 @@ def rest_steps(
         pictures.emitted(read_direct(store))
     bounced = Bounced()
     if settings.bounces != 0:
-        bounced = yield from bounce_steps(*given, seconds, emitted.probes, pictures, here, memory)
+        bounced = yield from bounce_steps(*given, seconds, emitted.probes, *more)
+        bounced = bounced if reuse is None else reuse.of_all(bounced)
     if pictures is not None and pictures.to_the_end:
         with damage_as_error(store.path):
             gather = gather_so_far(store, bounced.rounds, memory)
             pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
+    return_memory()
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds, memory)
     planned = is_planned(store)
     if planned:
@@ -301,6 +341,7 @@ def rest_steps(
     if begun.resumed:
         # Some of the rays were cast before the clock was started.
         report["rays_per_second"] = None
+    note_reuse(store, report, begun.reuse)
     store.seal(without=(WORK,), report=report, seconds=seconds)
     return report
 
@@ -314,7 +355,7 @@ def stored_seconds(store):
         }
 
 
-def _detailed(store, scene, caster, settings, parts, seconds):
+def _detailed(store, scene, caster, settings, parts, seconds, earlier):
     """The scene with points on backs, and hidden ones in gaps and rooms within a face, stored.
 
     They are found by rays: what goes on takes those that it began with, where they are whole.
@@ -326,6 +367,7 @@ def _detailed(store, scene, caster, settings, parts, seconds):
             start, (lamps, _, camera, *_) = time.perf_counter(), parts
             sided, probes = yield from side_steps(scene, caster, settings.seed, lamps, camera)
             scene, rays = yield from detail_steps(sided, caster, settings.seed)
+            scene = details_of(earlier, sided, scene)
             seconds["details"] = time.perf_counter() - start
             # What was baked of a scene with other details is no part of this bake any more.
             digest = scene.details.digest(scene.lattice_back)

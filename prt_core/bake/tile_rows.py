@@ -118,6 +118,11 @@ class TileRows:
     def __len__(self):
         return self.shape[0]
 
+    @property
+    def own(self):
+        """(n,) int64, ascending, and (n, n_bytes) uint8: points whose rows were set, and these."""
+        return self._points, self._own
+
     def replace(self, tile, points, arrays):
         """From now on a tile, of these points, is as another turn found it."""
         with self._lock:

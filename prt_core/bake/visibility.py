@@ -9,6 +9,7 @@ from prt_core.errors import expect_one_of
 from prt_core.runtime.files import file_without_name
 from prt_core.runtime.progress import Pace, Progress
 from prt_core.sampling import sampler_names
+from prt_core.sampling.tracer import Tracer
 from prt_core.transport import visibility_bits
 
 BLOCK = 2048
@@ -51,19 +52,22 @@ class ExhaustiveBlocks:
     scene : Scene
     cube_map : CubeMap
     caster : RayCaster
+    reuse : Reuse, optional
+        What it knows is not traced.
     """
 
-    def __init__(self, bits, counts, scene, cube_map, caster):
+    def __init__(self, bits, counts, scene, cube_map, caster, reuse=None):
         self.bits, self.counts, self.parts = bits, counts, blocks(len(scene.points))
         self._scene, self._cube_map, self._caster = scene, cube_map, caster
+        self._reuse = reuse
 
     @classmethod
-    def begun(cls, store, scene, cube_map, caster):
+    def begun(cls, store, scene, cube_map, caster, reuse=None):
         """Those of a bake whose arrays are made, or taken as far as they are there."""
         n_points, n_bytes = len(scene.points), -(-cube_map.n_directions // 8)
         bits = store.create(STAGE, (n_points, n_bytes), "uint8", (BLOCK, n_bytes))
         counts = store.create(RAYS, (len(blocks(n_points)),), "int64", (1,))
-        return cls(bits, counts, scene, cube_map, caster)
+        return cls(bits, counts, scene, cube_map, caster, reuse)
 
     @classmethod
     def opened(cls, store, scene, cube_map, caster):
@@ -81,20 +85,32 @@ class ExhaustiveBlocks:
         pace = pace or Pace()
         for part in pace.parts(block.start, block.stop):
             inside = slice(part.start - block.start, part.stop - block.start)
-            traced[inside] = visibility_bits(
-                self._scene, self._cube_map, self._caster, part, tally.append
-            )
+            if self._reuse is None:
+                given = self._scene, self._cube_map, self._caster
+                traced[inside] = visibility_bits(*given, part, tally.append)
+            else:
+                traced[inside] = yield from self._rest_steps(part, tally.append)
             pace.worked()
             yield Progress("visibility", part.stop, self.bits.shape[0])
         self.counts[index] = sum(tally)
         self.bits[block] = traced
         return sum(tally)
 
+    def _rest_steps(self, part, tally):
+        """Bits of some points of which much is known; yields `Progress`."""
+        points = np.arange(part.start, part.stop)
+        known = self._reuse.known(self._cube_map, points)
+        tracer = Tracer(self._scene, self._cube_map, self._caster, tally)
+        free = yield from tracer.trace(points, known.above & ~known.known)
+        return known.bits & known.known | free
 
-def exhaustive_steps(store, scene, cube_map, caster, seconds, pace, pictures=None, here=True):
+
+def exhaustive_steps(
+    store, scene, cube_map, caster, seconds, pace, pictures=None, here=True, reuse=None
+):  # fmt: skip
     """Every entry of a scene into a store; yields `Progress`, returns how many rays it took."""
     n_points = len(scene.points)
-    work = ExhaustiveBlocks.begun(store, scene, cube_map, caster)
+    work = ExhaustiveBlocks.begun(store, scene, cube_map, caster, reuse)
     yield Progress("visibility", 0, n_points)
     pace = Pace(pace)
     for index, block in enumerate(work.parts):

@@ -17,7 +17,7 @@ from prt_core.store import JournalMismatch, RayJournal
 
 def visibility_steps(
     store, scene, cube_map, caster, settings, lights, seconds, pace, pictures=None, here=True,
-    memory=None,
+    memory=None, reuse=None,
 ):  # fmt: skip
     """Visibility of a scene into a store; yields `Progress`; `pictures` are told of it.
 
@@ -36,6 +36,8 @@ def visibility_steps(
     here : bool
         Whether blocks that are missing are computed; otherwise they are said.
     memory : Memory
+    reuse : Reuse, optional
+        What it knows of it is not asked.
 
     Returns
     -------
@@ -49,7 +51,7 @@ def visibility_steps(
     """
     method = chosen_method(settings.method, len(scene.points), cube_map.n_directions)
     if method == "exhaustive":
-        work = store, scene, cube_map, caster, seconds, pace, pictures, here
+        work = store, scene, cube_map, caster, seconds, pace, pictures, here, reuse
         rays = yield from exhaustive_steps(*work)
         store.update(seconds=seconds)
         _show_all(store, pictures, memory)
@@ -76,10 +78,12 @@ def visibility_steps(
     while attributes is None:
         given = settings, lights, pace
         if TILE in store.attributes:
-            steps = tiled_steps(store, scene, cube_map, caster, *given, pictures, here, memory)
+            more = pictures, here, memory, reuse
+            steps = tiled_steps(store, scene, cube_map, caster, *given, *more)
         else:
             journal = RayJournal(caster, store)
-            steps = sampled_steps(store, scene, cube_map, journal, method, *given, pictures)
+            more = pictures, reuse
+            steps = sampled_steps(store, scene, cube_map, journal, method, *given, *more)
         try:
             attributes, spent = yield from steps
         except JournalMismatch:

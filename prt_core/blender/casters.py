@@ -4,7 +4,6 @@ The rays are the vertices of a mesh in a temporary scene; a node group casts the
 integer for each, the triangle that was hit plus one. The user's scene is never touched.
 """
 
-import os
 import weakref
 
 import bpy
@@ -19,6 +18,7 @@ from prt_core.rays.caster import (
     barycentric_of,
     register_caster,
 )
+from prt_core.runtime.cores import n_cores
 
 # Rays are as long as they like in the scene's frame, whose size is 1.
 _FAR = 100.0
@@ -63,7 +63,7 @@ class BlenderCaster:
         self._rays = {}
         for limited in (False, True):
             group = self._keep(_raycast_group(self._target, limited))
-            self._rays[limited] = [self._ray_object(group) for _ in range(os.cpu_count() or 1)]
+            self._rays[limited] = [self._ray_object(group) for _ in range(n_cores())]
         self._scene.collection.objects.link(self._target)
 
     def _ray_object(self, group):

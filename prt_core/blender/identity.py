@@ -75,10 +75,12 @@ def origin_of(scene, folder, file=None):
     """Which file and scene a bake in `folder` is of, as the bake's attributes keep it.
 
     The file (default: the open one) is named from the folder on, so that both may move together;
-    empty without a name.
+    empty without a name. Without a folder (None: an object store) it is its name alone.
     """
     file = bpy.data.filepath if file is None else str(file)
-    if file:
+    if file and folder is None:
+        file = Path(file).name
+    elif file:
         with suppress(ValueError):  # another drive
             file = os.path.relpath(os.path.realpath(file), os.path.realpath(folder))
         file = Path(file).as_posix()

@@ -17,6 +17,7 @@ from prt_core.cli.lightfield import add_lightfield
 from prt_core.cli.occlusion import add_occlusion
 from prt_core.cli.relight import add_relight
 from prt_core.errors import PRTError, system_errors
+from prt_core.runtime.cores import keep_to_share
 from prt_core.version import __version__
 
 __all__ = ["main"]
@@ -39,6 +40,7 @@ def main(argv=None, in_blender=False):
     options = parser.parse_args(argv)
     try:
         with system_errors():
+            keep_to_share()
             code = options.run(options) or 0
             # What cannot be printed is known now, and not when Python ends.
             sys.stdout.flush()

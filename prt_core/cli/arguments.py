@@ -8,7 +8,7 @@ import numpy as np
 
 from prt_core.blender_access import import_bpy
 from prt_core.compress import candidate_names, method_names
-from prt_core.errors import PRTError, expect
+from prt_core.errors import PRTError, expect, shown
 from prt_core.rays.caster import known_casters
 from prt_core.transport import View
 
@@ -127,6 +127,28 @@ def size(text):
 def vertices(text):
     """A number of vertices, or a text as 1.5x: so many times those there are."""
     return int(text) if text.isdecimal() else text
+
+
+def share_named(text):
+    """(I, N) of a text as I/N, I from 0 to N - 1.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    (int, int)
+
+    Raises
+    ------
+    PRTError
+        It is no such text.
+    """
+    number, slash, of = text.partition("/")
+    good = slash and number.isdecimal() and of.isdecimal() and int(number) < int(of)
+    expect(good, f"--share: expected I/N with I from 0 to N - 1, as 0/4, got {shown(text)}")
+    return int(number), int(of)
 
 
 def view_named(text, baked):

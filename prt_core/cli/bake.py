@@ -24,6 +24,7 @@ from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
 from prt_core.runtime.files import expect_output
 from prt_core.scene import PARAMETRISATIONS
+from prt_core.store import expect_store_output
 
 
 def add_bake(commands, in_blender):
@@ -100,6 +101,18 @@ def add_bake(commands, in_blender):
         "--show-light", metavar="IMAGE",
         help="of that picture: .exr or .hdr, or 'world' (all that shines in the scene)",
     )  # fmt: skip
+    bake.add_argument(
+        "--reuse", metavar="OLD.prt",
+        help="a bake of the scene as it was: only what has changed since is baked",
+    )  # fmt: skip
+    bake.add_argument(
+        "--update", action="store_true",
+        help="the same from what the output holds, which the new bake replaces",
+    )  # fmt: skip
+    bake.add_argument(
+        "--only", nargs="+", metavar="NAME",
+        help="with either: objects that are asked again; the others stay as they were",
+    )  # fmt: skip
     caster_argument(bake)
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
@@ -116,6 +129,16 @@ def add_bake(commands, in_blender):
         "--finish", action="store_true",
         help="instead of a .blend, NAME.prt that was planned: close it, or say which blocks are "
         "missing (exit code 3)",
+    )  # fmt: skip
+    bake.add_argument(
+        "--dask", metavar="ADDRESS|local:N",
+        help="compute blocks by the workers of a Dask cluster that see the output: a scheduler's "
+        "address or .json file, or N workers on this machine",
+    )  # fmt: skip
+    bake.add_argument(
+        "--open", action="store_true",
+        help="with --finish: that blocks are missing is no failure (exit code 0), for farms that "
+        "stop at one",
     )  # fmt: skip
     bake.add_argument(
         "--compute", action="store_true", help="with --finish: compute those that are missing here"
@@ -146,6 +169,8 @@ _NEEDED = {
     "refine_vertices": (("refine",), "--refine"),
     "show_light": (("show_png",), "--show-png"),
     "compute": (("finish",), "--finish"),
+    "open": (("finish",), "--finish"),
+    "only": (("reuse", "update"), "--reuse or --update"),
 }
 
 
@@ -163,7 +188,7 @@ def _bake(options):
     else:
         name = blend
     output = options.output if options.output is not None else Path(name).with_suffix(".prt")
-    output = expect_output("--output", output, ".prt", folder=True)
+    output = expect_store_output("--output", output, ".prt")
     silent, pictures = options.quiet or options.json, None
     if options.show_png is not None:
         path = expect_output("--show-png", options.show_png, ".png")
@@ -200,6 +225,10 @@ def _bake(options):
             atlas_margin=4 if options.atlas_margin is None else options.atlas_margin,
             memory=options.memory,
             plan=options.plan,
+            dask=options.dask,
+            reuse=options.reuse,
+            update=options.update,
+            only=options.only,
         )
     if options.plan:
         say_plan(options, output, report["stages"])

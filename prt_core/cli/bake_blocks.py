@@ -5,8 +5,8 @@ import json
 from prt_core.api import finish
 from prt_core.bake.blocks import compute, missing_blocks, stages
 from prt_core.bake.report_lines import report_lines
-from prt_core.bake.stages import Stage, ranges_text
-from prt_core.cli.arguments import quiet_arguments
+from prt_core.bake.stages import BlocksMissing, Stage, ranges_text
+from prt_core.cli.arguments import quiet_arguments, share_named
 from prt_core.cli.show import working
 from prt_core.errors import PRTError, expect, shown
 from prt_core.runtime.progress import Progress
@@ -26,41 +26,59 @@ def add_bake_blocks(commands):
     blocks.add_argument(
         "--blocks", metavar="12-20,25", help="numbers of blocks; default: all that are missing"
     )
+    blocks.add_argument(
+        "--share", metavar="I/N",
+        help="the share with number I (from 0) of N, of --stage or of all stages that are known: "
+        "for arrays of jobs that all run the same line",
+    )  # fmt: skip
     quiet_arguments(blocks)
     blocks.set_defaults(run=_bake_blocks)
 
 
 def _bake_blocks(options):
+    share = None if options.share is None else share_named(options.share)
+    expect(
+        share is None or options.blocks is None,
+        "--share: chooses blocks; leave out one of --share and --blocks",
+    )
     expect(
         options.blocks is None or options.stage is not None,
         "--blocks: changes nothing without --stage",
     )
-    if options.stage is None:
+    if options.stage is None and share is None:
         _say_stages(options)
+        return 0
+    if share is not None and BakeStore(options.store).is_complete:
+        # The share of a job that comes late.
+        print(json.dumps([]) if options.json else f"{options.store}: finished, nothing is left")
         return 0
     # What is asked for is checked before the first block.
     known = {stage.name: stage for stage in stages(options.store)}
     expect(
-        options.stage in known,
+        options.stage is None or options.stage in known,
         f"--stage: expected one of {', '.join(known)}, got {shown(options.stage)}; further stages "
         f"are opened by 'prt bake --finish {options.store}'",
     )
-    stage = known[options.stage]
-    if options.blocks is None:
-        chosen = missing_blocks(options.store, stage)
-    else:
-        chosen = blocks_named(options.blocks, stage)
+    asked = known.values() if options.stage is None else [known[options.stage]]
     store, done = BakeStore(options.store), []
     with working(options.quiet or options.json) as bar:
-        for count, index in enumerate(chosen):
-            done.append(compute(store, stage, index))
-            bar(Progress(stage.name, count + 1, len(chosen)))
+        for stage in asked:
+            if options.blocks is None:
+                chosen = missing_blocks(options.store, stage)
+            else:
+                chosen = blocks_named(options.blocks, stage)
+            if share is not None:
+                # By number, and not by what is missing now: that changes while others work.
+                chosen = [index for index in chosen if index % share[1] == share[0]]
+            for count, index in enumerate(chosen):
+                done.append(compute(store, stage, index))
+                bar(Progress(stage.name, count + 1, len(chosen)))
     if options.json:
         print(json.dumps([vars(each) for each in done]))
     else:
         for each in done:
             what = "was there" if each.again else f"{each.rays:,} rays"
-            print(f"{stage.name} {each.index}: {each.seconds:.2f} s, {what}")
+            print(f"{each.stage} {each.index}: {each.seconds:.2f} s, {what}")
     return 0
 
 
@@ -128,8 +146,15 @@ def finish_planned(options):
     """`prt bake --finish`: close a planned bake as far as its blocks allow."""
     if options.output is not None:
         raise PRTError("--output: changes nothing with --finish; the bake is closed where it is")
-    with working(options.quiet or options.json) as bar:
-        report = finish(options.scene, memory=options.memory, compute=options.compute, report=bar)
+    asked = {"memory": options.memory, "compute": options.compute, "dask": options.dask}
+    try:
+        with working(options.quiet or options.json) as bar:
+            report = finish(options.scene, **asked, report=bar)
+    except BlocksMissing as missing:
+        if not options.open:
+            raise
+        print(missing)
+        return 0
     if options.json:
         print(json.dumps({"bake": str(options.scene), **report}))
     else:

@@ -11,14 +11,13 @@ from prt_core.bake.light_field_compress import (
 from prt_core.bake.light_field_load import KIND, load_light_field
 from prt_core.bake.light_field_report import compressed_field_lines, light_field_lines
 from prt_core.blender_access import import_bpy
-from prt_core.cli.arguments import quiet_arguments, scene_argument
+from prt_core.cli.arguments import quiet_arguments, scene_argument, share_named
 from prt_core.cli.lightfield_show import add_show
 from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.lightfield.methods import METHODS
-from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import run
-from prt_core.store import BakeStore, compressed_attributes, damage_as_error
+from prt_core.store import BakeStore, compressed_attributes, damage_as_error, expect_store_output
 
 
 def add_lightfield(commands, in_blender):
@@ -64,6 +63,15 @@ def _add_bake(kinds, in_blender):
     )
     bake.add_argument("--seed", type=int, default=0)
     bake.add_argument("--restart", action="store_true", help="replace what the output holds")
+    bake.add_argument(
+        "--plan", action="store_true",
+        help="only put the scene into the output, which several Blenders capture by --share",
+    )  # fmt: skip
+    bake.add_argument(
+        "--share", metavar="I/N",
+        help="capture the share with number I (from 0) of N of what was planned with the same "
+        "flags; the same line without it then closes the light field",
+    )  # fmt: skip
     quiet_arguments(bake)
     bake.set_defaults(run=_bake)
 
@@ -140,7 +148,7 @@ def _bake(options):
         name = import_bpy().data.filepath
         expect(options.output or name, "output: the open scene has no file; name one with -o")
     output = options.output if options.output is not None else Path(name).with_suffix(".slf")
-    output = expect_output("--output", output, ".slf", folder=True)
+    output = expect_store_output("--output", output, ".slf")
     samples = 32 if options.samples is None and options.tolerance is None else options.samples
     more = {} if options.tolerance is None else {"tolerance": options.tolerance}
     with working(options.quiet or options.json) as bar:
@@ -154,6 +162,8 @@ def _bake(options):
             lamps=options.lamps,
             restart=options.restart,
             report=bar,
+            plan=options.plan,
+            share=None if options.share is None else share_named(options.share),
             angles=options.angles,
             samples=samples,
             denoise=options.denoise,
@@ -162,6 +172,10 @@ def _bake(options):
         )
     if options.json:
         print(json.dumps({"light_field": str(output), **report}))
+    elif "blocks" in report:
+        done = "planned" if options.plan else "captured"
+        print(f"{output}: {report['blocks']:,} blocks {done}; the same line without --plan and "
+              "--share closes it")  # fmt: skip
     else:
         print(*light_field_lines(output, report), sep="\n")
     return 0

@@ -42,6 +42,7 @@ from prt_core.scene import Camera
 
 _OUTPUTS = {"output": ".npz", "png": ".png", "image": (".png", ".exr"), "blend": ".blend"}
 _NEEDED = {
+    "frames": (("turn",), "--turn"),
     "progressive": (("turn",), "--turn"),
     "size": (("png",), "--png"),
     "bits": (("image",), "--image"),
@@ -85,6 +86,10 @@ def add_relight(commands, in_blender):
         "--turn", type=_frames, metavar="N", help="a whole turn of the light in N numbered files"
     )
     relight.add_argument(
+        "--frames", type=_range, metavar="A-B",
+        help="only these of --turn, from 1 on, so that several machines share them",
+    )  # fmt: skip
+    relight.add_argument(
         "--progressive", action="store_true",
         help="each frame of --turn adds what changed most, in a compressed form by haar",
     )  # fmt: skip
@@ -107,6 +112,15 @@ def _frames(text):
     if not (text.isdecimal() and 0 < int(text) < 100000):
         raise argparse.ArgumentTypeError(f"expected 1 to 99,999 frames, got '{text}'")
     return int(text)
+
+
+def _range(text):
+    """(first, last) of A-B or A."""
+    first, dash, last = text.partition("-")
+    good = first.isdecimal() and (last.isdecimal() if dash else True)
+    if not (good and 0 < int(first) <= int(last or first)):
+        raise argparse.ArgumentTypeError(f"expected A-B or A, frames from 1 on, got '{text}'")
+    return int(first), int(last or first)
 
 
 def _relight(options):
@@ -197,6 +211,16 @@ def _expect_request(options):
         or options.light == "world",
         "--caster: no ray is cast; it changes nothing without --png, --lamps or --sharp-sun",
     )
+    if options.frames:
+        expect(
+            options.frames[1] <= options.turn,
+            f"--frames: --turn {options.turn} has frames 1 to {options.turn}, got "
+            f"{options.frames[0]}-{options.frames[1]}",
+        )
+        expect(
+            not options.progressive,
+            "--frames: with --progressive a frame adds to the one before; leave out one of them",
+        )
     if options.turn:
         expect(
             lighting.is_image and not options.blend,
@@ -259,7 +283,8 @@ def _relight_turn(baked, lighting, options, camera, view):
     of = _of(options)
     pictures = PictureWriter(baked, options.size, options.caster, camera)
     start, spent = time.perf_counter(), []
-    for frame in range(options.turn):
+    first, last = options.frames or (1, options.turn)
+    for frame in range(first - 1, last):
         turn = (options.rotate or 0.0) + 360.0 * frame / options.turn
         lighting = replace(lighting, rotation=turn)
         begun, radiance = time.perf_counter(), None
@@ -277,10 +302,11 @@ def _relight_turn(baked, lighting, options, camera, view):
             write_picture(path, pictures, relighter, lighting, view, radiance)
         if radiance is None:
             spent.append(time.perf_counter() - begun)
-    whole = (time.perf_counter() - start) / options.turn
-    first = frame_path(options.png or options.output or options.image, 1)
+    count = last - first + 1
+    whole = (time.perf_counter() - start) / count
+    path = frame_path(options.png or options.output or options.image, first)
     print(
-        f"{first} and on: {options.turn} frames of {_shown(baked, of)} relit "
+        f"{path} and on: {count} frames of {_shown(baked, of)} relit "
         f"{how_relit(relighter)}, {whole:.2f} s each, {1e3 * float(np.median(spent)):.1f} ms of "
         "them to relight"
     )

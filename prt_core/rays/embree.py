@@ -1,6 +1,5 @@
 """Intel's Embree through embreex (optional extra), on all cores: it releases the GIL."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -8,6 +7,7 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 from prt_core.rays.caster import Hits, as_limits, as_rays, barycentric_of, register_caster
+from prt_core.runtime.cores import n_cores
 
 _SLICE = 1 << 17
 
@@ -33,7 +33,7 @@ class EmbreeCaster:
         TriangleMesh(self._scene, self._vertices, self._triangles)
         # Embree builds its BVH on the first query; two threads must not both do it.
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")
-        self.threads = os.cpu_count() or 1
+        self.threads = n_cores()
         self._pool = ThreadPoolExecutor(self.threads)
 
     def _slices(self, cast, n_rays, dtype):

@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from prt_core.reflectance.fresnel import dielectric, f0_of_ior
+from prt_core.reflectance.fresnel_powers import powers_at
 from prt_core.sphere import square_to_ggx_normals
 
 # Nodes of a table along roughness and cosine, and those of Fresnel terms besides.
@@ -59,6 +60,27 @@ def ggx_fresnel_share(roughness, cosine, ior):
     (...) array
     """
     return _read(_fresnel_share(), np.sqrt(np.abs((ior - 1) / (ior + 1))), roughness, cosine)
+
+
+def ggx_power_albedos(roughness, cosines):
+    """What white lobes times powers of the Fresnel term send towards a viewer, of even light.
+
+    Worked out, not looked up.
+
+    Parameters
+    ----------
+    roughness : float
+        Root of alpha, above 0 to 1.
+    cosines : (n,) float
+        Between viewer and normal, above 0 to 1.
+
+    Returns
+    -------
+    (n, N_POWERS) array
+        See `fresnel_powers`.
+    """
+    share, facing = _reflected(roughness, np.asarray(cosines, np.float64))
+    return np.stack([_sums(share * power) for power in powers_at(facing)], axis=1)
 
 
 @lru_cache(maxsize=1)

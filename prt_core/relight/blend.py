@@ -95,7 +95,28 @@ class LightBlend:
         """
         return run(self.steps(lights, view=view))
 
-    def steps(self, lights, pace=None, view=None, every=1):
+    def map_views_steps(self, lights, pace=None):
+        """Make maps of views under each light that shines and is known, for views to come.
+
+        See `Relighter.map_views_steps`.
+
+        Parameters
+        ----------
+        lights : sequence of WeightedLight
+        pace : float, optional
+        """
+        for relighter in self._shining(lights):
+            yield from relighter.map_views_steps(pace)
+
+    def maps_views(self, lights):
+        """Whether there is a map of views of all lights that shine and are known."""
+        return all(relighter.maps_views for relighter in self._shining(lights))
+
+    def _shining(self, lights):
+        relighters = [self.relighter(light.name) for light in lights if light.weight > 0]
+        return [relighter for relighter in relighters if relighter.lit is not None]
+
+    def steps(self, lights, pace=None, view=None, every=1, mapped=False):
         """Relight under the sum of lights, as a generator of `Progress`.
 
         Parameters
@@ -104,8 +125,8 @@ class LightBlend:
             Those of weight 0 cost nothing; of none at all everything is black.
         pace, view
             See `Relighter.steps`.
-        every : int
-            See `Relighter.view_steps`; counts where the light is known.
+        every, mapped
+            See `Relighter.view_steps`; they count where the light is known.
 
         Returns
         -------
@@ -120,28 +141,29 @@ class LightBlend:
         shining = [light for light in lights if light.weight > 0]
         if [light.weight for light in shining] == [1]:
             # As it is: colours of one light are those of its relighter, bit by bit.
-            radiance, self.received = yield from self._one(shining[0], pace, view, every)
+            radiance, self.received = yield from self._one(shining[0], pace, view, every, mapped)
             return radiance
         shape = self._bake.transport.n_points, 3
         radiance, received = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         for light in shining:
-            one = yield from self._one(light, pace, view, every)
+            one = yield from self._one(light, pace, view, every, mapped)
             for total, part in zip((radiance, received), one, strict=True):
                 total += part * np.float32(light.weight)
         self.received = received
         return radiance
 
-    def _one(self, light, pace, view, every):
+    def _one(self, light, pace, view, every, mapped):
         """Radiance and received light of one light at weight 1."""
         lighting, relighter = light.lighting, self.relighter(light.name)
         relighter.form, key = self.form, (self.form, lighting.key)
         known = view is not None and self._knows(light.name, key)
         kept = self._kept.get(light.name)
-        asked = key, None if view is None else (id(view), every if known else 1)
+        how = (every, mapped) if known else (1, False)
+        asked = key, None if view is None else (id(view), *how)
         if kept is not None and kept[0] == asked and _lasts(lighting):
             return kept[1]
         if known:
-            radiance = yield from relighter.view_steps(view, pace, every)
+            radiance = yield from relighter.view_steps(view, pace, every, mapped)
         else:
             radiance = yield from relighter.steps(lighting, pace, view=view)
             self._lit[light.name] = key, relighter.lit

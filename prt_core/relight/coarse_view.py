@@ -57,7 +57,7 @@ class CoarseView:
         shape = len(self._rest), len(self._known)
         return csr_matrix((weights[there].astype(np.float32), columns, start), shape)
 
-    def follow(self, values, facing):
+    def follow(self, values, facing, known_besides=None):
         """Fill in what was not evaluated.
 
         Parameters
@@ -66,9 +66,13 @@ class CoarseView:
             Changed in place at the points that were not evaluated and face the viewer.
         facing : (n_points,) bool
             Points that do not face the viewer are not followed.
+        known_besides : (n_points,) bool, optional
+            Points that stay as they are.
         """
         known = facing[self._known]
         share = self._weights @ known.astype(np.float32)
         mean = self._weights @ np.where(known[:, None], values[self._known], np.float32(0))
         seen = facing[self._rest] & (share > 0)
+        if known_besides is not None:
+            seen &= ~known_besides[self._rest]
         values[self._rest[seen]] = mean[seen] / share[seen, None]

@@ -14,11 +14,14 @@ from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
 from prt_core.relight.glossy_points import GlossyPoints, SeenMetal
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.main_thread import maybe_in_thread
+from prt_core.runtime.progress import Progress
 
 # Sweeps over what reflects what reflects, at most.
 _SWEEPS = 3
 # Points whose lobes are evaluated in one step: then a view that is not wanted any more can end.
 _AT_ONCE = 1 << 16
+# Pieces of maps of views that are made in one step, for the same reason.
+_PIECES = 48
 
 
 class Gloss:
@@ -56,8 +59,8 @@ class Gloss:
         for reflections in bake.reflections:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
-        self._metal = self._light = self._sky = None
-        self._coarse = {}
+        self._metal = self._light = self._sky = self._maps = None
+        self._glimpses, self._coarse = [], {}
         self._pixels = GlossyPixels(
             bake.scene, self._parts, self.lobes, lambda: bake.make_caster(caster, "diffuse")
         )
@@ -73,8 +76,9 @@ class Gloss:
 
     @property
     def nbytes(self):
-        """Of the fields."""
-        return sum(part.field.nbytes for part in self._parts)
+        """Of the fields, of maps of views, and of what is kept for metal that metal sees."""
+        glimpses = sum(one.nbytes for _, one in self._glimpses)
+        return sum(part.nbytes for part in self._parts) + glimpses
 
     @property
     def mirror_rays(self):
@@ -103,17 +107,17 @@ class Gloss:
         key = _digest(texels, sent, even)
         if key == self._light:
             return
-        self._light = None
+        self._light = self._maps = None
         for part in self._parts:
             part.light(texels, sent, sky, detailed)
         seen = self._seen_metal()
         if seen is not None:
             # What stood in for it until now.
             before = np.zeros((len(seen), 3), np.float32)
-            for index, part in enumerate(self._parts):
-                mine = seen.part == index
+            for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
                 who = part.points[seen.row[mine]]
                 before[mine] = sent[who] - even[who]
+                glimpses.light()
         for _ in range(_SWEEPS if seen is not None else 0):
             reflected = self._of_seen(seen)
             change = reflected - before
@@ -122,23 +126,58 @@ class Gloss:
             if np.abs(change).sum() <= tolerance * np.abs(reflected).sum():
                 break
             before = reflected
+        if seen is not None:
+            for part in self._parts:
+                part.settle()
         self._light = key
 
     def _seen_metal(self):
         """Where reflections see what reflects as much as metals do, and from where; or None."""
         if self._metal is None:
-            self._metal = SeenMetal(self._parts, len(self._world))
+            seen = self._metal = SeenMetal(self._parts, len(self._world))
+            for index, part in enumerate(self._parts):
+                mine = np.flatnonzero(seen.part == index)
+                glimpses = part.glimpses(seen.row[mine], seen.outgoing[mine])
+                self._glimpses.append((mine, glimpses))
         return self._metal if len(self._metal) else None
 
     def _of_seen(self, seen):
         """(k, 3) radiance that what is seen reflects towards where it is seen from."""
         result = np.zeros((len(seen), 3), np.float32)
-        for index, part in enumerate(self._parts):
-            mine = np.flatnonzero(seen.part == index)
-            result[mine] = part.glimpse(seen.row[mine], seen.outgoing[mine])
+        for mine, glimpses in self._glimpses:
+            result[mine] = glimpses.reflected()
         return result
 
-    def toward_steps(self, view, lamps=(), pace=None, every=1):
+    @property
+    def maps_views(self):
+        """Whether wide lobes are looked up where a view may be (see `map_views_steps`)."""
+        return self._maps is not None and not any(one.left for one in self._maps)
+
+    def map_views_steps(self, pace=None):
+        """Make maps of all views for what has wide lobes, as a generator of `Progress`.
+
+        They are of the light that is known, and serve `toward_steps`. One that is dropped goes on
+        where it was when it is asked for again.
+
+        Parameters
+        ----------
+        pace : float, optional
+            Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
+        """
+        if self._maps is None:
+            self._maps = yield from maybe_in_thread(pace, "views", self._planned_maps)
+        maps = self._maps
+        total = sum(one.planned for one in maps)
+        # Another light, which may come between two steps, has maps of its own.
+        while maps is self._maps and not self.maps_views:
+            one = next(one for one in maps if one.left)
+            yield from maybe_in_thread(pace, "views", one.make, _PIECES)
+            yield Progress("views", total - sum(each.left for each in maps), total)
+
+    def _planned_maps(self):
+        return [part.view_map() for part in self._parts]
+
+    def toward_steps(self, view, lamps=(), pace=None, every=1, mapped=False):
         """Radiance that lobes send towards a view, as a generator of `Progress`.
 
         Parameters
@@ -150,6 +189,8 @@ class Gloss:
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
         every : int
             Lobes are evaluated at one of so many points, which those between follow.
+        mapped : bool
+            Look up what has a map (see `map_views_steps`) instead: all of these points.
 
         Returns
         -------
@@ -161,26 +202,32 @@ class Gloss:
         outgoing = view.outgoing(self._world).astype(np.float32)
         values = np.zeros((len(self._world), 6), np.float32)
         values[:, 3:] = 1
-        facing, coarse = np.zeros(len(self._world), bool), None
-        if every > 1:
-            coarse = yield from maybe_in_thread(pace, "gloss", self._coarser, every)
+        (facing, looked_up), coarse = np.zeros((2, len(self._world)), bool), None
         for part in self._parts:
             rows = part.facing(outgoing[part.points])
             facing[part.points[rows]] = True
-            if coarse is not None:
+            if mapped and part.mapped.any():
+                there = part.mapped[rows]
+                some, rows = rows[there], rows[~there]
+                looked_up[part.points[some]] = True
+                work = self._toward, part.looked_up, part, some, outgoing, lamps
+                values[part.points[some]] = yield from maybe_in_thread(pace, "gloss", *work)
+            if every > 1 and len(rows):
+                if coarse is None:
+                    coarse = yield from maybe_in_thread(pace, "gloss", self._coarser, every)
                 rows = rows[coarse.chosen[part.points[rows]]]
             for first in range(0, len(rows), _AT_ONCE):
                 some = rows[first : first + _AT_ONCE]
-                work = self._toward, part, some, outgoing, lamps
+                work = self._toward, part.toward, part, some, outgoing, lamps
                 values[part.points[some]] = yield from maybe_in_thread(pace, "gloss", *work)
         if coarse is not None:
-            coarse.follow(values, facing)
+            coarse.follow(values, facing, looked_up)
         return values[:, :3], values[:, 3:]
 
-    def _toward(self, part, rows, outgoing, lamps):
+    def _toward(self, lobes, part, rows, outgoing, lamps):
         """(k, 6): what some points of a part reflect, and what is left of diffuse light."""
         outgoing = outgoing[part.points[rows]]
-        reflected, diffuse = part.toward(rows, outgoing)
+        reflected, diffuse = lobes(rows, outgoing)
         for lamp, received in lamps:
             reflected += part.highlights(lamp, received, self._world, rows, outgoing)
         return np.concatenate([reflected, diffuse], axis=1)

@@ -79,7 +79,14 @@ class GlossForm:
         on_all_cores(one, range(0, len(arrived), _PART))
         return self
 
-    def toward_steps(self, view, lamps=(), pace=None, every=1):
+    # Views are quick as they are.
+    maps_views = True
+
+    def map_views_steps(self, pace=None):
+        """As `Gloss.map_views_steps`: there is nothing to do."""
+        yield from ()
+
+    def toward_steps(self, view, lamps=(), pace=None, every=1, mapped=False):
         """See `Gloss.toward_steps`; there are no lamps, and all points are quick enough."""
         return (yield from maybe_in_thread(pace, "gloss", self._toward, view))
 

@@ -3,18 +3,19 @@
 import numpy as np
 
 from prt_core.reflectance import principled_lobes
-from prt_core.transport.glimpse import glimpse
+from prt_core.transport.glimpse import Glimpses
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
 from prt_core.transport.rough_diffuse import rough_share
+from prt_core.transport.view_map import ViewMap
 
 # Lobes of a smaller alpha are mirrors: in parts of half the width of a texel.
 _TEXELS = 0.6
 # What reflects so much of the light that comes straight is metal to others that see it.
 METAL = 0.15
-# Blocks along an edge with which no lobe is narrow.
-_WIDE = 8
+# Blocks along an edge with which no lobe is narrow, and the least alpha of lobes that have maps.
+_WIDE, _LEAST_MAPPED = 8, 0.16
 
 
 class GlossyPoints:
@@ -48,12 +49,14 @@ class GlossyPoints:
         self._mirror = Mirror(self.field, bake.transport.bits)
         self._materials = points.materials[which]
         self._frames = lobes.frames[first : first + len(which)]
-        self.narrowest = np.float32(_TEXELS * np.pi / 4 / bake.cube_map.resolution)
+        self.narrowest = narrowest_of(bake.cube_map)
         # Wide lobes need no detail of the light.
         self._is_wide = reflections.blocks.side <= _WIDE
+        self._map = None
 
     def light(self, texels, sent, sky=None, detailed=None):
         """Take in a light, as `IncomingField.update` and `Mirror.update` do."""
+        self._map = None
         self.field.update(texels, sent, None if self._is_wide else detailed)
         self._mirror.update(texels, sent, sky)
 
@@ -62,6 +65,10 @@ class GlossyPoints:
         self.field.resend(entries, which, change)
         self._mirror.resend(entries, which, change)
 
+    def settle(self):
+        """End a number of `resend`, as `IncomingField.settle` does."""
+        self.field.settle()
+
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
         return self._lobes.strength()[self._first : self._first + len(self.points)]
@@ -69,6 +76,41 @@ class GlossyPoints:
     def facing(self, outgoing):
         """Rows of the points that face the viewer, of directions (n, 3)."""
         return np.flatnonzero(np.einsum("nx,nx->n", outgoing, self._normals) > 0)
+
+    def view_map(self):
+        """The `ViewMap` of the light, of wide lobes; planned when first asked for."""
+        if self._map is None:
+            kinds, first, least = self._lobes.kinds()
+            mine = slice(self._first, self._first + len(self.points))
+            mapped = (least[mine] > _LEAST_MAPPED - 1e-4) & self._is_wide
+            own = np.full(len(self.points), -1, np.int32)
+            used, own[mapped] = np.unique(kinds[mine][mapped], return_inverse=True)
+            first = first[used]
+
+            def lobes_of(kind, cosine):
+                groups, _ = self._lobes.at(first[kind], cosine)
+                return [(alpha[:, 0], powers) for alpha, powers in groups]
+
+            self._map = ViewMap(self.field, self._normals, own, lobes_of)
+        return self._map
+
+    @property
+    def mapped(self):
+        """(n,) bool: points whose views are looked up; none before the map is made."""
+        return np.zeros(len(self.points), bool) if self._map is None else self._map.has
+
+    @property
+    def nbytes(self):
+        """Of the field, and of maps of views."""
+        return self.field.nbytes + (0 if self._map is None else self._map.nbytes)
+
+    def looked_up(self, rows, outgoing):
+        """As `toward`, of points that are `mapped`."""
+        normals = self._normals[rows]
+        cosine = np.einsum("kx,kx->k", outgoing, normals)
+        diffuse = self._lobes.diffuse(self._first + rows, cosine)
+        diffuse = diffuse * self.rough_share(rows, normals, outgoing)
+        return self._map.reflected(rows, outgoing), diffuse
 
     def toward(self, rows, outgoing):
         """What points reflect.
@@ -111,13 +153,14 @@ class GlossyPoints:
         )  # fmt: skip
         return result
 
-    def glimpse(self, rows, outgoing):
-        """(k, 3) float32: about what points by `rows` (k,) reflect along `outgoing` (k, 3)."""
+    def glimpses(self, rows, outgoing):
+        """`Glimpses` of points by `rows` (k,) from where `outgoing` (k, 3) leads."""
         cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
-        result = np.zeros((len(rows), 3), np.float32)
-        for alpha, powers in self._lobes.at(self._first + rows, cosine)[0]:
-            result += glimpse(self.field, self._normals, rows, outgoing, alpha, powers)
-        return result
+
+        def lobes_at(some):
+            return self._lobes.at(self._first + rows[some], cosine[some])[0]
+
+        return Glimpses(self.field, self._normals, rows, outgoing, lobes_at)
 
     def reflected(self, rows, normals, outgoing, alpha, powers, frames):
         """What lobes reflect of the fields of points.
@@ -183,6 +226,11 @@ class GlossyPoints:
                 world[self.points[some]], outgoing[lit],
             )  # fmt: skip
         return result
+
+
+def narrowest_of(cube_map):
+    """Alpha (float32) below which lobes are mirrors, for the texels of a `CubeMap`."""
+    return np.float32(_TEXELS * np.pi / 4 / cube_map.resolution)
 
 
 def highlights(materials, frames, lamp, received, world, outgoing):

@@ -30,6 +30,8 @@ class PointLobes:
         Roughness of their diffuse lobes.
     facets : (n + 1, 3) float32
         Colour of the facets of these.
+    groups : list of LobeGroup
+        Lobes of one roughness, those that any point has.
     """
 
     def __init__(self, materials, normals):
@@ -45,13 +47,13 @@ class PointLobes:
             if lobe.name == "diffuse":
                 self.rough[lobe.rows] = lobe.reflectance.diffuse_roughness[..., 0]
                 self.facets[lobe.rows] = lobe.reflectance.colour[:, 0]
-        self._groups = [_Group(lobes, names) for names in _GROUPS]
-        self._groups = [group for group in self._groups if group.lobes]
+        self.groups = [LobeGroup(lobes, names) for names in _GROUPS]
+        self.groups = [group for group in self.groups if group.lobes]
 
     def strength(self):
         """(n,) float32: how much is reflected straight back, at most of the channels."""
         result = np.zeros(len(self.normals), np.float32)
-        for group in self._groups:
+        for group in self.groups:
             for powers in group.lobes.values():
                 result += powers[:-1, 0].max(axis=1)
         return result
@@ -75,12 +77,43 @@ class PointLobes:
         """
         factors = self._factors.at(rows, cosine)
         groups = []
-        for group in self._groups:
+        for group in self.groups:
             powers = sum(
                 values[rows] * factors[name][:, None] for name, values in group.lobes.items()
             )
             groups.append((group.alpha[rows], powers))
         return groups, factors["diffuse"]
+
+    def diffuse(self, rows, cosine):
+        """(k, 3) float32: what is left of diffuse light alone, as `at` has it."""
+        return self._factors.at(rows, cosine, ("diffuse",))["diffuse"]
+
+    def kinds(self):
+        """Points that have the same lobes, but for the axes of these.
+
+        Returns
+        -------
+        kinds : (n,) int32
+            Equal for equal lobes.
+        first : (n_kinds,) int64
+            A point of each kind.
+        least : (n,) float32
+            The smallest alpha of any lobe of each point; 0 where one is stretched.
+        """
+        n = len(self.normals)
+        names = [name for group in self._groups for name in group.lobes]
+        columns, least = [self._factors.labels(names)[:n]], np.ones(n, np.float32)
+        for group in self._groups:
+            alpha, powers = group.alpha[:n], [each[:n] for each in group.lobes.values()]
+            width = np.where(alpha[:, 0] == alpha[:, 1], alpha[:, 0], np.float32(0))
+            there = np.any([each.any(axis=(1, 2)) for each in powers], axis=0)
+            least = np.where(there, np.minimum(least, width), least)
+            columns += [alpha, *(each.reshape(n, -1) for each in powers)]
+        # Equal rows, and as good as only those, have equal products with a random vector.
+        columns = np.concatenate(columns, axis=1).astype(np.float64)
+        way = np.random.default_rng(0).uniform(1, 2, columns.shape[1])
+        _, first, kinds = np.unique(columns @ way, return_index=True, return_inverse=True)
+        return kinds.ravel().astype(np.int32), first, least
 
     def between(self, rows, weights, cosine):
         """The lobes of places between points, as `at` has those of points.
@@ -116,20 +149,27 @@ class PointLobes:
         return local_frames(normals, tangents).astype(np.float32)
 
 
-class _Group:
+class LobeGroup:
     """Lobes that have the same roughness at each point.
+
+    Parameters
+    ----------
+    principled : PrincipledLobes
+        Of n points, and of what has no gloss.
+    names : sequence of str
+        Of lobes.
 
     Attributes
     ----------
-    lobes : dict of str -> (n, N_POWERS, 3) float32
-        Their Fresnel terms.
-    alpha : (n, 2) float32
+    lobes : dict of str -> (n + 1, N_POWERS, 3) float32
+        Their Fresnel terms, by name.
+    alpha : (n + 1, 2) float32
     """
 
-    def __init__(self, lobes, names):
-        n = lobes.n_points
+    def __init__(self, principled, names):
+        n = principled.n_points
         self.lobes, self.alpha = {}, np.ones((n, 2), np.float32)
-        for lobe in lobes.lobes:
+        for lobe in principled.lobes:
             if lobe.name in names:
                 powers = np.zeros((n, N_POWERS, 3), np.float32)
                 powers[lobe.rows] = fresnel_powers(lobe.reflectance.fresnel) * lobe.weight

@@ -237,11 +237,25 @@ class Relighter:
             return exact if pixels is None else pixels + exact
         return subject.shaped(exposed(radiance, lighting))
 
-    def view_steps(self, view, pace=None, every=1):
+    def map_views_steps(self, pace=None):
+        """Make maps of views of what has wide lobes, for views to come under the light.
+
+        A generator of `Progress`; where it is dropped, the next call goes on. A view is then a few
+        look-ups a point (see `transport.view_map`). `pace` and errors: see `view_steps`.
+        """
+        expect(self._sent is not None, "view: no light is known yet; relight with a view first")
+        yield from self._sent.gloss.map_views_steps(pace)
+
+    @property
+    def maps_views(self):
+        """Whether `map_views_steps` came to its end under the light that is known."""
+        return self._sent is not None and self._sent.gloss.maps_views
+
+    def view_steps(self, view, pace=None, every=1, mapped=False):
         """Another view under the same light, as a generator of `Progress`: only lobes are new.
 
-        The light is that of the last `steps` with a view that came to its end. The colours are
-        those that it would give for this view, bit by bit.
+        The light is that of the last `steps` with a view that came to its end; as long as nothing
+        is left out or looked up, the colours are those that it would give, bit by bit.
 
         Parameters
         ----------
@@ -249,8 +263,9 @@ class Relighter:
         pace : float, optional
             As for `steps`.
         every : int
-            Evaluate the lobes at one of so many points, which those between follow: for a view
-            that moves.
+            For a view that moves: evaluate lobes at one of so many points, which others follow.
+        mapped : bool
+            Look wide lobes up in the maps of views, where these are made (see `map_views_steps`).
 
         Returns
         -------
@@ -260,12 +275,13 @@ class Relighter:
         Raises
         ------
         PRTError
-            There was none.
+            There was no light.
         """
         expect_kind("view", view, View)
         expect_whole("every", every, 1)
+        expect_flag("mapped", mapped)
         expect(self._sent is not None, "view: no light is known yet; relight with a view first")
-        return (yield from self._sent.toward_steps(view, pace, every))
+        return (yield from self._sent.toward_steps(view, pace, every, mapped))
 
     @property
     def lit(self):

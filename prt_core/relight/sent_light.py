@@ -31,9 +31,10 @@ class SentLight:
     lighting: Lighting
     gloss: object
 
-    def toward_steps(self, view, pace=None, every=1):
+    def toward_steps(self, view, pace=None, every=1, mapped=False):
         """(n_points, 3) float32 radiance towards a view (see `Relighter.view_steps`)."""
-        reflected, share = yield from self.gloss.toward_steps(view, self.lamps, pace, every)
+        how = pace, every, mapped
+        reflected, share = yield from self.gloss.toward_steps(view, self.lamps, *how)
         radiance = (self.even - self.own) * share + self.own + reflected
         return exposed(radiance, self.lighting)
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -65,6 +66,18 @@ def reset_peak():
     return True
 
 
+def return_memory():
+    """Give memory that was freed back to the system, where the C library keeps it (glibc does).
+
+    After large arrays came and went it keeps about as much as the largest of them took together.
+    """
+    if sys.platform.startswith("linux"):
+        import ctypes
+
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
+
+
 def _windows_peak():
     import ctypes
     from ctypes import wintypes
@@ -118,6 +131,11 @@ def _windows_memory():
     ):
         raise ctypes.WinError(ctypes.get_last_error())
     return int(status.TotalPhys)
+
+
+def limit_blas(threads):
+    """Let matrix products use so many threads from now on."""
+    _controller().limit(limits=threads, user_api="blas")
 
 
 @cache

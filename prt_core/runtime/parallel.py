@@ -1,12 +1,12 @@
 """Independent pieces of array work on all cores, one BLAS thread each, in order."""
 
-import os
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.threads import on_all_cores
 
 
@@ -16,7 +16,7 @@ def in_parallel(function, items):
     Pieces that fit a core's cache beat one BLAS call on all cores, and several BLAS threads in
     each of several Python threads get in each other's way. Few results wait at any time.
     """
-    n_threads = os.cpu_count() or 1
+    n_threads = n_cores()
     with threadpool_limits(1), ThreadPoolExecutor(n_threads) as pool:
         waiting = deque()
         for item in items:
@@ -36,7 +36,7 @@ class SplitMatrix:
     """
 
     def __init__(self, matrix):
-        step = max(1, -(-matrix.shape[0] // (4 * (os.cpu_count() or 1))))
+        step = max(1, -(-matrix.shape[0] // (4 * n_cores())))
         firsts = range(0, max(matrix.shape[0], 1), step)
         self._parts = [matrix[first : first + step] for first in firsts]
 

@@ -1,9 +1,10 @@
 """Short pieces of array work on all cores, by threads that are kept."""
 
-import os
 import threading
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
+
+from prt_core.runtime.cores import n_cores
 
 _here = threading.local()
 
@@ -41,7 +42,7 @@ def started(function, items):
 
 @cache
 def _pool():
-    return ThreadPoolExecutor(os.cpu_count() or 1, "prt")
+    return ThreadPoolExecutor(n_cores(), "prt")
 
 
 def _inside(function, item):

@@ -15,6 +15,7 @@ from prt_core.sampling.certificate import (
 )
 from prt_core.sampling.groups import Groups, certified_together
 from prt_core.sampling.huang import HuangSettings, sample_huang
+from prt_core.sampling.known import Known
 from prt_core.sampling.refinement import Refinement, RefineSettings, refine_steps
 from prt_core.sampling.sampled import (
     LevelDone,
@@ -32,6 +33,7 @@ __all__ = [
     "Estimate",
     "Groups",
     "HuangSettings",
+    "Known",
     "LevelDone",
     "ObjectError",
     "RefineSettings",

@@ -31,6 +31,9 @@ _REFINE, _LOOK, _DETAILS = 1000, 2000, 3000
 # Groups are judged after levels that leave this share of the points known: fewer say little, and
 # later there is little left to save.
 _JUDGED = 0.04, 0.5
+# What is left of a point that was known before and is traced rather than asked: a share of what is
+# above its horizon.
+_LITTLE = 1 / 8
 # How carefully details are asked about.
 _FOR_DETAILS = {"neighbours": 3, "candidates": 8, "checks": 8, "edge_halvings": 3}
 
@@ -102,7 +105,7 @@ class AgreementSettings:
             expect_number("most_wrong", self.most_wrong, above=0)
 
 
-def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=None):
+def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=None, known=None):
     """Visibility of every point from a few per cent of its entries; yields `Progress`.
 
     Parameters
@@ -115,6 +118,8 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
         Told the number of rays of each batch.
     pace : Pace, optional
         In rays; the result is the same.
+    known : Known, optional
+        What was known before: it is believed as if rays had told it.
 
     Returns
     -------
@@ -125,19 +130,28 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
     """
     settings = AgreementSettings() if settings is None else settings
     expect_kind("settings", settings, AgreementSettings)
-    work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed)
-    yield from work.begin()
+    begun = None if known is None else known.begun(scene, cube_map)
+    work = AgreementState(scene, cube_map, caster, tally, pace, settings.seed, begun)
+    yield from work.begin(None if known is None else known.above)
+    settled = work.open
+    if known is not None:
+        # Of points of which little is left to trace that is cheaper than to ask.
+        left = work.left_to_trace()
+        yield from work.trace_whole("rest", np.flatnonzero((left <= _LITTLE) & (left > 0)))
+        settled = work.open | (left <= _LITTLE)
     rng = generator(settings.seed, Stage.AGREEMENT)
     # Details stand where little agrees: they come last, when all around them is known.
     is_detail = np.zeros(len(scene.points), bool)
     is_detail[scene.details.point] = True
-    closed = np.flatnonzero(~work.open & ~is_detail)
+    closed = np.flatnonzero(~settled & ~is_detail)
     first = max(64, -(-len(closed) // settings.first))
     levels = surface_levels(scene.points, work.groups, first, settings.growth, rng)
-    levels = [level[~(work.open | is_detail)[level]] for level in levels]
-    known = np.flatnonzero(work.open)
-    n_open = len(known)
-    reached = len(known) + np.cumsum([len(level) for level in levels])
+    levels = [level[~(settled | is_detail)[level]] for level in levels]
+    if known is not None:
+        levels = [level for level in levels if len(level)]
+    told = np.flatnonzero(settled if known is None else settled & work.beside(~settled))
+    n_open = len(told)
+    reached = int(settled.sum()) + np.cumsum([len(level) for level in levels])
     for index, level in enumerate(levels):
         level = level[~work.given_up[level]]
         share = reached[index] / max(len(scene.points) - len(scene.details), 1)
@@ -145,26 +159,27 @@ def sample_agreement(scene, cube_map, caster, settings=None, tally=None, pace=No
         if index == 0:
             yield from work.trace_whole("first", level)
         else:
-            yield from work.ask(level, known, settings, halvings, (index,))
-        known = np.concatenate([known, level])
-        yield work.level_done(known, n_open)
+            yield from work.ask(level, told, settings, halvings, (index,))
+        told = np.concatenate([told, level])
+        yield work.level_done(told, n_open)
         if settings.most_wrong is not None and _JUDGED[0] <= share <= _JUDGED[1]:
             work.give_up(settings.most_wrong)
     ordered = work.in_order()
     whole = ordered[(work.given_up & ~work.open)[ordered]]
     yield from work.trace_whole("rest", whole)
-    known = np.union1d(known, whole)
-    details = ordered[(is_detail & ~work.open & ~work.given_up)[ordered]]
+    told = np.union1d(told, whole)
+    details = ordered[(is_detail & ~settled & ~work.given_up)[ordered]]
     careful = replace(settings, **_FOR_DETAILS)
     for turn, level_points in enumerate(_interleaved(details)):
-        yield from work.ask(level_points, known, careful, careful.edge_halvings, (_DETAILS + turn,))
-        known = np.concatenate([known, level_points])
+        yield from work.ask(level_points, told, careful, careful.edge_halvings, (_DETAILS + turn,))
+        told = np.concatenate([told, level_points])
     most = settings.look_neighbours
     look = replace(settings, neighbours=most, candidates=most, checks=0)
     for turn in range(settings.looks):
         again = ordered[work.cheap(settings.look_share)[ordered]]
         yield from work.ask(again, ordered, look, None, (_LOOK + turn,), settings.look_reach)
-    return work.result([len(level) for level in levels])
+    sampled = work.result([len(level) for level in levels])
+    return sampled if known is None else known.ended(sampled)
 
 
 def refine_agreement(

@@ -69,21 +69,38 @@ class AgreementState:
             self._rays_before = sampled.rays
             self._given_up_before = sampled.attributes.get("given_up", 0)
 
-    def begin(self):
-        """Horizons, and the points from which nothing can be in the way."""
+    def begin(self, above=None):
+        """Horizons, where not known already, and points from which nothing can be in the way."""
         scene, n_points = self._scene, len(self._scene.points)
         start = time.perf_counter()
-        self.above = np.empty((n_points, -(-self._cube_map.n_directions // 8)), np.uint8)
-        for first in range(0, n_points, _BLOCK):
-            part = slice(first, first + _BLOCK)
-            self.above[part] = horizon_bits(scene, self._cube_map, part)
-            yield self._tracer.progress()
+        self.above = above
+        if above is None:
+            self.above = np.empty((n_points, -(-self._cube_map.n_directions // 8)), np.uint8)
+            for first in range(0, n_points, _BLOCK):
+                part = slice(first, first + _BLOCK)
+                self.above[part] = horizon_bits(scene, self._cube_map, part)
+                yield self._tracer.progress()
         self.open = scene.open_points
         if self.bits is None:
             self.bits, self.traced = np.zeros((2, *self.above.shape), np.uint8)
         traced = self.traced[self.open]
         self.bits[self.open] = self.above[self.open] & ~traced | self.bits[self.open] & traced
         self._spent("horizon", start)
+
+    def left_to_trace(self):
+        """(n_points,) float: share of what is above each point's horizon that is not traced."""
+        share = np.zeros(len(self.bits))
+        for first in range(0, len(share), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            left = count_bits(self.above[part] & ~self.traced[part], axis=1)
+            share[part] = left / np.maximum(count_bits(self.above[part], axis=1), 1)
+        return share
+
+    def beside(self, points):
+        """(n_points,) bool: those that may be neighbours of some of the points (bool)."""
+        asked = np.zeros(int(self.groups.max(initial=-1)) + 1, bool)
+        asked[self.groups[points]] = True
+        return asked[self.groups]
 
     def in_order(self):
         """All points along a curve through each group."""

@@ -1,11 +1,10 @@
 """Rays for the set bits of masks: packed bits in, packed bits out."""
 
-import os
-
 import numpy as np
 
 from prt_core.errors import expect_kind
 from prt_core.rays import shared
+from prt_core.runtime.cores import n_cores
 from prt_core.runtime.progress import Pace, Progress
 from prt_core.runtime.threads import on_all_cores
 from prt_core.scene import Scene
@@ -103,7 +102,7 @@ class Tracer:
             first = stop
 
     def _trace_some(self, points, rows, mask, bits, traced):
-        size = max(_ROWS, -(-len(rows) // (4 * (os.cpu_count() or 1))))
+        size = max(_ROWS, -(-len(rows) // (4 * n_cores())))
         parts = [slice(first, first + size) for first in range(0, len(rows), size)]
 
         def prepare(part):

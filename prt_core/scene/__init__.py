@@ -10,6 +10,7 @@ from prt_core.scene.camera import (
     view_rays,
 )
 from prt_core.scene.changes import Changes, changes, mesh_digests
+from prt_core.scene.compared import compare
 from prt_core.scene.details import Details, with_details
 from prt_core.scene.images import (
     PARAMETRISATIONS,
@@ -58,6 +59,7 @@ __all__ = [
     "auto_camera",
     "camera_rays",
     "changes",
+    "compare",
     "expect_camera",
     "geometry_layout",
     "hits_in_view",

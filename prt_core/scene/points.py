@@ -126,11 +126,13 @@ def make_points(stacked, levels, frames, surfaces):
     """
     corners = stacked["triangle_corners"].astype(np.int64)
     vertices = stacked["vertices"]
-    corner_position = vertices[stacked["corner_vertex"].astype(np.int64)]
-    a, b, c = np.moveaxis(corner_position[corners], 1, 0)
-    cross = np.cross(b - a, c - a)
-    doubled = np.linalg.norm(cross, axis=1, keepdims=True)
-    face_normal = cross / doubled
+    # Of scenes of millions of points this function takes most memory of all: what is not needed
+    # any more goes, and what is the same for corners of a triangle is repeated axis by axis.
+    placed = vertices[stacked["triangles"].astype(np.int64)]
+    a, b, c = np.moveaxis(placed, 1, 0)
+    face_normal = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(face_normal, axis=1, keepdims=True)
+    face_normal /= doubled
     normal = _usable_normals(stacked["corner_normal"], corners, face_normal)
     flat = stacked["flat"][stacked["triangle_object"].astype(np.int64)]
     # The first triangle that has a corner comes last.
@@ -141,19 +143,21 @@ def make_points(stacked, levels, frames, surfaces):
     looks = {id(s): s.corner_materials for s in (surfaces, surfaces.bounced, surfaces.back)}
     corner_point, n_shown = _merge_corners(stacked, corners, normal, looks.values())
     alike = np.einsum("tkx,tkx->tk", shading, normal[corners])
+    del normal
     columns, n_points = _bent_apart(corner_point[corners], n_shown, shading, alike)
     leads = ((alike > _FLAT) | (alike < _BENT)).ravel()
     share = np.repeat(doubled / 6, 3, axis=1)
     summed = _Sums(n_points, columns.ravel())
     weight = np.where(leads, np.maximum(_corner_angles(a, b, c), 1e-9).ravel(), 0)
     of_corner = corners.ravel()
-    positions = summed.mean(corner_position[of_corner], weight)
+    positions = summed.mean(placed.reshape(-1, 3), weight)
     normals = _unit(summed.mean(shading.reshape(-1, 3), weight))
-    geometric = summed.mean(np.repeat(face_normal, 3, axis=0), weight)
+    geometric = summed.mean(face_normal, weight, 3)
     geometric = _unit(
         np.where(np.linalg.norm(geometric, axis=1, keepdims=True) > 1e-6, geometric, normals)
     )
-    middle = summed.mean(np.repeat((a + b + c) / 3, 3, axis=0), share.ravel() * leads)
+    middle = summed.mean((a + b + c) / 3, share.ravel() * leads, 3)
+    del placed, a, b, c
     bend = np.full(n_points, 1.0)
     along = np.einsum("tx,tkx->tk", face_normal, geometric[columns])
     np.minimum.at(bend, columns.ravel(), np.where(leads, along.ravel(), 1))
@@ -162,6 +166,7 @@ def make_points(stacked, levels, frames, surfaces):
     place = columns
     if len(frames) > 1:
         # Beside a point's own faces may be others of a coarser frame.
+        corner_position = vertices[stacked["corner_vertex"].astype(np.int64)]
         _, place = np.unique(corner_position, axis=0, return_inverse=True)
         place = place.reshape(-1)[corners]
     lift, sideways = np.empty((2, n_points))
@@ -281,9 +286,13 @@ class _Sums:
     def __init__(self, n_groups, group):
         self.n_groups, self.group = n_groups, group
 
-    def mean(self, values, weight):
+    def mean(self, values, weight, times=1):
+        """Of values (n, k), each of which counts for so many entries that follow each other."""
         total = np.bincount(self.group, weight, self.n_groups)
-        sums = [np.bincount(self.group, weight * column, self.n_groups) for column in values.T]
+        sums = [
+            np.bincount(self.group, weight * np.repeat(column, times), self.n_groups)
+            for column in values.T
+        ]
         return np.stack(sums, axis=1) / total[:, None]
 
 

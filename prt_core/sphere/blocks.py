@@ -79,11 +79,26 @@ class Blocks:
         (n, n_blocks, ceil(n_texels / 8)) uint8
             Texel t of a block, in the order of `texels`, is bit t % 8 of byte t // 8.
         """
+        n, step = self.cube_map.resolution, self.cube_map.resolution // self.side
+        if n % 8 == 0 and step in (1, 2, 4):
+            return self._patterns_of_bytes(bits, step)
         spread = np.unpackbits(bits, axis=1, count=self.cube_map.n_directions, bitorder="little")
-        step = self.cube_map.resolution // self.side
         spread = spread.reshape(-1, 6, self.side, step, self.side, step).swapaxes(3, 4)
         spread = spread.reshape(-1, len(self), self.n_texels)
         return np.packbits(spread, axis=2, bitorder="little")
+
+    def _patterns_of_bytes(self, bits, step):
+        """The same where bytes hold whole rows of blocks: ten times as quick."""
+        rows = bits.reshape(-1, 6, self.side, step, self.cube_map.resolution // 8)
+        patterns = np.zeros((*rows.shape[:3], rows.shape[4], 8 // step), "<u2")
+        for row in range(step):
+            for place in range(8 // step):
+                part = (rows[:, :, :, row] >> (place * step)) & ((1 << step) - 1)
+                patterns[..., place] |= part.astype(np.uint16) << (row * step)
+        patterns = patterns.reshape(len(bits), len(self))
+        if self.n_texels <= 8:
+            return patterns.astype(np.uint8)[..., None]
+        return patterns.view(np.uint8).reshape(len(bits), len(self), 2)
 
     def pattern_sums(self, patterns, values):
         """Sums of the values of the texels whose bits are set.

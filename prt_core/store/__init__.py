@@ -10,7 +10,14 @@ from prt_core.store.compressed import (
     write_compressed,
 )
 from prt_core.store.journal import JournalMismatch, RayJournal
-from prt_core.store.places import is_removable, remove_bake
+from prt_core.store.object_files import files_at
+from prt_core.store.places import (
+    expect_store_output,
+    is_removable,
+    is_taken,
+    remove_bake,
+    remove_begun,
+)
 from prt_core.store.scenes import (
     check_scene,
     read_backs,
@@ -30,13 +37,17 @@ __all__ = [
     "check_scene",
     "compressed_attributes",
     "damage_as_error",
+    "expect_store_output",
+    "files_at",
     "finish_bake",
     "is_removable",
+    "is_taken",
     "read_backs",
     "read_compressed",
     "read_details",
     "read_scene",
     "remove_bake",
+    "remove_begun",
     "remove_compressed",
     "write_compressed",
     "write_scene",

@@ -1,14 +1,13 @@
 """The store that a bake is written into: begun, gone on with, or beside the one it will replace."""
 
-import os
-from pathlib import Path
-
 from prt_core.errors import PRTError, expect
+from prt_core.runtime.address import expect_store_path
 from prt_core.store.attributes import damage_as_error
 from prt_core.store.places import (
     beside,
     expect_removable,
     finish_swap,
+    is_taken,
     remove_bake_folder,
     remove_leftovers,
     swap,
@@ -24,7 +23,7 @@ def begin_bake(path, identity, restart=False):
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or Address
         `NAME.prt`.
     identity : dict
         Digest of the scene, and settings.
@@ -41,7 +40,7 @@ def begin_bake(path, identity, restart=False):
     PRTError
         The folder holds a bake of another identity, or none of this library.
     """
-    path = Path(path)
+    path = expect_store_path("bake", path)
     swapping = was_swapping(path)
     finish_swap(path)
     if restart is True and swapping:
@@ -56,7 +55,8 @@ def begin_bake(path, identity, restart=False):
     remove_leftovers(path)
     with damage_as_error(path):
         existing = store.attributes.get("identity") or identity
-        different = sorted(key for key in identity if existing.get(key) != identity[key])
+        keys = {*identity, *existing}
+        different = sorted(key for key in keys if existing.get(key) != identity.get(key))
     if different and restart == "changed":
         return _begin_beside(path, identity)
     expect(
@@ -74,7 +74,7 @@ def finish_bake(store, path):
     ----------
     store : BakeStore
         Of `begin_bake`.
-    path : str or Path
+    path : str, Path or Address
         Its place.
 
     Returns
@@ -82,7 +82,7 @@ def finish_bake(store, path):
     BakeStore
         The one there.
     """
-    path = Path(path)
+    path = expect_store_path("bake", path)
     if store.path != path:
         swap(path)
         return BakeStore(path, "r+")
@@ -90,7 +90,7 @@ def finish_bake(store, path):
 
 
 def _begin_beside(path, identity):
-    if os.path.lexists(path):
+    if is_taken(path):
         expect_removable(path)
     store = _read(beside(path))
     if store is not None and store.attributes.get("identity") not in (None, identity):
@@ -103,7 +103,7 @@ def _begin_beside(path, identity):
 
 def _waits_beside(path, identity):
     """Whether a restart that was stopped had nothing to replace, and is of this identity."""
-    if os.path.lexists(path) or not os.path.lexists(beside(path)):
+    if is_taken(path) or not is_taken(beside(path)):
         return False
     store = _read(beside(path))
     return store is not None and store.attributes.get("identity") == identity

@@ -140,10 +140,11 @@ class Chunks(Store):
         await asyncio.to_thread(self.keep, key, value.to_bytes())
 
     async def exists(self, key):
-        return self._files.read(f"{self._name}/{key}", _MOST_OVERHEAD) is not None
+        name, most = f"{self._name}/{key}", self._layout.chunk_bytes + _MOST_OVERHEAD
+        return await asyncio.to_thread(self._files.read, name, most) is not None
 
     async def delete(self, key):
-        self._files.remove(f"{self._name}/{key}")
+        await asyncio.to_thread(self._files.remove, f"{self._name}/{key}")
 
     # Zarr's stores have these two; no chunk of ours is read or written in parts.
     async def get_partial_values(self, *_):

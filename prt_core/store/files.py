@@ -199,12 +199,7 @@ class Files:
             )
 
     def _path(self, key):
-        # What a damaged or planted file names leads nowhere else.
-        expect(
-            _KEY.fullmatch(key) is not None and ".." not in key,
-            f"{self.root}: names a file {key!r}, which is none of a bake's; it is damaged",
-        )
-        return self.root / key
+        return self.root / expect_key(self.root, key)
 
     def _make_folders(self, folder):
         missing = []
@@ -227,6 +222,15 @@ class Files:
             ) from error
         except OSError as error:
             raise file_error(path, done, error) from error
+
+
+def expect_key(root, key):
+    """`key`, where it is one of a bake's: what damaged or planted files name leads nowhere else."""
+    expect(
+        _KEY.fullmatch(key) is not None and ".." not in key,
+        f"{root}: names a file {key!r}, which is none of a bake's; it is damaged",
+    )
+    return key
 
 
 def file_error(path, done, error):

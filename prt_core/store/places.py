@@ -3,17 +3,21 @@
 A bake that replaces one is made in NAME.prt.restart. When it is finished, the old one is renamed
 to NAME.prt.replaced, the new one to NAME.prt, and the old one is removed. Where a kill came between
 the two renames, whoever opens NAME.prt next does the second. What a kill left in NAME.prt.replaced
-is removed by the next bake there.
+is removed by the next bake there. In an object store, where nothing can be renamed, it is done as
+`object_places` tells.
 """
 
 import os
 import re
 import stat
-from pathlib import Path
 
 from prt_core.errors import PRTError, expect
+from prt_core.runtime.address import Address, expect_store_path
+from prt_core.runtime.files import expect_output
+from prt_core.store import object_places
 from prt_core.store.attributes import FILE, is_foreign, read_attributes
 from prt_core.store.files import Files, file_error, is_part, remove_tree, sync_folder
+from prt_core.store.object_files import ObjectFiles, files_at
 
 # What file managers put into any folder.
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -25,14 +29,24 @@ def beside(path):
     return _named(path, ".restart")
 
 
+def is_taken(path):
+    """Whether anything is at a path or address."""
+    return ObjectFiles(path).exists() if isinstance(path, Address) else os.path.lexists(path)
+
+
 def was_swapping(path):
     """Whether a kill came while a finished bake was put in its place."""
+    if isinstance(path, Address):
+        return object_places.was_moving(path, beside(path))
     return os.path.lexists(_old(path)) or (not os.path.lexists(path) and _is_complete(beside(path)))
 
 
 def finish_swap(path):
     """Put a finished new bake in its place, where a kill left nothing there."""
     new = beside(path)
+    if isinstance(path, Address):
+        object_places.finish_move(path, new)
+        return
     if os.path.lexists(path) or not _is_complete(new):
         return
     try:
@@ -45,6 +59,11 @@ def finish_swap(path):
 def swap(path):
     """Put the finished bake beside `path` in its place, and remove the one that was there."""
     new, old = beside(path), _old(path)
+    if isinstance(path, Address):
+        if is_taken(path):
+            expect_removable(path)
+        object_places.move(path, new)
+        return
     remove_bake_folder(old)
     try:
         if os.path.lexists(path):
@@ -61,7 +80,9 @@ def swap(path):
 
 def remove_leftovers(path):
     """Remove what a kill left of a bake that another has replaced."""
-    if os.path.lexists(path):
+    if isinstance(path, Address):
+        object_places.remove_leftovers(path, beside(path))
+    elif os.path.lexists(path):
         remove_bake_folder(_old(path))
 
 
@@ -70,7 +91,7 @@ def remove_bake(path):
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or Address
         `NAME.prt`.
 
     Raises
@@ -78,16 +99,18 @@ def remove_bake(path):
     PRTError
         There is none, or the folder holds what no bake does: then nothing is removed.
     """
-    path = Path(path)
+    path = expect_store_path("bake", path)
     finish_swap(path)
     places = beside(path), _old(path), path
-    existing = [place for place in places if os.path.lexists(place)]
+    existing = [place for place in places if is_taken(place)]
     expect(existing, f"{path}: there is no such bake")
     for place in existing:
         expect_removable(place)
     remove_bake_folder(beside(path))
     remove_bake_folder(_old(path))
-    if path in existing:
+    if path in existing and isinstance(path, Address):
+        remove_bake_folder(path)
+    elif path in existing:
         # Renamed first: a kill then leaves nothing in its place, rather than half of it.
         try:
             os.rename(path, _old(path))
@@ -98,17 +121,22 @@ def remove_bake(path):
 
 def remove_bake_folder(path):
     """Remove one folder of a bake, where it is there and is one."""
-    if os.path.lexists(path):
+    if is_taken(path):
         expect_removable(path)
-        try:
-            remove_tree(path)
-        except OSError as error:
-            raise file_error(path, "removed", error) from error
+        remove_begun(path)
+
+
+def remove_begun(path):
+    """Remove what is at a path or address, unasked what it is: the caller has made it."""
+    try:
+        (object_places.remove if isinstance(path, Address) else remove_tree)(path)
+    except OSError as error:
+        raise file_error(path, "removed", error) from error
 
 
 def expect_removable(path):
     """Raise `PRTError` unless a folder holds nothing but what bakes consist of."""
-    files = Files(path)
+    files = files_at(path)
     expect(files.exists(), f"{path}: there is no such bake")
     expect(
         not is_foreign(files),
@@ -129,7 +157,8 @@ def is_removable(path):
 def expect_only_arrays(path):
     """Raise `PRTError` where a folder holds files that no bake does."""
     try:
-        strange = next(_strange(path, 0), None)
+        away = isinstance(path, Address)
+        strange = next(object_places.strange_keys(path) if away else _strange(path, 0), None)
     except OSError as error:
         raise file_error(path, "read", error) from error
     expect(
@@ -137,6 +166,38 @@ def expect_only_arrays(path):
         f"{path}: is not a bake, or holds more than one does ({strange!r}); move that away or "
         "choose another output",
     )
+
+
+def expect_store_output(name, path, suffix, create=False):
+    """Refuse, before the work, a place where no bake can be written afterwards.
+
+    Parameters
+    ----------
+    name : str
+        What the output is, for messages.
+    path : str, Path or Address
+    suffix : str
+    create : bool
+        Whether folders on the way are made where they are missing; addresses have none.
+
+    Returns
+    -------
+    Path or Address
+
+    Raises
+    ------
+    PRTError
+        See `expect_output`; of an address: no bucket, credentials or connection, or no right to
+        write.
+    """
+    path = expect_store_path(name, path)
+    if not isinstance(path, Address):
+        return expect_output(name, path, suffix, folder=True, create=create)
+    expect(path.suffix.lower() == suffix, f"{path}: expected a name that ends in {suffix}")
+    attempt = ObjectFiles(_named(path, ".part"))
+    attempt.write(FILE, b"")
+    attempt.remove_all([FILE])
+    return path
 
 
 def _old(path):

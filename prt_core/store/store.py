@@ -4,7 +4,8 @@
              ARRAY/zarr.json    how it lies in chunks (layout.py)
              ARRAY/c/0/0 ...    the chunks, each with its digest (chunks.py)
 
-Every file is written beside its place and renamed (files.py). A finished bake's attributes name
+Every file is written beside its place and renamed (files.py), or put whole into an object store
+(object_files.py). A finished bake's attributes name
 a digest of each of its arrays. Nothing is pickled; nothing outside the folder is read or written.
 """
 
@@ -12,7 +13,8 @@ import json
 
 import numpy as np
 
-from prt_core.errors import PRTError, expect, expect_one_of, expect_path
+from prt_core.errors import PRTError, expect, expect_one_of
+from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.renamed import renamed
 from prt_core.store.arrays import BakeArray
 from prt_core.store.attributes import (
@@ -25,8 +27,8 @@ from prt_core.store.attributes import (
     write_attributes,
 )
 from prt_core.store.chunks import MEND
-from prt_core.store.files import Files
 from prt_core.store.layout import MOST_TEXT, Layout
+from prt_core.store.object_files import files_at
 from prt_core.store.places import expect_only_arrays, finish_swap
 
 # The attributes that name the compressed form and that of gloss, and how their folders begin.
@@ -39,15 +41,15 @@ class BakeStore:
 
     Parameters
     ----------
-    path : str or Path
-        `NAME.prt`.
+    path : str, Path or Address
+        `NAME.prt`, or s3://BUCKET/NAME.prt (see `Address`).
     mode : {"r", "r+", "a"}
         Read what is there; write to it as well; the same, and begin where there is nothing yet.
         The folder is made when the first attribute or array is written.
 
     Attributes
     ----------
-    files : Files
+    files : Files or ObjectFiles
         Of the folder.
 
     Raises
@@ -58,8 +60,8 @@ class BakeStore:
 
     def __init__(self, path, mode="r"):
         expect_one_of("mode", mode, _MODES)
-        self.path = expect_path("bake", path)
-        self.files = Files(self.path)
+        self.path = expect_store_path("bake", path)
+        self.files = files_at(self.path)
         finish_swap(self.path)
         exists = self.files.exists()
         expect(exists or mode == "a", f"{path}: there is no such bake")
@@ -268,6 +270,8 @@ class BakeStore:
 
     @property
     def _binding(self):
-        """What chunks belong to: the scene, the settings, and where its details lie."""
+        """What chunks belong to: scene, settings, where its details lie, what they came from."""
         bound = [self._attributes.get(name) for name in ("identity", "details")]
+        taken = self._attributes.get("taken_from")
+        bound += [taken] if taken else []
         return digest(json.dumps(bound, sort_keys=True).encode())

@@ -75,7 +75,7 @@ def gather_hits(scene, caster, points, seed, round_index):
     return gather_parts(scene, caster, [(points, round_index)], expect_seed(seed))[0]
 
 
-def gather_directions(scene, points, seed, round_index):
+def gather_directions(scene, points, seed, round_index, shifts=None):
     """Directions of one round of rays of a block of points, in the order of their hits.
 
     Parameters
@@ -84,6 +84,9 @@ def gather_directions(scene, points, seed, round_index):
     points : slice or (n,) int
         As it was cut when the rays were cast.
     seed, round_index : int
+    shifts : (n_points, 2, 2) float32, optional
+        Of the two sequences of each point, where they are not those of its block: rays that were
+        taken over from another bake keep their directions.
 
     Returns
     -------
@@ -93,13 +96,23 @@ def gather_directions(scene, points, seed, round_index):
     # Every other round goes on in one of two Sobol sequences, each with a shift of its own: their
     # errors are independent, and fall faster than those of random rays.
     half, place = round_index % 2, round_index // 2
-    shift = generator(seed, Stage.GATHER_SHIFT, half, first_of(points))
     normals = scene.points.normals[points]
-    shift = shift.random((len(normals), 2), np.float32)
+    if shifts is None:
+        shift = gather_shift(points, len(normals), seed, half)
+    else:
+        shift = shifts[points, half]
     return cosine_directions(normals, shift, ROUND, place * ROUND)
 
 
-def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=None):
+def gather_shift(points, count, seed, half):
+    """(count, 2) float32: the shifts of one of the two sequences of a block of points."""
+    rng = generator(seed, Stage.GATHER_SHIFT, half, first_of(points))
+    return rng.random((count, 2), np.float32)
+
+
+def gather_parts(
+    scene, caster, parts, seed, spared=None, clear=None, sharing=None, kept=None
+):  # fmt: skip
     """The bake points that rays of some blocks of points, in some rounds, end at.
 
     Parameters
@@ -117,6 +130,8 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=No
         is cast, and stands for the others.
     sharing : Sharing, optional
         Of the scene, where it is used again and again.
+    kept : KeptRays, optional
+        Rays of these points that another bake has cast: those that are as they were are not cast.
 
     Returns
     -------
@@ -125,7 +140,7 @@ def gather_parts(scene, caster, parts, seed, spared=None, clear=None, sharing=No
     sharing = sharing or Sharing(scene)
 
     def prepare(part):
-        return _Rays(scene, *part, seed, spared, clear)
+        return _Rays(scene, *part, seed, spared, clear, kept)
 
     def cast(caster, bundle):
         return _together(caster, sharing, bundle)
@@ -167,26 +182,32 @@ def _together(caster, sharing, rays):
 class _Rays:
     """The rays of a block of points in one round."""
 
-    def __init__(self, scene, points, round_index, seed, spared, clear):
+    def __init__(self, scene, points, round_index, seed, spared, clear, kept):
         self._scene = scene
         starts = scene.ray_origins[points]
-        directions = gather_directions(scene, points, seed, round_index)
+        shifts = None if kept is None else kept.shifts
+        directions = gather_directions(scene, points, seed, round_index, shifts)
         rng = generator(seed, Stage.GATHER, round_index, first_of(points))
         geometric = scene.points.geometric_normals[points]
         # Below its own surface a point sees nothing.
         wanted = np.matmul(directions, geometric[:, :, None])[:, :, 0] > 0
         self._hits = np.where(wanted, np.int32(MISS), np.int32(DARK))
+        new = np.ones(len(starts), bool)
+        if kept is not None:
+            before, again, new = kept.rays(points, round_index, starts, directions, wanted, rng)
+            self._hits = np.where(again, self._hits, before)
+            wanted &= again
         if spared is not None:
             wanted &= ~spared[points, None]
         self._represented = self._representative = np.empty(0, np.int64)
-        if clear is not None:
-            quiet = wanted & clear(points, directions)
+        if clear is not None and new.any():
+            quiet = wanted & clear(points, directions) & new[:, None]
             self._represented, self._representative = _representatives(quiet, rng)
             wanted &= ~quiet
             wanted.reshape(-1)[self._representative] = True
         self._wanted = wanted
         self.pick = rng.random(np.count_nonzero(wanted), np.float32)
-        self._below = scene.own_faces.below(points, directions, rng)
+        self._below = scene.own_faces.below(points, directions, rng) & wanted
         self.directions = directions[wanted]
         self.origins = np.repeat(starts, np.count_nonzero(wanted, axis=1), axis=0)
 

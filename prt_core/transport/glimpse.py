@@ -8,13 +8,15 @@ facets would find one, are exact.
 import numpy as np
 
 from prt_core.reflectance.fresnel_powers import powers_at, powers_used
-from prt_core.runtime.halves import wholes
+from prt_core.runtime.halves import halves, wholes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import sobol_points, tangent_frames
 from prt_core.transport.lobe_values import lobe_values
 
 # Facets of each lobe, and points worked on at once.
 _FACETS, _MANY = 4, 1 << 12
+# Glimpses whose facets are kept: 32 bytes each.
+_MOST_KEPT = 3_000_000
 # Least alpha: the lobe of the one point stands for those of all that is met in a block.
 _LEAST = np.float32(0.1)
 # Least cosine of a view: smooth normals may face away from who sees the surface.
@@ -23,10 +25,128 @@ _GRAZING = 0.05
 _GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])
 
 
-def glimpse(field, normals, rows, outgoing, alpha, powers):
+class Glimpses:
     """About what lobes send: quick, and right in the mean over many points and directions.
 
-    A few facets of each lobe mirror the blocks that they face; bright texels are exact.
+    A few facets of each lobe mirror the blocks that they face, which are the same under every
+    light. Bright texels are exact; they are the same however often light goes to and fro.
+
+    Parameters
+    ----------
+    field : IncomingField
+    normals : (n, 3) float32
+        Of the points of the field.
+    rows : (k,) int
+        Points of the field, in any order and number.
+    outgoing : (k, 3) float32
+        Unit vectors towards the viewer, in the world.
+    lobes_at : callable((m,) int) -> list of (alpha, powers)
+        Lobes of some of these, by roughness, as `GlossyView.reflected` takes them.
+    """
+
+    def __init__(self, field, normals, rows, outgoing, lobes_at):
+        self._field, self._normals = field, normals
+        self._rows, self._outgoing = np.asarray(rows, np.int64), outgoing
+        self._lobes_at, self._kept = lobes_at, {}
+        self._bright = np.zeros((len(self._rows), 3), np.float32)
+        self._keeps = len(self._rows) <= _MOST_KEPT
+
+    def light(self):
+        """Take in the bright texels of the light that the field is filled in for."""
+        apart = self._field.merged
+        ways = np.ascontiguousarray(apart.directions.T)
+
+        def one(first):
+            part = slice(first, first + _MANY)
+            rows, total = self._rows[part], np.zeros((len(self._rows[part]), 3), np.float32)
+            normals, light = self._normals.take(rows, axis=0), wholes(apart.values.take(rows, 0))
+            outgoing = _lifted(self._outgoing[part], normals)
+            for alpha, powers in self._lobes_at(np.arange(first, first + len(rows))):
+                some = np.flatnonzero(powers.any(axis=(1, 2)))
+                if not len(some):
+                    continue
+                work = ways, normals[some], outgoing[some], _width(alpha[some]), None
+                lobes = lobe_values(*work, powers_used(powers), apart.spread)
+                for power, lobe in enumerate(lobes):
+                    brought = np.matmul(light[some], lobe[:, :, None])[..., 0]
+                    total[some] += brought * powers[some, power]
+            self._bright[part] = total
+
+        if ways.size:
+            on_all_cores(one, range(0, len(self._rows), _MANY))
+        else:
+            self._bright[:] = 0
+
+    def reflected(self):
+        """(k, 3) float32: what is sent of the field as it is, and of the bright texels."""
+        result = self._bright.copy()
+        values, n_nodes = self._field.values.reshape(-1), len(self._field.nodes)
+
+        def one(first):
+            part = slice(first, first + _MANY)
+            start = self._rows[part] * (3 * n_nodes)
+            facets = self._kept.get(first)
+            if facets is None:
+                facets = self._facets_of(first)
+                if self._keeps:
+                    self._kept[first] = facets
+            for some, block, factor in facets:
+                index = start[some] + block
+                for channel in range(3):
+                    light = wholes(factor[channel])
+                    light *= wholes(values.take(index + channel * n_nodes))
+                    result[part, channel][some] += light.sum(axis=0)
+
+        on_all_cores(one, range(0, len(self._rows), _MANY))
+        return result
+
+    def _facets_of(self, first):
+        """Of some of the glimpses, for each roughness: which have lobes (m,), the blocks that
+        facets mirror (n_facets, m), and what they reflect (3, n_facets, m), as `halves`."""
+        rows = self._rows[first : first + _MANY]
+        frame = tangent_frames(self._normals.take(rows, axis=0)).astype(np.float32)
+        ways = _lifted(self._outgoing[first : first + _MANY], frame[:, 2])
+        view = np.einsum("kx,kax->ak", ways, frame)
+        places = sobol_points(int(np.log2(_FACETS))).astype(np.float32).T[:, :, None]
+        # Each has a shift of its own, so that errors go away in the mean.
+        shift = np.arange(first, first + len(rows)) * _GOLDEN[:, None] % 1
+        shift = shift.astype(np.float32)
+        height = (places[0] + shift[0]) % np.float32(1)
+        result = []
+        for alpha, powers in self._lobes_at(np.arange(first, first + len(rows))):
+            some = np.flatnonzero(powers.any(axis=(1, 2)))
+            if not len(some):
+                continue
+            own = [part[some] for part in view]
+            width = _width(alpha[some])
+            facets = _facets(own, width, height[:, some], places[1], shift[1, some])
+            cosine = sum(a * b for a, b in zip(own, facets, strict=True))
+            incoming = [2 * cosine * facet - way for facet, way in zip(facets, own, strict=True)]
+            square = width * width
+            here, there = (
+                np.sqrt(1 - square + square / np.maximum(z, 1e-3) ** 2)
+                for z in (own[2], incoming[2])
+            )
+            weight = np.where(incoming[2] > 0, (1 + here) / (here + there), 0)
+            weight *= np.float32(1 / _FACETS)
+            world = [sum(incoming[a] * frame[some, a, x] for a in range(3)) for x in range(3)]
+            block = self._field.reflections.blocks.along(*world).astype(np.uint16)
+            n_powers = powers_used(powers)
+            each = [power * weight for power in powers_at(cosine)[:n_powers]]
+            fresnel = powers[some, :n_powers].transpose(1, 2, 0)
+            factor = [sum(a * b[k] for a, b in zip(each, fresnel, strict=True)) for k in range(3)]
+            result.append((some.astype(np.uint16), block, halves(np.maximum(factor, 0))))
+        return result
+
+    @property
+    def nbytes(self):
+        """Of what is kept."""
+        kept = [array for facets in self._kept.values() for parts in facets for array in parts]
+        return self._bright.nbytes + sum(array.nbytes for array in kept)
+
+
+def glimpse(field, normals, rows, outgoing, alpha, powers):
+    """`Glimpses` of one light and lobes of one roughness.
 
     Parameters
     ----------
@@ -40,55 +160,15 @@ def glimpse(field, normals, rows, outgoing, alpha, powers):
     -------
     (k, 3) float32
     """
-    result = np.zeros((len(rows), 3), np.float32)
-    n_nodes, apart = len(field.nodes), field.merged
-    bright = np.ascontiguousarray(apart.directions.T)
-    values = field.values.reshape(-1)
-    n_powers = powers_used(powers)
-    frames = tangent_frames(normals).astype(np.float32)
-    places = sobol_points(int(np.log2(_FACETS))).astype(np.float32).T[:, :, None]
-    rows = np.asarray(rows, np.int64)
+    about = Glimpses(field, normals, rows, outgoing, lambda some: [(alpha[some], powers[some])])
+    about.light()
+    return about.reflected()
 
-    def one(first):
-        part = slice(first, first + _MANY)
-        some = rows[part]
-        frame = frames.take(some, axis=0)
-        ways = _lifted(outgoing[part], frame[:, 2])
-        width = alpha[part] if alpha.ndim == 1 else np.sqrt(alpha[part].prod(axis=1))
-        width = np.maximum(width, _LEAST)
-        view = np.einsum("kx,kax->ak", ways, frame)
-        # Each point has a shift of its own, so that errors go away in the mean.
-        shift = np.arange(first, first + len(some)) * _GOLDEN[:, None] % 1
-        shift = shift.astype(np.float32)
-        height = (places[0] + shift[0]) % np.float32(1)
-        facets = _facets(view, width, height, places[1], shift[1])
-        cosine = sum(a * b for a, b in zip(view, facets, strict=True))
-        incoming = [2 * cosine * facet - own for facet, own in zip(facets, view, strict=True)]
-        square = width * width
-        own, other = (
-            np.sqrt(1 - square + square / np.maximum(z, 1e-3) ** 2) for z in (view[2], incoming[2])
-        )
-        weight = np.where(incoming[2] > 0, (1 + own) / (own + other), 0)
-        weight *= np.float32(1 / _FACETS)
-        world = [sum(incoming[a] * frame[:, a, x] for a in range(3)) for x in range(3)]
-        block = field.reflections.blocks.along(*world)
-        each = [power * weight for power in powers_at(cosine)[:n_powers]]
-        fresnel = powers[part, :n_powers].transpose(1, 2, 0)
-        start = some * (3 * n_nodes) + block
-        for channel in range(3):
-            factor = sum(a * b[channel] for a, b in zip(each, fresnel, strict=True))
-            np.maximum(factor, 0, out=factor)
-            factor *= wholes(values.take(start + channel * n_nodes))
-            result[part, channel] = factor.sum(axis=0)
-        if bright.size:
-            lobes = lobe_values(bright, frame[:, 2], ways, width, None, n_powers, apart.spread)
-            light = wholes(apart.values.take(some, axis=0))
-            for power, lobe in enumerate(lobes):
-                brought = np.matmul(light, lobe[:, :, None])[..., 0]
-                result[part] += brought * powers[part, power]
 
-    on_all_cores(one, range(0, len(rows), _MANY))
-    return result
+def _width(alpha):
+    """Alphas (k,) or (k, 2) as one, (k,) float32, that is not too small."""
+    width = alpha if alpha.ndim == 1 else np.sqrt(alpha.prod(axis=1))
+    return np.maximum(width.astype(np.float32), _LEAST)
 
 
 def _facets(view, alpha, height, turn, shift):

@@ -62,6 +62,8 @@ class IncomingField:
         close together as one. In fields of wide blocks both are the same.
     rest : (n_texels, 3) float32
         The light in detail without that.
+    mean_light : (n_texels,) float
+        What comes from where in the mean of all points, of what the blocks hold.
     """
 
     def __init__(self, reflections, bits):
@@ -73,12 +75,6 @@ class IncomingField:
             for first in range(0, len(reflections), _PART)
         ]
         self._parts = parts
-        patterns = on_all_cores(
-            lambda part: blocks.patterns(self._bits[reflections.points[part]]), parts
-        )
-        n_bytes = -(-blocks.n_texels // 8)
-        empty = np.zeros((0, len(blocks), n_bytes), np.uint8)
-        self._patterns = np.concatenate([empty, *patterns])
         self.nodes, self._lights = field_nodes(blocks.side), []
         self.values = np.zeros((len(reflections), 3, len(self.nodes)), np.uint16)
 
@@ -90,7 +86,7 @@ class IncomingField:
         whole = np.maximum(blocks.sums(angles), 1e-30)
 
         def one(part):
-            share = blocks.pattern_sums(self._patterns[part], angles) / whole
+            share = blocks.pattern_sums(self._patterns(part), angles) / whole
             return np.rint(255 * np.minimum(share, 1)).astype(np.uint8)
 
         parts = on_all_cores(one, self._parts)
@@ -99,6 +95,10 @@ class IncomingField:
     @cached_property
     def _mean_open(self):
         return self.open.mean(axis=0, dtype=np.float64) / 255
+
+    def _patterns(self, part):
+        """Bits of some of the points, block by block: quicker to make than they are large."""
+        return self.reflections.blocks.patterns(self._bits[self.reflections.points[part]])
 
     def update(self, light, sent, detailed=None):
         """Fill the field in for a light.
@@ -143,7 +143,7 @@ class IncomingField:
         np.multiply(sent, np.float32(1 / 255), out=shining[:-2])
 
         def one(part):
-            patterns = self._patterns[part]
+            patterns = self._patterns(part)
             total = np.zeros((patterns.shape[0] * len(blocks), 3), np.float32)
             for byte, table in enumerate(tables):
                 index = (base + patterns[..., byte]).ravel()
@@ -168,6 +168,8 @@ class IncomingField:
     def resend(self, entries, which, change):
         """Take in what some entries of the reflections send beyond what they did.
 
+        Larger blocks follow in `settle`.
+
         Parameters
         ----------
         entries : (m,) int
@@ -177,23 +179,33 @@ class IncomingField:
         change : (k, 3) float32
             Of radiance towards the points that see it.
         """
-        reflections, blocks = self.reflections, self.reflections.blocks
+        reflections, values = self.reflections, self.values.reshape(-1)
+        start, n_nodes = reflections.start, len(self.nodes)
 
         def one(part):
-            first, last = np.searchsorted(entries, reflections.start[[part.start, part.stop]])
-            if first == last:
-                return
-            places, all_entries = reflections.places(part)
+            first, last = np.searchsorted(entries, start[[part.start, part.stop]])
             some = entries[first:last]
-            share = reflections.share[some, None] * np.float32(1 / 255)
-            n = part.stop - part.start
-            more = np.zeros((n * len(blocks), 3), np.float32)
-            more[places[some - all_entries.start]] = change[which[first:last]] * share
-            total = wholes(self.values[part, :, : len(blocks)])
-            total += more.reshape(n, len(blocks), 3).swapaxes(1, 2)
-            # What rounding leaves of light that has gone.
-            np.maximum(total, 0, out=total)
-            self.values[part] = halves(self.nodes.means(total))
+            rows = np.repeat(
+                np.arange(part.start, part.stop), np.diff(start[part.start : part.stop + 1])
+            )[some - start[part.start]]
+            places = rows * (3 * n_nodes) + reflections.block[some]
+            more = change[which[first:last]]
+            more *= reflections.share[some, None] * np.float32(1 / 255)
+            for channel in more.T:
+                total = wholes(values.take(places))
+                total += channel
+                # What rounding leaves of light that has gone.
+                values[places] = halves(np.maximum(total, 0, out=total))
+                places += n_nodes
+
+        on_all_cores(one, self._parts)
+
+    def settle(self):
+        """Give larger blocks what `resend` gave to the smallest, after the last of it."""
+
+        def one(part):
+            smallest = wholes(self.values[part, :, : self.nodes.first[1]])
+            self.values[part] = halves(self.nodes.means(smallest))
 
         on_all_cores(one, self._parts)
 
@@ -223,7 +235,8 @@ class IncomingField:
         sky = self.rest.mean(axis=1, dtype=np.float64) * self._mean_open[fine.of_texel]
         of_sky = fine.sums(sky * self.light_map.solid_angles) / blocks.solid_angles
         met = np.maximum(mean - of_sky, 0)
-        self.directions, self.spread = self.nodes.placed(self.light_map, sky + met[fine.of_texel])
+        self.mean_light = sky + met[fine.of_texel]
+        self.directions, self.spread = self.nodes.placed(self.light_map, self.mean_light)
 
     def places(self, cut):
         """The `Places` of a `LobeCut` under the light."""
@@ -257,7 +270,7 @@ class IncomingField:
     @property
     def nbytes(self):
         """Of the arrays."""
-        own = self.values.nbytes + self._patterns.nbytes + self.open.nbytes
+        own = self.values.nbytes + self.open.nbytes
         own += sum(light.values.nbytes for light in self._lights)
         return own + self.reflections.nbytes
 

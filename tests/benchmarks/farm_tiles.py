@@ -111,16 +111,19 @@ def measure(n_points, out, memory=None, tile=None):
     }
 
 
-def measure_worker(out, n_blocks=2):
-    """Compute some blocks of a planned bake: what that took, and how much was held."""
-    start = time.process_time()
-    (stage,) = stages(out)
-    done = [compute(out, stage, index) for index in range(min(n_blocks, stage.blocks))]
+def measure_worker(out):
+    """Compute two tiles of a planned bake: what that took, and how much was held."""
+    (stage,), clock = stages(out), [time.process_time()]
+    for index in (0, 1):
+        done = compute(out, stage, index)
+        clock.append(time.process_time())
+    first, second = np.diff(clock)
     return {
         "blocks": stage.blocks,
-        "rays": sum(each.rays for each in done) / len(done),
-        "seconds": round(time.process_time() - start, 1),
-        "seconds_of_blocks": round(sum(each.seconds for each in done), 1),
+        "rays": done.rays,
+        "seconds": round(second, 1),
+        # The first one also opens the bake.
+        "seconds_opening": round(max(first - second, 0), 1),
         "memory": peak_bytes(),
     }
 
@@ -165,21 +168,28 @@ def growth(rows=None):
     return lines
 
 
+def further(rows, name, n_points):
+    """A figure at more points, by what each point took between the last two rows."""
+    before, last = rows[-2:]
+    each = (last[name] - before[name]) / (last["points"] - before["points"])
+    return last[name] + each * (n_points - last["points"])
+
+
 def reckoned(rows=None):
     """Lines of what larger bakes would cost, by the exponents of the largest that was measured."""
     rows = rows or [_apart(n_points) for n_points in POINTS[-2:]]
     last, slopes = rows[-1], exponents(rows)
     lines = [
-        "Reckoned, not measured: the last row above, with the exponents of the last step.",
+        "Reckoned, not measured: the last row above, with rays and seconds by the exponents of the "
+        "last step; memory and bytes by what each further point took in it.",
         "",
         "| points | " + " | ".join(FIGURES.values()) + " |",
         "|---" * (1 + len(FIGURES)) + "|",
     ]
     for n_points in FURTHER:
-        more = {
-            name: last[name] * (n_points / last["points"]) ** max(slopes[name][-1], 0)
-            for name in FIGURES
-        }
+        more = {name: further(rows, name, n_points) for name in ("memory", "memory_build", "bytes")}
+        for name in ("rays", "rays_visibility", "seconds"):
+            more[name] = last[name] * (n_points / last["points"]) ** slopes[name][-1]
         lines.append(
             f"| {n_points:,} | {more['rays'] / 1e9:.1f} G | {more['rays_visibility'] / 1e9:.1f} G "
             f"| {more['seconds'] / 3600:.1f} h | {more['memory'] / 1e9:.1f} GB "
@@ -214,21 +224,25 @@ def tiles_beside(pair=None):
 
 def worker(rows=None):
     """Lines of what a process holds that computes blocks."""
-    rows = rows or [_worker_apart(n_points) for n_points in POINTS[1:]]
+    rows = rows or [_worker_apart(n_points) for n_points in POINTS[2:]]
     lines = [
         "`python -m tests.benchmarks.farm_tiles POINTS --worker`: a process that opens a planned "
         "bake and computes two tiles of it: memory at most, and seconds of the processor for "
-        "opening it (the scene, its tree of rays, what is known of all points) and for both tiles.",
+        "opening it (the scene, its tree of rays, what is known of all points) and for a tile.",
         "",
-        "| points | tiles | memory, MB | opening, s | two tiles, s | rays of a tile, M |",
+        "| points | tiles | memory, MB | opening, s | a tile, s | rays of a tile, M |",
         "|---|---|---|---|---|---|",
     ]
     for row in rows:
-        opening = max(row["seconds"] - row["seconds_of_blocks"], 0)
         lines.append(
-            f"| {row['points']:,} | {row['blocks']} | {row['memory'] / 1e6:,.0f} | {opening:.0f} "
-            f"| {row['seconds_of_blocks']:.0f} | {row['rays'] / 1e6:.2f} |"
+            f"| {row['points']:,} | {row['blocks']} | {row['memory'] / 1e6:,.0f} "
+            f"| {row['seconds_opening']:.1f} | {row['seconds']:.1f} | {row['rays'] / 1e6:.2f} |"
         )
+    lines += [
+        "",
+        f"Reckoned by what each further point took: {further(rows, 'memory', 10**7) / 1e9:.1f} GB "
+        "for ten million points.",
+    ]
     return lines
 
 

@@ -3,7 +3,7 @@
 python tests/benchmarks/results.py [--truth FOLDER] [--only PART ...]
 
 Each part (rays, bake, large, sampling, compression, irradiance, clusters, wavelets, filters,
-figures, truth, assets, lightfield, gloss, refinement, costs) replaces its own sections.
+figures, truth, assets, lightfield, gloss, refinement, moved, costs) replaces its own sections.
 
 Cycles' bakes are kept in the truth folder (default build/truth) and made where they are missing:
 the first run takes hours.
@@ -32,9 +32,11 @@ from tests.benchmarks import (  # noqa: E402
     assets,
     compress_tables,
     farm_tiles,
+    farm_workers,
     gloss_page,
     irradiance,
     lightfield_page,
+    moved,
     object_clusters,
     refinement,
     sampling,
@@ -213,7 +215,8 @@ PARTS = {
     "lightfield": (lightfield_page.PAGE, lightfield_page.SECTIONS),
     "gloss": (gloss_page.PAGE, gloss_page.SECTIONS),
     "refinement": (refinement.PAGE, refinement.SECTIONS),
-    "costs": (farm_tiles.PAGE, farm_tiles.SECTIONS),
+    "moved": (moved.PAGE, moved.SECTIONS),
+    "costs": (farm_tiles.PAGE, {**farm_tiles.SECTIONS, **farm_workers.SECTIONS}),
 }
 
 

@@ -13,6 +13,7 @@ from blender_addon.request import request, view_of
 from prt_core import load
 from prt_core.relight.relighter import Relighter
 from prt_core.transport import View
+from prt_core.transport.view_map import ViewMap
 from tests.blender.conftest import colours_on
 from tests.blender.test_gloss_bake import gild
 from tests.blender.test_preview_state import Layout
@@ -137,6 +138,54 @@ def test_a_view_that_moves_is_coarse_and_the_newest_takes_the_place_of_older_one
     # One or some of fewer points, then that of all.
     assert gloss.written[0] - before <= 6
     np.testing.assert_array_equal(colours_on("ball"), wanted(scene, View(position=(4.0, 1.0, 2.0))))
+
+
+def test_maps_of_views_are_made_in_quiet_moments_and_serve_while_it_moves(scene, monkeypatch):
+    # So few points would not be worth it.
+    monkeypatch.setattr(ViewMap.__init__, "__defaults__", (0, None))
+    shader = bpy.data.materials["gold"].node_tree.nodes["Principled BSDF"]
+    shader.inputs["Roughness"].default_value = 0.6
+    assert bpy.ops.prt.bake() == {"FINISHED"}
+
+    def look_until(done):
+        end = time.perf_counter() + 60
+        while not done():
+            gloss.tick()
+            assert time.perf_counter() < end
+            time.sleep(0.002)
+
+    def shown():
+        return preview.held(scene).shown
+
+    def has_maps():
+        return preview.held(scene).blend.maps_views(shown().lights)
+
+    settle(scene)
+    gloss.tick()
+    assert not has_maps() and gloss._NOW.job is None, "the view has not moved yet"
+    look_from((-3.0, 2.0, 4.0))
+    settle(scene)
+    look_until(has_maps)
+    other = View(position=(0.5, 3.0, 2.0))
+    look_from(other.position)
+    look_until(lambda: shown().mapped)
+    quick = colours_on("ball")
+    settle(scene)
+    assert not shown().mapped and shown().every == 1
+    fine = wanted(scene, other)
+    np.testing.assert_array_equal(colours_on("ball"), fine)
+    assert 0 < np.linalg.norm(quick - fine) < 0.1 * np.linalg.norm(fine)
+    # A view that moves while maps are made does not wait for them.
+    relighter = preview.held(scene).blend.relighter(shown().lights[0].name)
+    relighter._gloss._maps = None
+    for part in relighter._gloss._parts:
+        part._map = None
+    gloss.tick()
+    assert gloss._NOW.maps and gloss.idle(scene)
+    look_from((-3.0, 2.0, 4.0))
+    gloss.tick()
+    assert not gloss._NOW.maps and not has_maps()
+    settle(scene)
 
 
 def test_fewer_points_are_evaluated_where_there_is_no_time_and_it_helps(addon):

@@ -41,3 +41,8 @@ def radiance_picture(image):
     back = coded[..., :3] * np.exp2(coded[..., 3:].astype(np.float32) - 136)
     head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % image.shape[:2]
     return head + coded.tobytes(), back.astype(np.float32), coded, head
+
+
+def eye_on(browser):
+    """(3,) float64: where the page looks from, in the scene's frame."""
+    return np.array(browser.run("[...PRT.page.orbit.matrices(1).eye]"))

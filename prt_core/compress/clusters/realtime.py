@@ -5,7 +5,6 @@ only their rows; points lie cluster by cluster, so that each cluster is one smal
 few brightest texels, which no small basis can follow, are looked up in the visibility bits.
 """
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -23,6 +22,7 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.light.environment import BRIGHTEST
+from prt_core.runtime.cores import n_cores
 from prt_core.transport import Transport
 
 # Slots of a cluster that are one product at most, and what their number is rounded up to.
@@ -62,7 +62,7 @@ class ClusterEvaluator:
         # Rows that do not know direct light apart have no place for it.
         apart = transport is not None and any(group.direct for group in model.code_.groups)
         self.n_exact = min(n_exact, model.n_directions_) if apart else 0
-        self._n_others = (os.cpu_count() or 1) - 1
+        self._n_others = n_cores() - 1
         self._pool = ThreadPoolExecutor(max(self._n_others, 1))
         # Products of this size are over before BLAS has woken its threads.
         self._blas = ThreadpoolController()

@@ -6,7 +6,7 @@ send none to each other. What each is measured against is the dense sum over the
 
 from prt_core.errors import expect, expect_all, expect_number, shown
 from prt_core.evaluate.bench.in_out import in_out_steps
-from prt_core.evaluate.bench.incoming import LABEL, incoming_steps
+from prt_core.evaluate.bench.incoming import LABEL, MAPPED, incoming_steps
 from prt_core.evaluate.bench.lobe_samples import dense_steps, lobe_sample_steps
 from prt_core.evaluate.bench.reflection_maps import reflection_map_steps
 from prt_core.evaluate.bench.transfer import transfer_steps
@@ -114,7 +114,7 @@ def gloss_steps(task, methods=tuple(METHODS), settings=None):
 
 
 def nearer_and_quicker(rows):
-    """Rows that are both quicker in a view and nearer than the default's, of its reflectance.
+    """Rows that are both quicker in a view and nearer than one of the default's, by reflectance.
 
     Parameters
     ----------
@@ -123,15 +123,19 @@ def nearer_and_quicker(rows):
     Returns
     -------
     list of (dict, dict)
-        The row, and the default's.
+        The row, and the default's; of the default those that another one of its own beats do not
+        count.
     """
-    defaults = {row["reflectance"]: row for row in rows if row["form"] == LABEL}
-    pairs = ((row, defaults.get(row["reflectance"])) for row in rows)
-    return [
-        (row, own)
-        for row, own in pairs
-        if own and row["view_us"] < own["view_us"] and row["l2_mean"] < own["l2_mean"]
-    ]
+
+    def beats(row, other):
+        if row["reflectance"] != other["reflectance"]:
+            return False
+        return row["view_us"] < other["view_us"] and row["l2_mean"] < other["l2_mean"]
+
+    own = [row for row in rows if row["form"] in (LABEL, MAPPED)]
+    best = [row for row in own if not any(beats(other, row) for other in own)]
+    pairs = [(row, other) for row in rows for other in best if beats(row, other)]
+    return [(row, other) for row, other in pairs if row not in own]
 
 
 def gloss_plot(rows):

@@ -12,8 +12,9 @@ from prt_core.sphere import Blocks
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField, sides_of
 from prt_core.transport.reflections import Reflections
+from prt_core.transport.view_map import ViewMap
 
-LABEL = "field of incoming light (default)"
+LABEL, MAPPED = "field of incoming light (default)", "field of incoming light, mapped (default)"
 
 
 class FieldOfSky:
@@ -59,14 +60,16 @@ class FieldOfSky:
 
     def toward(self, outgoing):
         """(n_points, 3) float32, of `outgoing` (n_points, 3)."""
-        result = self._view.reflected(
-            self._every, outgoing, self._alpha, self._powers, lobe=self._lobe
-        )
+        result = self._reflected(outgoing)
         if self._lobe is None and self._reflectance.multiple:
             up = np.zeros((len(outgoing), 3))
             up[:, 2] = np.maximum(np.einsum("ni,ni->n", outgoing, self._normals), 1e-6)
             result *= self._reflectance.gain(up)
         return result
+
+    def _reflected(self, outgoing):
+        work = self._every, outgoing, self._alpha, self._powers
+        return self._view.reflected(*work, lobe=self._lobe)
 
     def _phong(self, directions, normals, outgoing):
         """Phong's lobe times the cosine: (p, m) float32."""
@@ -83,8 +86,39 @@ class FieldOfSky:
         return self.field.nbytes + self.field.open.nbytes + self._bits + self._normals.nbytes
 
 
+class MappedFieldOfSky(FieldOfSky):
+    """The same with maps of views, which belong to the light: as where a view moves."""
+
+    def set_light(self, light):
+        """Take a light, (n_directions, 3), and make maps of all views."""
+        super().set_light(light)
+        kinds = np.zeros(len(self._every), np.int32)
+        # Also where points are so few that a relighter would make none.
+        self._map = ViewMap(
+            self.field, self._normals, kinds, self._lobes_of, least=0, lobe=self._lobe
+        )
+        self._map.make()
+
+    def _lobes_of(self, kind, _):
+        return [(self._alpha[kind], self._powers[kind])]
+
+    def _reflected(self, outgoing):
+        result = np.zeros((len(outgoing), 3), np.float32)
+        facing = np.einsum("ni,ni->n", self._normals, outgoing) > 0
+        rows = np.flatnonzero(facing)
+        result[rows] = self._map.reflected(rows, outgoing[rows].astype(np.float32))
+        return result
+
+    @property
+    def nbytes(self):
+        """Of the field and the maps."""
+        return super().nbytes + self._map.nbytes
+
+
 def incoming_steps(task):
     """Measure the field for each reflectance of a task; a generator of `Progress`.
+
+    Wide lobes have another row with maps of views, which a view that moves uses.
 
     Parameters
     ----------
@@ -99,8 +133,11 @@ def incoming_steps(task):
     rows = []
     for name, reflectance in task.reflectances.items():
         if isinstance(reflectance, Phong | Microfacet):
-            begun = time.perf_counter()
-            form = FieldOfSky(task.transport, reflectance)
-            seconds = time.perf_counter() - begun
-            rows.append((yield from measured_steps(task, name, LABEL, form, seconds)))
+            wide = sides_of(reflectance.roughness, 16) == sides_of(1, 16)
+            for label, kind in ((LABEL, FieldOfSky), (MAPPED, MappedFieldOfSky)):
+                if kind is FieldOfSky or wide.all():
+                    begun = time.perf_counter()
+                    form = kind(task.transport, reflectance)
+                    seconds = time.perf_counter() - begun
+                    rows.append((yield from measured_steps(task, name, label, form, seconds)))
     return rows

@@ -22,8 +22,13 @@ from prt_core.runtime.main_thread import in_thread
 # The step of a mean's codes over the root mean square of all means' finest wavelets; that of
 # weights over the root mean square of all weights.
 _STEP, _WEIGHT_STEP = 1.2, 1 / 16
-# Points a cluster has on average, and components, where there is no form to take.
+# The same at most, of what rows are in the root mean square: small scenes of few directions have
+# fewer codes, whose errors add up to less than one another's size.
+_SHARE = 0.0025
+# Points a cluster has on average, and components, where there is no form to take; of few points
+# there are more clusters, up to so many, of so many points at least.
 _POINTS_A_CLUSTER, _COMPONENTS = 1000, 24
+_FEW_CLUSTERS, _FEW_POINTS = 64, 100
 _MOST = 127
 # The step of the strongest feature of bounced light over the expected size of a texel in it.
 _BASIS_STEP = 0.0015
@@ -44,7 +49,10 @@ def form_steps(bake):
     if form is not None and form.of == "points" and _is_apart(form.model):
         return form.model, f"the bake's own {form.method}"
     n_points = bake.transport.n_points
-    model = ClusteredPCA(max(1, round(n_points / _POINTS_A_CLUSTER)), _COMPONENTS)
+    n_clusters = max(
+        round(n_points / _POINTS_A_CLUSTER), 1, min(_FEW_CLUSTERS, n_points // _FEW_POINTS)
+    )
+    model = ClusteredPCA(n_clusters, _COMPONENTS)
     task = Task.of(bake.transport, bake.scene.points, dense=bake.dense)
     yield from model.fit_steps(task.rows)
     yield from in_thread("seams", method_named("cpca").finish, model, task)
@@ -102,6 +110,12 @@ def coded_form(model):
     count = sum(a.weights.size for a in model.affine_)
     weight_step = _WEIGHT_STEP * np.sqrt(squares / max(count, 1))
     most_rank = int(model.ranks_.max())
+    # What rows are in the root mean square, and steps whose errors are a share of that.
+    sizes = [len(a.weights) * float((a.mean.astype(np.float64) ** 2).sum()) for a in model.affine_]
+    size = np.sqrt((sum(sizes) + squares) / max(len(model.order_), 1))
+    least = _SHARE * np.sqrt(12) * max(size, 1e-30)
+    step = min(step, least / np.sqrt(code.n_directions))
+    weight_step = min(weight_step, least / np.sqrt(max(most_rank, 1)))
     weights = np.zeros((len(model.order_), most_rank), np.int8)
     affine, rows, steps, weight_steps, energies = [], [], [], [], []
     for a, first in zip(model.affine_, model.starts_[:-1], strict=True):

@@ -25,12 +25,14 @@ class Pack:
 
     Attributes
     ----------
+    facts : dict
+        To which more may be added.
     sizes : dict of str -> int
         Bytes of each array as it is packed.
     """
 
     def __init__(self, facts):
-        self._facts, self._arrays, self.sizes = facts, {}, {}
+        self.facts, self._arrays, self.sizes = facts, {}, {}
 
     def add(self, name, array, differences=False):
         """Pack an array.
@@ -59,10 +61,16 @@ class Pack:
             "data": base64.b64encode(packed).decode("ascii"),
         }
 
-    def script(self):
-        """str: a script that hands everything to the page, safe inside of HTML as well."""
-        text = json.dumps({**self._facts, "arrays": self._arrays}, separators=(",", ":"))
-        return f"window.PRT_DATA={text.replace('<', chr(92) + 'u003c')};\n"
+    def script(self, name="PRT_DATA"):
+        """str: a script that hands everything to the page, safe inside of HTML as well.
+
+        Parameters
+        ----------
+        name : str
+            What the page finds it by.
+        """
+        text = json.dumps({**self.facts, "arrays": self._arrays}, separators=(",", ":"))
+        return f"window.{name}={text.replace('<', chr(92) + 'u003c')};\n"
 
 
 def shared_exponent(colours):

@@ -36,6 +36,10 @@ class Source:
         Which of the bake's emitters this is.
     in_world : bool
         Whether the light of the scene's world holds it already.
+    lamp : Lamp, optional
+        Where it is a single one.
+    direct : (n_points, 3) float32, optional
+        What arrives of that straight.
     """
 
     name: str
@@ -43,6 +47,13 @@ class Source:
     received: np.ndarray
     emitters: tuple = ()
     in_world: bool = False
+    lamp: object = None
+    direct: np.ndarray | None = None
+
+    @property
+    def sign(self):
+        """-1 where it takes light away."""
+        return -1.0 if self.received.max(initial=0) <= 0 else 1.0
 
 
 def lamp_steps(bake, caster, n_samples, pace=None):
@@ -58,9 +69,9 @@ def lamp_steps(bake, caster, n_samples, pace=None):
         received = yield from in_thread("bounces", bake.transport.with_bounces, part)
         kind = "world" if lamp.of_world else "lamp"
         in_world = kind == "lamp" and lamp.is_on_texels and bake.world is not None
-        sources.append(Source(lamp.name, kind, received, in_world=in_world))
+        sources.append(Source(lamp.name, kind, received, (), in_world, lamp, part))
     suns = [source for source in sources if source.kind == "world"]
-    if suns:
+    if len(suns) > 1:
         suns = [Source("sun", "world", sum(source.received for source in suns))]
     lamps = [source for source in sources if source.kind == "lamp"]
     apart = [source for source in lamps if source.in_world]

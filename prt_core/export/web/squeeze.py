@@ -10,19 +10,55 @@ import re
 _LITERAL = re.compile(r'"(?:[^"\\\n]|\\.)*"|`[^`]*`|(?<=[(,=])/(?:[^/\\\n\[]|\\.|\[[^\]\n]*\])+/')
 # Two signs stay apart: together they would be another operator.
 _OPERATORS = re.compile(r"( [+-] [+-])| ?([=+*/<>{}(),;:?&|!%^-]+) ?")
-# What begins with a zero, is constant, or goes on in the next line.
+# What begins or ends with a zero, is constant, or goes on in the next line.
+_ZEROS = re.compile(r"(?<![\w.$])(\d+\.\d*?)0+(?![\w.])")
 _ZERO, _CONSTANT = re.compile(r"(?<![\w.$])0\.(?=\d)"), re.compile(r"\bconst ")
+_BRACKET = re.compile(r"\b(let|return|of|in) (?=[\[{(])")
 _CLOSED = re.compile(r";?\n?}\n?")
+# What a script declares for all; a declaration after another.
+_DECLARED = re.compile(r"^(?:async )?(?:function|const|class) (\w{4,})", re.MULTILINE)
+_PLAIN_TEXT = r'"[^";{}\n]*"'
+_AGAIN = re.compile(
+    rf"\b(let(?:[^;{{}}\"`]|{_PLAIN_TEXT}|\{{(?:[^;{{}}\"`]|{_PLAIN_TEXT})*\}})*);let ?(?=[\w{{\[])"
+)
+_DIGITS, _LETTERS = ["", *"0123456789"], "abcdefghijklmnopqrstuvwxyz"
 _OPEN, _PLAIN = re.compile(r"([{(\[,;=+?:&|])\n"), re.compile(r"([{};,])\n(?=[^#])")
 
 
-def squeezed(script):
+def short_names(scripts):
+    """Short names of what scripts declare for all of them.
+
+    Not of what is a property's name somewhere as well, or stands in a string.
+
+    Parameters
+    ----------
+    scripts : sequence of str
+
+    Returns
+    -------
+    dict of str -> str
+    """
+    text = "\n".join(scripts)
+    names = sorted(set(_DECLARED.findall(text)), key=lambda name: (-text.count(name), name))
+    quoted = " ".join(_LITERAL.findall(text))
+    free = [
+        name
+        for name in names
+        if not re.search(rf"[.{{]{name}\b|[{{,]\s*{name}\s*[,}}:=]|\b{name}:", text)
+        and not re.search(rf"\b{name}\b", quoted)
+    ]
+    return {name: f"${_DIGITS[i // 26]}{_LETTERS[i % 26]}" for i, name in enumerate(free)}
+
+
+def squeezed(script, names=None):
     """A script of the page, shorter.
 
     Parameters
     ----------
     script : str
         Comments have lines of their own; templates hold none within each other.
+    names : dict of str -> str, optional
+        Of `short_names`.
 
     Returns
     -------
@@ -36,7 +72,13 @@ def squeezed(script):
         text = literal.group()
         parts.append(_shader(text) if "void main" in text or "vec3 shown" in text else text)
         end = literal.end()
-    return "".join([*parts, _statements(script[end:])])
+    parts.append(_statements(script[end:]))
+    text, count = "".join(parts), 1
+    while count:
+        text, count = _AGAIN.subn(r"\1,", text)
+    for name, short in (names or {}).items():
+        text = re.sub(rf"(?<![\w$.]){name}(?![\w$])", lambda _, short=short: short, text)
+    return text
 
 
 def _statements(code):
@@ -46,7 +88,7 @@ def _statements(code):
 
 def _tight(code):
     code = _OPERATORS.sub(lambda m: m.group(1) or m.group(2), code)
-    return _OPEN.sub(r"\1", _ZERO.sub(".", code))
+    return _BRACKET.sub(r"\1", _OPEN.sub(r"\1", _ZERO.sub(".", _ZEROS.sub(r"\1", code))))
 
 
 def _shader(text):

@@ -17,10 +17,11 @@ def start_of(bake, surface):
         eye, target (3,) in the scene's frame; up (3,); tangents (2,) of half the angles across
         and up; shift (2,); light: "world", "none" or "image"; lamps: whether they shine.
     """
-    return {**_view(bake, surface), **_light(bake)}
+    return {**view_of_page(bake, surface), **_light(bake)}
 
 
-def _view(bake, surface):
+def view_of_page(bake, surface):
+    """The first view alone, of a bake or a light field (see `start_of`), and the scene's size."""
     scene, camera = bake.scene, bake.camera
     shown = surface.points[scene.points.visible[surface.points]]
     positions = scene.points.positions[shown if len(shown) else surface.points]

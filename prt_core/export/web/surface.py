@@ -147,7 +147,7 @@ def pack_surface(pack, scene, surface):
     pack.add("position", codes, differences=True)
     pack.add("box", boxes)
     pack.add("box_start", starts.astype(np.uint32))
-    pack.add("normal", _octahedral(normals), differences=True)
+    pack.add("normal", octahedral(normals), differences=True)
     if len(surface.between):
         codes, low, step = _in_box(surface.places)
         pack.add("between_position", codes, differences=True)
@@ -167,8 +167,8 @@ def _in_box(positions):
     return np.rint((positions - low) / step).astype(np.uint16), low, step
 
 
-def _octahedral(normals):
-    """(n, 2) uint16, of 12 bits: unit vectors on an unfolded octahedron."""
+def octahedral(normals):
+    """(n, 2) uint16, of 12 bits: unit vectors (n, 3) on an unfolded octahedron."""
     x, y, z = (normals / np.abs(normals).sum(axis=1, keepdims=True)).T
     folded = (1 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0, 1, -1)
     square = np.where(z < 0, folded, [x, y]).T

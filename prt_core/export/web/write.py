@@ -1,18 +1,25 @@
-"""A bake as a web page: a folder, or one file, that a browser opens from disk.
-
-A page that is opened from disk may load scripts and nothing else, so what it holds is text inside
-of a script, and its own scripts are classic ones.
-"""
+"""A bake, or a light field, as a web page: a folder, or one file, that is opened from disk."""
 
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
 
-from prt_core.errors import expect, expect_flag, expect_kind, expect_offers, expect_whole
+from prt_core.bake.light_field_load import LightField
+from prt_core.errors import (
+    expect,
+    expect_all,
+    expect_flag,
+    expect_kind,
+    expect_offers,
+    expect_whole,
+)
 from prt_core.export.web.error import error_steps
+from prt_core.export.web.files import DATA, FIELD_DATA, expect_place, page_files, write_page
 from prt_core.export.web.form import coded_form, form_steps, pack_bits, pack_form
+from prt_core.export.web.gloss import pack_gloss, pack_highlight
+from prt_core.export.web.light_field import pack_light_field_steps
+from prt_core.export.web.light_sets import image_paths, page_sets, read_sets
 from prt_core.export.web.pack import Pack, shared_exponent
 from prt_core.export.web.sources import (
     emitter_steps,
@@ -21,27 +28,12 @@ from prt_core.export.web.sources import (
     page_images,
     rgbe,
 )
-from prt_core.export.web.squeeze import squeezed
 from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
-from prt_core.runtime.files import expect_output, new_folder, written
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.transport.sent import Sent
 from prt_core.version import __version__
-
-_PAGE = Path(__file__).parent / "page"
-# The page's scripts of its own, each of some in the order in which they are run.
-SCRIPTS = {
-    "page.js": (
-        "core.js", "cube.js", "relight.js", "images.js", "filmic.js", "shaders.js", "gpu.js",
-        "view.js", "page.js",
-    ),
-    "exr.js": ("exr.js", "piz.js"),
-}  # fmt: skip
-# By which a page of this project is known, in its first bytes.
-_MARK, _HEAD = b'name="generator" content="prt_core"', 1024
-_INDEX, _STYLE, _DATA = "index.html", "style.css", "data.js"
 
 
 @dataclass(frozen=True)
@@ -56,6 +48,8 @@ class WebSettings:
         The visibility bits, by which suns are sharp; without them a page is small and suns soft.
     lights : sequence of str or Path, optional
         Images that it offers, shrunk; default: four of its own.
+    sets : sequence of str or Path, optional
+        .json files of lights by name (see `relight.light_file`), each of which has a button.
     title : str, optional
         Default: the name of the bake.
     lamp_samples : int
@@ -67,6 +61,7 @@ class WebSettings:
     one_file: bool | None = None
     bits: bool = True
     lights: object = None
+    sets: object = None
     title: str | None = None
     lamp_samples: int = 256
     caster: str = "auto"
@@ -81,23 +76,26 @@ class WebSettings:
         expect_kind("caster", self.caster, str, "the name of one")
 
 
-def write_web_steps(bake, output, settings=None, pace=None):
-    """Write a bake as a web page; a generator of `Progress`.
+def write_web_steps(bake, output, settings=None, pace=None, field=None):
+    """Write a bake as a web page, a light field, or both in one; a generator of `Progress`.
 
     Parameters
     ----------
-    bake : Bake
+    bake : Bake, optional
+        None: the page shows the light field alone.
     output : str or Path
         A folder, or NAME.html.
     settings : WebSettings, optional
     pace : float, optional
         Seconds a step of casting rays may take.
+    field : LightField, optional
 
     Returns
     -------
     dict
         output, files (name to bytes), bytes, parts (packed bytes by name), form, points, notes,
-        triangles, error, worst, worst_light, lights.
+        triangles, error, worst, worst_light, lights; of a light field alone `form` is what was
+        coded, and `error` and `worst` are of so many `sides`. Of both, `field` is a dict of these.
 
     Raises
     ------
@@ -106,9 +104,38 @@ def write_web_steps(bake, output, settings=None, pace=None):
     """
     settings = WebSettings() if settings is None else settings
     expect_kind("settings", settings, WebSettings)
-    expect_offers("bake", bake, ("scene", "transport", "lamps"), "what `load` returns")
-    output, folder, one_file = _expect_place(output, settings)
-    images = yield from in_thread("lights", page_images, settings.lights)
+    expect(bake is not None or field is not None, "bake: expected one, or a light field")
+    if bake is not None:
+        expect_offers("bake", bake, ("scene", "transport", "lamps"), "what `load` returns")
+    if field is not None:
+        expect_kind("light_field", field, LightField)
+    output, folder, one_file = expect_place(output, settings.one_file)
+    title, report, data, scripts = settings.title or _name_of(bake, field), {}, {}, []
+    if bake is not None:
+        report, pack = yield from _bake_steps(bake, settings, title, pace)
+        data[DATA] = pack.script()
+        scripts += ["exr.js"] + ["gloss.js"] * ("gloss" in pack.facts)
+        scripts += ["sets.js"] * ("sets" in pack.facts)
+    if field is not None:
+        pack = Pack({"title": title, "version": __version__, "sources": [], "images": []})
+        shown = yield from pack_light_field_steps(pack, field)
+        data[FIELD_DATA] = pack.script("PRT_FIELD")
+        scripts.append("lightfield.js")
+        shown["parts"] = pack.sizes
+        report = {**report, "field": shown} if report else shown
+    files = page_files(data, title, one_file, scripts)
+    yield from in_thread("write", write_page, output, folder, files)
+    sizes = {name: len(text.encode()) for name, text in files.items()}
+    return {"output": str(output), "files": sizes, "bytes": sum(sizes.values()), **report}
+
+
+def _bake_steps(bake, settings, title, pace):
+    """What is to be told of a bake's page, and its `Pack`; a generator of `Progress`."""
+    sets = [] if settings.sets is None else read_sets(settings.sets, bake)
+    own = settings.lights
+    own = [] if own is None else expect_all("lights", own, str | Path, "images")
+    paths = [*own, *image_paths(sets)] or settings.lights
+    images = yield from in_thread("lights", page_images, paths)
     expect_images(images)
     surface = yield from in_thread("surface", surface_of, bake.scene)
     sources = yield from lamp_steps(bake, settings.caster, settings.lamp_samples, pace)
@@ -117,64 +144,51 @@ def write_web_steps(bake, output, settings=None, pace=None):
     model, form = yield from steps_in_thread(steps, MainThreadCalls(), "compress")
     coded = yield from in_thread("codes", coded_form, model)
     errors = yield from error_steps(bake.transport, coded.model, images, settings.bits)
-    title = settings.title or _name_of(bake)
-    facts = {"title": title, "version": __version__, "error": errors["error"],
-             "worst": errors["worst"], "bits": settings.bits,
-             "gloss": bool(bake.reflections)}  # fmt: skip
-    pack = Pack(facts)
-    work = _pack, pack, facts, bake, surface, sources, coded, images
-    yield from in_thread("pack", *work)
-    files = _files(pack.script(), title, one_file)
-    yield from in_thread("write", _write, output, folder, files)
-    sizes = {name: len(text.encode()) for name, text in files.items()}
-    return {
-        "output": str(output),
-        "files": sizes,
-        "bytes": sum(sizes.values()),
+    even = bool(bake.reflections) and not settings.bits
+    about = (
+        f"{len(surface.points):,} points. Colours are within {errors['error']:.1%} of exact ones "
+        f"in the mean, {errors['worst']:.1%} at worst, under these lights."
+    )
+    about += " Without visibility bits: suns are soft." * (not settings.bits)
+    about += " Gloss is shown as an even colour." * even
+    pack = Pack({"title": title, "version": __version__, "bits": settings.bits, "about": about})
+    work = _pack, pack, pack.facts, bake, surface, sources, coded, images
+    notes = yield from in_thread("pack", *work)
+    if sets:
+        pack.facts["sets"] = page_sets(sets, bake, sources, len(own))
+    report = {
         "parts": pack.sizes,
         "form": form,
-        "notes": _notes(bake, images),
+        "notes": [*notes, *_notes(bake, settings.bits, images, sources)],
         "points": len(surface.points),
         "triangles": len(surface.triangles),
         **errors,
     }
+    return report, pack
 
 
-def _notes(bake, images):
+def _notes(bake, bits, images, sources):
     """What a page does not show as the bake has it, and what is to be said of its images."""
     notes = [note for image in images.values() for note in image.notes]
-    if bake.reflections:
-        notes.append("gloss is shown as an even colour: pages have no highlights or reflections")
+    if bake.reflections and not bits:
+        notes.append(
+            "gloss is shown as an even colour: a page without visibility bits has no highlights or "
+            "reflections"
+        )
+    if bake.reflections and bits and any(s.lamp is None and s.kind != "emitter" for s in sources):
+        notes.append("lamps that share a slider have no highlights")
     if bake.camera is not None and bake.camera.lens != "perspective":
         notes.append(f"the camera's lens is {bake.camera.lens}; the page begins with a view of all")
     return notes
 
 
-def _expect_place(output, settings):
-    """The output, the folder to make or None, and whether it is one file."""
-    named = Path(output).suffix.lower() in (".html", ".htm") if _is_path(output) else False
-    if named:
-        expect(settings.one_file is not False, f"{output}: is one file; name a folder instead")
-        return expect_output("output", output, (".html", ".htm"), create=True), None, True
-    folder = expect_output("output", output, None, folder=True, create=True)
-    page = folder / _INDEX
-    expect(
-        not page.is_file() or _MARK in page.read_bytes()[:_HEAD],
-        f"{page}: is another's page; name another folder",
-    )
-    return folder, folder, bool(settings.one_file)
-
-
-def _is_path(value):
-    return isinstance(value, str | Path)
-
-
-def _name_of(bake):
-    return "bake" if bake.path is None else bake.path.stem
+def _name_of(bake, field):
+    path = bake.path if bake is not None else field.store.path
+    return "bake" if path is None else path.stem
 
 
 def _pack(pack, facts, bake, surface, sources, coded, images):
-    """Put all that the page needs into a `Pack`."""
+    """Put all that the page needs into a `Pack`; what it does not show as it is."""
     scene, transport, points = bake.scene, bake.transport, surface.points
     pack_surface(pack, scene, surface)
     facts.update(pack_form(pack, coded, points))
@@ -198,9 +212,15 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
     if bake.world is not None:
         codes, facts["world_factor"] = shared_exponent(bake.world)
         pack.add("world", codes)
+    facts["start"], notes = start_of(bake, surface), ()
     if facts["bits"]:
         pack_bits(pack, transport, points)
-    facts["start"] = start_of(bake, surface)
+        if bake.reflections:
+            notes, facts["gloss"] = pack_gloss(pack, bake, points)
+            for i, each in enumerate(sources):
+                if each.lamp is not None:
+                    facts["sources"][i] |= pack_highlight(pack, i, each, bake.scene, points)
+    return notes
 
 
 def _pack_sent(pack, facts, transport, points):
@@ -219,7 +239,7 @@ def _pack_sent(pack, facts, transport, points):
 def _pack_source(pack, index, source, points):
     received = source.received[points]
     # A lamp of negative power takes light away.
-    sign = -1.0 if received.max(initial=0) <= 0 else 1.0
+    sign = source.sign
     expect(
         (received * sign).min(initial=0) >= 0,
         f"lamp '{source.name}': adds light of one colour and takes that of another away, which a "
@@ -241,34 +261,3 @@ def _pack_emission(pack, facts, scene, sources, points):
     codes, facts["emission_factor"] = shared_exponent(scene.points.materials.emission[points])
     pack.add("emission", codes)
     pack.add("emitter", own[emitter].astype(np.uint8))
-
-
-def _files(data, title, one_file):
-    """{name: text} of a page; one that is called `index.html` alone where it is one file."""
-    texts = {
-        path.name: path.read_text("utf-8") for path in _PAGE.iterdir() if path.suffix != ".npz"
-    }
-    scripts = {
-        name: "".join(squeezed(texts[part]) for part in parts) for name, parts in SCRIPTS.items()
-    }
-    page = texts[_INDEX].replace("TITLE", escape(title))
-    if one_file:
-        page = page.replace(f'<link rel="stylesheet" href="{_STYLE}">',
-                            f"<style>\n{texts[_STYLE]}</style>")  # fmt: skip
-        for name, text in {_DATA: data, **scripts}.items():
-            page = page.replace(f'<script src="{name}"></script>', f"<script>\n{text}</script>")
-        return {_INDEX: page}
-    return {_DATA: data, **scripts, _STYLE: texts[_STYLE], _INDEX: page}
-
-
-def _write(output, folder, files):
-    """Write the files, each whole; the page itself last."""
-    if folder is None:
-        (text,) = files.values()
-        with written(output) as part:
-            part.write_bytes(text.encode())
-        return
-    with new_folder(folder):
-        for name, text in files.items():
-            with written(folder / name) as part:
-                part.write_bytes(text.encode())

@@ -65,8 +65,10 @@ def bake_call(there):
             "pictures": Pictures(),
             "lights": {"sky": there.light},
             "memory": 1.0,
+            "reuse": there.bake.path,
+            "only": [there.scene.objects[0].known_as],
         },
-        ("lamps no elements", "pictures None", "memory None"),
+        ("lamps no elements", "pictures None", "memory None", "only None"),
     )
 
 
@@ -133,6 +135,8 @@ CALLS = {
             "output": t.folder / "page.html",
             "bits": True,
             "lights": None,
+            "sets": None,
+            "light_field": None,
             "title": "a",
             "lamp_samples": 1,
         },
@@ -142,6 +146,8 @@ CALLS = {
             "title text",
             "title None",
             "lights None",
+            "sets None",
+            "light_field None",
             "output text",
             "title long name",
             "title empty text",
@@ -210,7 +216,11 @@ CALLS = {
     "bake_steps": bake_call,
     "bake_steps path": path_call,
     "plan_steps": plan_call,
-    "finish": lambda t: Call(api.finish, {"store": to_finish(t), "memory": 1.0, "compute": True}),
+    "finish": lambda t: Call(
+        api.finish,
+        {"store": to_finish(t), "memory": 1.0, "compute": True, "dask": None},
+        ("dask None",),
+    ),
     "blocks.stages": lambda t: Call(stages, {"store": planned(t)}),
     "blocks.missing_blocks": lambda t: Call(
         missing_blocks, {"store": planned(t), "stage": "visibility"}

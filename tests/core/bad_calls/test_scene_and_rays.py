@@ -69,6 +69,7 @@ CALLS = {
     ),
     "Mesh, Scene.from_meshes": mesh_call,
     "Scene.from_meshes": lambda t: Call(Scene.from_meshes, {"meshes": t.meshes, "max_hidden": 10}),
+    "compare": lambda t: Call(scene.compare, {"old": t.scene, "new": t.scene}),
     "Scene.to_frame": method(
         lambda t: t.scene, "to_frame", ("positions another axis",), positions=np.ones((2, 3))
     ),

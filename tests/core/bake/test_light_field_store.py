@@ -312,3 +312,38 @@ def test_wrong_calls_are_one_line_and_leave_nothing(tmp_path, wrong, said):
     assert "\n" not in str(error.value) and not (tmp_path / "a.slf").exists()
     with pytest.raises(PRTError, match=r"a\.prt: expected a name that ends in \.slf"):
         light_field("a.blend", tmp_path / "a.prt")
+
+
+def test_several_capture_shares_of_what_was_planned(tmp_path):
+    whole = capture(tmp_path / "whole.slf")
+    path = tmp_path / "a.slf"
+    with pytest.raises(PRTError, match="there is no such bake"):
+        capture(path, share=(0, 2))
+    assert capture(path, plan=True)["blocks"] > 3
+    shared = [capture(path, share=(number, 3))["blocks"] for number in range(3)]
+    assert sum(shared) == capture(path, plan=True)["blocks"] and min(shared) > 0
+    # They are there: who closes it shoots the pilot alone.
+    camera = Arithmetic()
+    report = capture(path, camera=camera)
+    assert camera.shots == 2 and report["points"] == whole["points"]
+    one, two = BakeStore(path).attributes, BakeStore(tmp_path / "whole.slf").attributes
+    assert one["arrays"] == two["arrays"] and set(one) == set(two)
+    assert capture(path, share=(1, 3)) == {"blocks": 0}
+    with pytest.raises(PRTError, match="was planned with another .*samples; share it with"):
+        other = LightFieldSettings(angles=ANGLES, samples=SAMPLES - 1)
+        capture(path, settings=other, share=(0, 2))
+
+
+def test_shares_are_of_a_plan(tmp_path):
+    steps = capture_light_field(scene(), Arithmetic(), tmp_path / "a.slf", SETTINGS)
+    while next(steps).stage != "light field":
+        pass
+    steps.close()
+    with pytest.raises(PRTError, match="was not planned; run the same command with --plan first"):
+        capture(tmp_path / "a.slf", share=(0, 2))
+    for more in ({"share": (2, 2)}, {"share": (0, 0)}, {"share": 1}, {"plan": 1}):
+        with pytest.raises(PRTError, match="^(share|plan): expected"):
+            capture(tmp_path / "a.slf", **more)
+    for more in ({"plan": True, "share": (0, 2)}, {"plan": True, "restart": True}):
+        with pytest.raises(PRTError, match="^plan: one of plan, share and restart"):
+            capture(tmp_path / "a.slf", **more)

@@ -98,6 +98,31 @@ def test_any_order_with_repeats_gives_the_same_bake(planned, whole):
     load(planned)
 
 
+def test_what_is_asked_again_comes_by_blocks_as_well(scene, tmp_path, monkeypatch):
+    # So carelessly that another turn finds more, and in the end all is traced.
+    careless = {"neighbours": 1, "candidates": 2, "checks": 1, "edge_halvings": 9}
+    monkeypatch.setattr(sys.modules["prt_core.bake.sampled"], "TURNS", (careless, careless))
+    settings = BakeSettings(resolution=7, method="agreement", tolerance=1e-7, bounces=0)
+    report = run(bake_steps(scene, tmp_path / "a.prt", settings))
+    assert report["sampling"]["turns"] == 3
+    path, opened = tmp_path / "b.prt", []
+    run(plan_steps(scene, path, settings))
+
+    def backwards(stage, blocks):
+        opened.append(stage)
+        others = set(range(4)) - set(blocks)
+        assert all(compute(path, stage, index).again for index in others)
+        for index in reversed(blocks):
+            assert not compute(path, stage, index).again
+        assert not missing_blocks(path, stage)
+
+    by_blocks = finished(path, backwards)
+    assert opened == ["visibility", "visibility1", "visibility2", "visibility3"]
+    assert digests(path) == digests(tmp_path / "a.prt")
+    assert by_blocks["sampling"] == report["sampling"] and by_blocks["rays"] == report["rays"]
+    assert not [name for name in BakeStore(path).names() if name.startswith(("tile", "work"))]
+
+
 def test_two_threads_give_the_same_bake(planned, whole):
     def side_by_side(stage, blocks):
         with ThreadPoolExecutor(2) as pool:
@@ -225,3 +250,15 @@ def test_ranges_are_short():
     assert ranges_text([]) == ""
     assert ranges_text([4]) == "4"
     assert ranges_text([0, 1, 2, 7, 9, 10]) == "0-2,7,9-10"
+
+
+@pytest.mark.parametrize(
+    "stages_said", [[["../x", 3]], [["visibility", -1]], [["visibility"]], "visibility", None]
+)
+def test_a_damaged_plan_is_said_in_one_line(planned, stages_said):
+    store = BakeStore(planned, "r+")
+    store.update(work={**store.attributes["work"], "stages": stages_said})
+    for ask in (stages, lambda path: compute(path, "visibility", 0)):
+        with pytest.raises(PRTError, match="its plan is damaged") as caught:
+            ask(planned)
+        assert "\n" not in str(caught.value)

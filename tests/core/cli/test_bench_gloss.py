@@ -40,11 +40,13 @@ def test_forms_are_measured_beside_the_dense_sum(words, tmp_path, capfd):
     assert main(line) == 0
     rows = json.loads(capfd.readouterr().out)
     names = ["GGX 0.5", "Phong 10"]
-    assert [row["reflectance"] for row in rows] == [n for n in names for _ in range(6)]
+    assert [row["reflectance"] for row in rows] == [n for n in names for _ in range(7)]
     for name in names:
         by_form = {row["form"]: row for row in rows if row["reflectance"] == name}
         dense, default = by_form["dense sum"], by_form["field of incoming light (default)"]
         assert dense["l2_worst"] == 0 and 0 < default["l2_mean"] < 0.04
+        mapped = by_form["field of incoming light, mapped (default)"]
+        assert 0 < mapped["l2_mean"] < 0.04 and mapped["bytes"] > default["bytes"]
         assert default["l2_mean"] < by_form["lobe samples, 64, 16 texels apart"]["l2_mean"]
         assert default["l2_mean"] < by_form["reflection map"]["l2_mean"]
         assert default["megabytes"] == default["bytes"] / 1e6
@@ -99,6 +101,12 @@ def test_forms_of_one_family_share_a_line():
     slow = {"form": "slow", "view_us": 9.0, "l2_mean": 0.01}
     rows = [{**row, "reflectance": "a"} for row in (default, other, slow)]
     assert nearer_and_quicker(rows) == [(rows[1], rows[0])]
+    mapped = {"form": "field of incoming light, mapped (default)", "view_us": 1.0, "l2_mean": 0.02}
+    rows += [{**mapped, "reflectance": "a"}]
+    # The default's own is beaten, but quicker than it nothing is nearer.
+    assert nearer_and_quicker(rows) == [(rows[1], rows[0])]
+    rows[-1]["l2_mean"] = 0.019
+    assert nearer_and_quicker(rows) == []
 
 
 def test_terms_are_sampled_one_by_one_and_together(scene):

@@ -75,7 +75,7 @@ def test_the_page_begins_with_the_light_of_the_scene(shown):
     browser = shown[0]
     browser.open(browser.requests[0].removeprefix("file://"))
     assert said_on(browser) == "" and not browser.errors
-    assert error(shown, "world", lamps=True, lamp_samples=64) < 0.02
+    assert error(shown, "world", lamps=True, lamp_samples=64) < 0.01
     assert all(url.startswith(("file:", "data:")) for url in browser.requests)
 
 
@@ -97,8 +97,7 @@ def test_images_offered_and_turned(shown):
         for turn in (15, 255):
             browser.run(f"PRT.page.turn = {turn}; PRT.page.relight()")
             errors.append(error(shown, image, rotation=turn, emission="none"))
-    # Steps of the code are chosen for scenes as large as the demo's, which has a test of its own.
-    assert np.mean(errors) < 0.03 and max(errors) < 0.05
+    assert np.mean(errors) < 0.01 and max(errors) < 0.02
 
 
 def test_images_dropped(shown, tmp_path):
@@ -126,7 +125,7 @@ def test_images_dropped(shown, tmp_path):
     for name, (data, pixels) in files.items():
         browser.drop(name, data)
         assert said_on(browser) == "", name
-        assert error(shown, EnvironmentMap(pixels), emission="none") < 0.03, name
+        assert error(shown, EnvironmentMap(pixels), emission="none") < 0.02, name
 
 
 def test_what_is_no_light_is_said(shown, tmp_path):

@@ -160,6 +160,12 @@ def test_the_command_line_turns_the_light_of_what_the_camera_sees(path, tmp_path
     np.testing.assert_allclose(seen, wanted, rtol=2e-3, atol=1e-4)
     np.testing.assert_allclose(beside, seen, rtol=1e-6)
     assert main([*words, "--turn", "2", "--image", str(tmp_path / "t.exr")]) == 0
+    # Other machines make other frames of the same turn.
+    part = [*words, "--turn", "2", "--frames", "2", "--image", str(tmp_path / "part.exr")]
+    assert main(part) == 0
+    assert [path.name for path in tmp_path.glob("part*")] == ["part_0002.exr"]
+    whole = (tmp_path / "t_0002.exr").read_bytes()
+    assert (tmp_path / "part_0002.exr").read_bytes() == whole
     first = read_image(tmp_path / "t_0001.exr")[..., :3]
     np.testing.assert_allclose(first, seen, rtol=1e-6)
     capsys.readouterr()

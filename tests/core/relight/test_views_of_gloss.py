@@ -13,9 +13,11 @@ from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.gloss import Gloss
 from prt_core.relight.glossy_points import SeenMetal
 from prt_core.relight.lighting import Lighting
+from prt_core.relight.point_lobes import PointLobes
 from prt_core.relight.relighter import Relighter
 from prt_core.transport import View
 from prt_core.transport.incoming_field import IncomingField
+from prt_core.transport.view_map import ViewMap
 from tests.meshes import plane, sphere
 
 CASTER = "embree" if "embree" in known_casters() else "brute"
@@ -92,6 +94,11 @@ def test_points_between_follow_those_that_face_the_viewer(bake):
     coarse.follow(values, facing)
     np.testing.assert_allclose(values[rest & (points.normals[:, 2] > 0.3)], 7, rtol=1e-6)
     assert (values[rest & ~facing] == -1).all()
+    # What is known besides stays as it is.
+    values = np.where(coarse.chosen, 7.0, -1.0).astype(np.float32)[:, None]
+    coarse.follow(values, facing, rest & (points.object_index == 1))
+    ball = points.object_index == 1
+    assert (values[rest & ball] == -1).all() and (values[rest & ~ball & facing] == 7).any()
     # Values of one object do not reach the other.
     values = points.object_index.astype(np.float32)[:, None].copy()
     coarse.follow(values, np.ones(n, bool))
@@ -147,3 +154,57 @@ def test_without_a_light_there_is_no_view(bake, monkeypatch):
     relighter.close()
     with pytest.raises(PRTError, match="no light is known"):
         run(relighter.view_steps(ONE))
+
+
+def test_maps_of_views_serve_views_that_move_until_the_light_changes(bake, monkeypatch):
+    relighter = Relighter(bake, CASTER)
+    with pytest.raises(PRTError, match="no light is known yet"):
+        run(relighter.map_views_steps())
+    relighter.radiance(LIGHTING, view=ONE)
+    fine = run(relighter.view_steps(OTHER))
+    # Without maps, nothing is looked up.
+    np.testing.assert_array_equal(run(relighter.view_steps(OTHER, mapped=True)), fine)
+    assert not relighter.maps_views
+    # So few points would not be worth it.
+    monkeypatch.setattr(ViewMap.__init__, "__defaults__", (0, None))
+    steps = relighter.map_views_steps()
+    next(steps)
+    steps.close()
+    assert not relighter.maps_views
+    run(relighter.map_views_steps())
+    assert relighter.maps_views
+    mapped = run(relighter.view_steps(OTHER, mapped=True))
+    points = bake.scene.points
+    outgoing = OTHER.outgoing(bake.scene.to_world(points.positions))
+    # Where views graze, blocks of so few texels are too large for lobes that are evaluated.
+    seen = np.einsum("nx,nx->n", outgoing, points.normals) > 0.4
+    off = np.linalg.norm((mapped - fine)[seen]) / np.linalg.norm(fine[seen])
+    assert 0 < off < 0.02
+    # All points are looked up, and none follows another.
+    np.testing.assert_array_equal(run(relighter.view_steps(OTHER, every=8, mapped=True)), mapped)
+    np.testing.assert_array_equal(run(relighter.view_steps(OTHER)), fine)
+    relighter.radiance(replace(LIGHTING, strength=2.0), view=ONE)
+    assert not relighter.maps_views
+    with pytest.raises(PRTError, match="mapped: expected"):
+        run(relighter.view_steps(OTHER, mapped=3))
+    # Where maps do not pay, lobes are evaluated as ever.
+    monkeypatch.setattr(ViewMap.__init__, "__defaults__", (10**6, None))
+    run(relighter.map_views_steps())
+    assert relighter.maps_views
+    np.testing.assert_array_equal(
+        run(relighter.view_steps(OTHER, mapped=True)), run(relighter.view_steps(OTHER))
+    )
+
+
+def test_lobes_below_a_coat_that_is_narrow_have_no_map(bake):
+    gloss = Gloss(bake, CASTER)
+    kinds, first, least = gloss.lobes.kinds()
+    assert len(first) == 2 and len(np.unique(kinds)) == 2
+    np.testing.assert_allclose(np.unique(least), [0.16, 0.25], rtol=1e-5)
+    materials = bake.scene.points.materials[np.arange(3)]
+    coat = {"coat": [[0], [1], [1]], "coat_roughness": [[0.1], [0.1], [0.8]]}
+    brushed = {"metal": np.ones((3, 3)), "anisotropy": [[0], [0], [0.5]], "tangent": np.eye(3)}
+    for more, wanted in ((coat, [0.25, 0.01, 0.25]), (brushed, [0.25, 0.25, 0])):
+        more = {name: np.float32(value) for name, value in more.items()}
+        lobes = PointLobes(materials.replaced(**more), bake.scene.points.normals[:3])
+        np.testing.assert_allclose(lobes.kinds()[2], wanted, rtol=1e-3)

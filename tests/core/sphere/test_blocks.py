@@ -16,7 +16,7 @@ def test_blocks_share_out_all_texels_and_their_solid_angle(resolution, side):
     np.testing.assert_array_equal(blocks.of_texel[texel], along)
 
 
-@pytest.mark.parametrize(("resolution", "side"), [(32, 8), (32, 16), (12, 4), (6, 1)])
+@pytest.mark.parametrize(("resolution", "side"), [(32, 8), (16, 8), (8, 8), (12, 4), (6, 1)])
 def test_sums_over_patterns_are_those_over_the_bits(resolution, side):
     rng = np.random.default_rng(3)
     blocks = Blocks(CubeMap(resolution), side)

@@ -109,6 +109,7 @@ def test_what_is_sent_otherwise_is_taken_in_as_a_change():
     work = np.arange(n), outgoing, np.full(n, 0.4, np.float32), white(n)
     dim = before.reflected(*work)
     case.field.resend(entries, which, change)
+    case.field.settle()
     changed = case.field.values.copy()
     # The same, entry by entry, into a field of its own.
     other = IncomingField(reflections, case.bits)

@@ -7,7 +7,8 @@ from prt_core.reflectance import Constant, Microfacet, OrenNayar, local_frames
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap, tangents
 from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
-from prt_core.transport.glimpse import glimpse
+from prt_core.transport import glimpse as module
+from prt_core.transport.glimpse import Glimpses, glimpse
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import FINER, IncomingField, bright_texels
 from prt_core.transport.lobe_values import lobe_values
@@ -229,6 +230,44 @@ def test_glimpses_are_right_in_the_mean(case, alpha):
     np.testing.assert_allclose(about.mean(axis=0), exact.mean(axis=0), rtol=0.03)
     # And no more than so far off each.
     assert relative(about, exact) < 0.7
+
+
+def test_facets_that_are_kept_serve_other_lights_and_changes_of_the_field(case, monkeypatch):
+    case.field.update(case.light, case.sent)
+    rng = np.random.default_rng(5)
+    rows = np.repeat(np.flatnonzero(case.scene.points.object_index == 0), 3)
+    outgoing = rng.normal(size=(len(rows), 3)) * 0.3 + [0, 0, 1]
+    outgoing = (outgoing / np.linalg.norm(outgoing, axis=1, keepdims=True)).astype(np.float32)
+    wide, narrow = np.full(len(rows), 0.4), np.full(len(rows), 0.15)
+    # A coat that one of three has.
+    coat = white(len(rows))
+    coat[::3] = 0
+
+    def lobes_at(some):
+        return [(wide[some], white(len(some))), (narrow[some], coat[some])]
+
+    kept = Glimpses(case.field, case.normals, rows, outgoing, lobes_at)
+    sun = case.light.copy()
+    sun[case.cube_map.texel_of(np.array([[0.2, 0.3, 0.9]]))] = 300
+    results = []
+    for light in (case.light, sun):
+        case.field.update(light, case.sent)
+        kept.light()
+        anew = Glimpses(case.field, case.normals, rows, outgoing, lobes_at)
+        anew.light()
+        results.append(kept.reflected())
+        np.testing.assert_array_equal(results[-1], anew.reflected())
+    assert results[1].sum() > 1.5 * results[0].sum() and kept.nbytes > 20 * len(rows)
+    both = [
+        glimpse(case.field, case.normals, rows, outgoing, alpha, powers)
+        for alpha, powers in ((wide, white(len(rows))), (narrow, coat))
+    ]
+    np.testing.assert_allclose(results[1], sum(both), rtol=1e-5)
+    monkeypatch.setattr(module, "_MOST_KEPT", 10)
+    many = Glimpses(case.field, case.normals, rows, outgoing, lobes_at)
+    many.light()
+    np.testing.assert_array_equal(many.reflected(), results[1])
+    assert many.nbytes == results[1].nbytes
 
 
 def test_a_glimpse_from_below_a_smooth_normal_is_light_all_the_same(case):

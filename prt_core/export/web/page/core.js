@@ -1,17 +1,19 @@
 "use strict";
 // Relights a bake in a browser. All scripts of the page are one classic script: from disk no other
 // can be loaded. Arrays are flat; points, rows and texels are numbered as the bake does.
-const PRT = {}, {abs, min, max, sqrt, floor, ceil, round, hypot, atan2, asin, exp, PI} = Math;
+const PRT = {}, {abs, min, max, sqrt, floor, ceil, round, hypot, atan2, asin, exp, cos, sin, PI} = Math;
 
 // What can be said to the person at the page.
 class Trouble extends Error {};
+const told = (error, what) => error instanceof Trouble ? error.message : `${what}: ${error.message}`;
 const fail = text => { throw new Trouble(text); };
 
+const floats = count => new Float32Array(count);
 const KINDS = {u1: Uint8Array, i1: Int8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array};
 
 async function inflate(bytes) {
   if (!window.DecompressionStream)
-    fail("This browser is too old for this page: use Chrome 80, Firefox 113, Safari 16.4 or newer.");
+    fail("This page needs Chrome 80, Firefox 113, Safari 16.4 or newer.");
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -49,7 +51,7 @@ function restored({kind, shape, differences}, bytes) {
 
 // Colours of RGB9_E5, times 1 / factor: three numbers each.
 function sharedExponent(codes, factor) {
-  const out = new Float32Array(3 * codes.length);
+  const out = floats(3 * codes.length);
   for (let i = 0; i < codes.length; i++) {
     const c = codes[i], step = 2 ** ((c >>> 27) - 24) / factor;
     out[3 * i] = (c & 511) * step;
@@ -61,7 +63,7 @@ function sharedExponent(codes, factor) {
 
 // Pixels of planes of RGBE, (4, height, width).
 function fromRGBE(codes) {
-  const [, height, width] = codes.shape, n = height * width, pixels = new Float32Array(3 * n);
+  const [, height, width] = codes.shape, n = height * width, pixels = floats(3 * n);
   for (let i = 0; i < n; i++) {
     const e = codes[3 * n + i], step = e ? 2 ** (e - 136) : 0;
     for (let c = 0; c < 3; c++) pixels[3 * i + c] = codes[c * n + i] * step;

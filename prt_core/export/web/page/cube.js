@@ -23,7 +23,7 @@ const FACES = [
 
 // Middles of the texels, unit vectors.
 function directions(n) {
-  const out = new Float32Array(18 * n * n);
+  const out = floats(18 * n * n);
   let at = 0;
   for (const place of FACES) for (let row = 0; row < n; row++) for (let column = 0; column < n; column++) {
     const p = place((column + 0.5) / n * 2 - 1, (row + 0.5) / n * 2 - 1), length = hypot(...p);
@@ -59,7 +59,7 @@ function texelVector(texel, n) {
 
 // Haar wavelets of each face of a cube map, orthonormal, in place: (6, n, n).
 function haar(faces, n) {
-  const work = new Float32Array(n * n);
+  const work = floats(n * n);
   for (let first = 0; first < 6 * n * n; first += n * n)
     for (let size = n; size % 2 === 0; size /= 2) {
       const half = size / 2;
@@ -88,7 +88,7 @@ class TurningLight {
     this.solid = solidAngles(n);
     const {width, height, pixels} = image, count = width * height, mean = [0, 0, 0];
     for (let i = 0; i < 3 * count; i++) mean[i % 3] += pixels[i] / count;
-    let even = new Float32Array(pixels.length);
+    let even = floats(pixels.length);
     const bright = [];
     for (let i = 0; i < count; i++) {
       let small = false;
@@ -106,7 +106,7 @@ class TurningLight {
 
   // Mean radiance of every texel, three numbers each, turned about z.
   at(degrees) {
-    const n = this.n, sums = new Float64Array(24 * n * n), out = new Float32Array(18 * n * n);
+    const n = this.n, sums = new Float64Array(24 * n * n), out = floats(18 * n * n);
     const bright = new Float64Array(24 * n * n);
     handOut(this.even, degrees, n, sums);
     if (this.bright) handOut(this.bright, degrees, n, bright);
@@ -134,7 +134,7 @@ function handOut({ways, values}, degrees, n, sums) {
 function shrunk(image) {
   let {width, height, pixels} = image;
   while (height % 2 === 0 && width % 2 === 0 && height > EVEN_HEIGHT) {
-    const [w, h] = [width / 2, height / 2], out = new Float32Array(3 * w * h);
+    const [w, h] = [width / 2, height / 2], out = floats(3 * w * h);
     for (let r = 0; r < h; r++) {
       const upper = rowArea(2 * r, height), lower = rowArea(2 * r + 1, height), all = 2 * (upper + lower);
       for (let k = 0; k < 3 * w; k++) {
@@ -147,7 +147,7 @@ function shrunk(image) {
   return {width, height, pixels};
 }
 
-const edge = (row, height) => Math.sin(PI / 2 - row / height * PI);
+const edge = (row, height) => sin(PI / 2 - row / height * PI);
 const rowArea = (row, height) => edge(row, height) - edge(row + 1, height);
 const partsAlong = (count, texels, samples) => max(1, ceil(sqrt(texels * samples / count)));
 
@@ -176,7 +176,7 @@ function cut(i, width, height, parts, {cos, sin}, tell) {
 }
 
 function angles(width, parts) {
-  const cos = new Float32Array(width * parts), sin = new Float32Array(width * parts);
+  const cos = floats(width * parts), sin = floats(width * parts);
   for (let i = 0; i < cos.length; i++) {
     const angle = PI - (i + 0.5) / (width * parts) * 2 * PI;
     cos[i] = Math.cos(angle); sin[i] = Math.sin(angle);
@@ -187,7 +187,7 @@ function angles(width, parts) {
 function used(sums, directions) {
   let count = 0;
   for (let i = 3; i < sums.length; i += 4) if (sums[i]) count++;
-  const ways = new Float32Array(3 * count), values = new Float64Array(4 * count);
+  const ways = floats(3 * count), values = new Float64Array(4 * count);
   for (let i = 0, k = 0; i < sums.length / 4; i++) if (sums[4 * i + 3]) {
     for (let c = 0; c < 3; c++) ways[3 * k + c] = directions[3 * i + c];
     for (let c = 0; c < 4; c++) values[4 * k + c] = sums[4 * i + c];
@@ -220,5 +220,5 @@ function suns(width, height, bright, above, n) {
     for (const x of more.ways) ways.push(x);
     for (const x of more.values) values.push(x);
   }
-  return {ways: new Float32Array(ways), values: new Float64Array(values)};
+  return {ways: floats(ways), values: new Float64Array(values)};
 }

@@ -43,7 +43,7 @@ async function decodedExr(name, bytes, view) {
   const wanted = chosenChannels(channels);
   if (!wanted) fail(`${name}: has no channels R, G and B, and no Y`);
   for (const c of channels) c.to = [0, 1, 2].filter(k => wanted[k] === c.channel);
-  const pixels = new Float32Array(3 * width * height), tiled = flags & 0x200;
+  const pixels = floats(3 * width * height), tiled = flags & 0x200;
   const inside = {width, height, x: x0 - u0, y: y0 - v0, pixels};
   const wide = x1 - x0 + 1, high = y1 - y0 + 1;
   const [tileWide, tileHigh, mode] = tiled ? [view.getUint32(attributes.tiles, true), view.getUint32(attributes.tiles + 4, true), view.getUint8(attributes.tiles + 8) & 15] : [wide, EXR_LINES[method], 0];
@@ -102,7 +102,7 @@ function exrRuns(packed, size) {
   return out;
 }
 
-const HALVES = new Float32Array(65536).map((_, code) => {
+const HALVES = floats(65536).map((_, code) => {
   const sign = code >> 15 ? -1 : 1, exponent = code >> 10 & 31, fraction = code & 1023;
   if (exponent === 31) return fraction ? NaN : sign * Infinity;
   return sign * (exponent ? 2 ** (exponent - 25) * (1024 + fraction) : 2 ** -24 * fraction);

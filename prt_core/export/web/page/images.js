@@ -36,7 +36,7 @@ function readRadiance(name, bytes) {
   const size = head.slice(end + 2, last).trim().match(/^([-+])Y +(\d+) +([-+])X +(\d+)$/);
   if (!size) fail(`${name}: its orientation is not understood; turn it to '-Y height +X width'`);
   const height = +size[2], width = +size[4];
-  const codes = decoded(name, bytes.subarray(last + 1), width, height), pixels = new Float32Array(3 * width * height);
+  const codes = decoded(name, bytes.subarray(last + 1), width, height), pixels = floats(3 * width * height);
   for (let row = 0; row < height; row++) for (let column = 0; column < width; column++) {
     const from = 4 * ((size[1] === "+" ? height - 1 - row : row) * width + (size[3] === "-" ? width - 1 - column : column));
     const step = codes[from + 3] ? 2 ** (codes[from + 3] - 136) : 0;
@@ -81,10 +81,10 @@ function decoded(name, bytes, width, height) {
 
 // The light of the scene's world, whose texels are all there is, as an image for the background.
 function imageOfTexels(texels, n) {
-  const height = 4 * n, width = 8 * n, pixels = new Float32Array(3 * width * height);
+  const height = 4 * n, width = 8 * n, pixels = floats(3 * width * height);
   for (let row = 0; row < height; row++) for (let column = 0; column < width; column++) {
     const up = PI / 2 - (row + 0.5) / height * PI, angle = PI - (column + 0.5) / width * 2 * PI;
-    const from = 3 * texelAlong(Math.cos(up) * Math.cos(angle), Math.cos(up) * Math.sin(angle), Math.sin(up), n);
+    const from = 3 * texelAlong(cos(up) * cos(angle), cos(up) * sin(angle), sin(up), n);
     pixels.set(texels.subarray(from, from + 3), 3 * (row * width + column));
   }
   return {width, height, pixels};

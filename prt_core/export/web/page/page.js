@@ -3,17 +3,20 @@ const $ = id => document.getElementById(id);
 const say = (text, bad) => { $("said").textContent = text; $("said").className = bad ? "bad" : ""; };
 
 class Page {
-  constructor(gl, arrays, facts) {
+  constructor(gl, facts, arrays, field) {
     Object.assign(this, {gl, facts, arrays, images: new Map(), strengths: [], look: {filmic: true, exposure: 1}});
-    this.evaluator = new Evaluator(arrays, facts);
-    this.gpu = new Gpu(gl, arrays, facts);
+    if (arrays) {
+      this.evaluator = new Evaluator(arrays, facts);
+      this.gpu = this.own = new Gpu(gl, arrays, facts);
+    }
+    if (field) this.field = new Gpu(gl, field, window.PRT_FIELD).viewer;
     this.orbit = new Orbit(facts.start);
     this.strength = this.exposure = 0;
     this.turn = 0;
     this.wanted = {};
     facts.images.forEach((name, k) => this.add(name, () => fromRGBE(arrays["image" + k])));
-    if (arrays.world) this.add("The scene's world", null, sharedExponent(arrays.world, facts.world_factor));
-    this.add("None", null, null);
+    if (facts.world_factor) this.add("The scene's world", null, sharedExponent(arrays.world, facts.world_factor));
+    if (arrays) this.add("None", null, null);
   }
 
   // A light from far away: an image, which is read when it is first asked for, or one on texels.
@@ -28,8 +31,11 @@ class Page {
 
   // Make a light the one that shines.
   choose(name) {
-    const light = this.light = this.images.get(name), {n} = this.evaluator;
+    const light = this.light = this.images.get(name), {n} = this.evaluator || {};
     $("light").value = name;
+    this.gpu = light.field ? light.field.gpu : this.own;
+    $("of-scene").hidden = light.field || !this.facts.sources.some(({kind}) => kind !== "world");
+    if (this.field) this.field.show(!!light.field);
     if (light.read && !light.turning) {
       light.image = light.read();
       light.turning = new TurningLight(light.image, n);
@@ -43,8 +49,10 @@ class Page {
   // The colours under the chosen light, as it is turned; milliseconds that this took the processor.
   relight(anew) {
     const start = performance.now(), {light} = this;
+    if (light.field) { this.expose(); this.draw(); return 0; }
     const texels = light.turning ? light.turning.at(this.turn) : light.texels;
     this.gpu.setDistant(texels ? this.evaluator.under(texels) : null);
+    if (this.gpu.gloss) this.gpu.gloss.setLight(texels, light, this.turn);
     this.mix();
     const spent = performance.now() - start;
     if (anew) this.expose();
@@ -54,6 +62,7 @@ class Page {
 
   // Strengths of all that shines.
   mix() {
+    if (this.light.field) return;
     const world = !!this.light.texels, env = 2 ** this.strength, {sources} = this.facts;
     const values = sources.map(({kind, in_world}, k) => kind === "world" ? world * env : in_world && world ? 0 : this.strengths[k]);
     this.gpu.setStrengths(env, values);
@@ -61,6 +70,7 @@ class Page {
 
   // An exposure that brings the brighter points near white.
   expose() {
+    if (this.gpu.viewer) this.gpu.viewer.look(this.orbit.matrices(1).eye);
     const radiance = this.gpu.radiance(), n = this.gpu.n, step = ceil(n / 20000), values = [];
     for (let i = 0; i < n; i += step) values.push(max(radiance[4 * i], radiance[4 * i + 1], radiance[4 * i + 2]));
     values.sort((a, b) => a - b);
@@ -92,13 +102,14 @@ class Page {
   }
 
   async read(file) {
+    if (!this.own) return say("A light field has lights of its own; images do not light it.", true);
     say(`Reading ${file.name} …`);
     await new Promise(done => setTimeout(done, 20));
     try {
       const image = await readImage(file.name, new Uint8Array(await file.arrayBuffer()));
       this.choose(this.add(file.name, () => image));
       say("");
-    } catch (error) { say(error instanceof Trouble ? error.message : `${file.name}: cannot be read (${error.message})`, true); }
+    } catch (error) { say(told(error, `${file.name}: cannot be read`), true); }
   }
 
   resize() {
@@ -125,7 +136,7 @@ class Page {
       this.strengths[k] = kind === "emitter" || (kind === "lamp" && start.lamps) ? 1 : 0;
       if (kind !== "world") this.slider($("sources"), name, this.strengths[k], value => { this.strengths[k] = value; this.later("mix"); });
     });
-    $("of-scene").hidden = !sources.some(({kind}) => kind !== "world");
+    if (this.field) this.field.controls(this);
     const range = (id, change, what) => $(id).oninput = () => { change(+$(id).value); this.later(what); };
     range("turn", value => this.turn = value, "relight");
     range("strength", value => this.strength = value, "mix");
@@ -163,7 +174,7 @@ class Page {
       fingers.set(e.pointerId, e);
       this.later("draw");
     };
-    canvas.addEventListener("wheel", e => { e.preventDefault(); orbit.zoom(exp(Math.sign(e.deltaY) * 0.1)); this.later("draw"); }, {passive: false});
+    canvas.onwheel = e => { e.preventDefault(); orbit.zoom(exp(Math.sign(e.deltaY) * 0.1)); this.later("draw"); };
     canvas.onkeydown = e => {
       const move = {ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1]}[e.key];
       if (move) { if (e.shiftKey) this.shine(this.turn + 50 * move[0]); else orbit.turn(...move); }
@@ -184,23 +195,20 @@ class Page {
 }
 
 async function begin() {
-  const data = window.PRT_DATA, canvas = $("canvas");
+  const {PRT_DATA: own, PRT_FIELD: field} = window, data = own || field, canvas = $("canvas");
   if (!data) fail("The bake's data are missing: data.js must lie beside this page.");
   const gl = canvas.getContext("webgl2", {antialias: true, alpha: false, preserveDrawingBuffer: true});
   if (!gl) fail("This page needs WebGL 2: use a newer browser, or turn hardware acceleration on.");
-  const page = PRT.page = new Page(gl, await unpack(data.arrays), data);
+  const page = PRT.page = new Page(gl, data, own && await unpack(own.arrays), field && await unpack(field.arrays));
   page.controls();
   page.resize();
   const {light} = data.start, names = [...page.images.keys()];
-  page.choose(light === "image" ? names[0] : light === "world" && data.world_factor ? "The scene's world" : "None");
-  const percent = x => `${(100 * x).toFixed(1)} %`;
-  $("about").textContent = `${data.n_points.toLocaleString()} points. Colours are within ${percent(data.error)} of exact ones in the mean` +
-    `, ${percent(data.worst)} at worst, under these lights.` + (data.bits ? "" : " Without visibility bits: suns are soft.") +
-    (data.gloss ? " Gloss is shown as an even colour." : "");
+  page.choose(light === "image" || !own ? names[0] : light === "world" && data.world_factor ? "The scene's world" : "None");
+  $("about").textContent = data.about + (own && field ? " " + field.about : "");
   document.body.classList.remove("loading");
   say("");
 }
 
-PRT.ready = begin().catch(error => {
-  say(error instanceof Trouble ? error.message : `The page cannot be shown: ${error.message}`, true);
+PRT.ready = new Promise(done => addEventListener("DOMContentLoaded", done)).then(begin).catch(error => {
+  say(told(error, "The page cannot be shown"), true);
 });

@@ -6,26 +6,20 @@ const MOST_TERMS = 512, SPARE = 1e-3, MOST_BRIGHT = 16, BRIGHT_SHARE = 2e-3;
 
 class Evaluator {
   constructor(arrays, facts) {
-    this.n = facts.resolution;
-    this.groups = facts.groups;
-    this.rows = arrays.row;
-    this.nRows = arrays.row_step.shape[0];
-    this.nDirections = 6 * this.n * this.n;
-    this.bits = facts.bits;
-    Object.assign(this, {scale: arrays.scale, level: arrays.level, basis: arrays.basis,
-      weightStep: arrays.weight_step});
+    const {resolution: n, groups, bits} = facts, {row: rows, scale, level, basis, weight_step: weightStep} = arrays;
+    Object.assign(this, {n, groups, bits, rows, scale, level, basis, weightStep, nDirections: 6 * n * n, nRows: weightStep.length});
     // Steps of each level's wavelets, and the last of all other features.
     this.steps = columns(arrays.row_step);
     this.basisSteps = arrays.basis_step && columns(arrays.basis_step);
     this.solid = solidAngles(this.n);
     this.importance = this.groups.map((_, g) => this.important(g, arrays.energy));
-    this.products = new Float32Array(4 * this.nRows);
-    this.sums = this.steps.map(() => [0, 1, 2].map(() => new Float32Array(this.nRows)));
+    this.products = floats(4 * this.nRows);
+    this.sums = this.steps.map(() => [0, 1, 2].map(() => floats(this.nRows)));
   }
 
   // How much each term of a light matters to a group.
   important(g, energy) {
-    const {nRows, rows, nDirections: n} = this, out = new Float32Array(n);
+    const {nRows, rows, nDirections: n} = this, out = floats(n);
     const squares = (feature, steps) => {
       let sum = 0;
       for (let r = 0, at = feature * nRows; r < nRows; r++, at++) {
@@ -58,7 +52,7 @@ class Evaluator {
 
   // The brightest texels of a light (n, 3), each with its radiance, and the light without them.
   split(light) {
-    const rest = light.slice(), bright = [], power = new Float32Array(this.nDirections);
+    const rest = light.slice(), bright = [], power = floats(this.nDirections);
     if (!this.bits) return {rest, bright};
     let total = 0;
     for (let i = 0; i < power.length; i++) {
@@ -78,7 +72,7 @@ class Evaluator {
 
   // Wavelets of a light, channel by channel, over the scale of the rows' features.
   coded(light) {
-    const n = this.nDirections, out = new Float32Array(3 * n);
+    const n = this.nDirections, out = floats(3 * n);
     for (let c = 0; c < 3; c++) {
       const channel = out.subarray(c * n, (c + 1) * n);
       for (let i = 0; i < n; i++) channel[i] = light[3 * i + c];
@@ -90,7 +84,7 @@ class Evaluator {
 
   // The terms of a light that weigh most in a group.
   chosen(g, coded) {
-    const n = this.nDirections, shares = this.groups[g].shares, weight = new Float32Array(n);
+    const n = this.nDirections, shares = this.groups[g].shares, weight = floats(n);
     let total = 0;
     for (let i = 0; i < n; i++) {
       let square = 0;
@@ -136,7 +130,7 @@ class Evaluator {
   indirect(g, coded) {
     const {rows, nRows, products, basis, basisSteps} = this, n = this.nDirections;
     const [first, count] = this.place(g), width = basisSteps[0].length, shares = this.groups[g].shares;
-    const inner = new Float32Array(3 * count);
+    const inner = floats(3 * count);
     for (const j of this.chosen(g, coded)) for (let c = 0; c < 3; c++) {
       const value = shares[c] * coded[c * n + j], steps = basisSteps[this.level[j]];
       if (value) for (let k = 0, at = j * width + first; k < count; k++, at++)

@@ -3,11 +3,17 @@
 const WIDE = 4096;
 
 const HEAD = `#version 300 es
-precision highp float; precision highp int; precision highp sampler2D; precision highp isampler2D;
+precision highp float; precision highp sampler2D; precision highp isampler2D;
 precision highp usampler2D; precision highp sampler2DArray;
 ivec2 at(int i) { return ivec2(i & ${WIDE - 1}, i / ${WIDE}); }
 #define ID gl_VertexID
 #define get(table, i) texelFetch(table, at(i), 0)
+vec3 unfolded(uvec2 code) {
+  vec2 p = vec2(code) / 4095. * 2. - 1.;
+  vec3 n = vec3(p, 1. - abs(p.x) - abs(p.y));
+  if (n.z < 0.) n.xy = (1. - abs(n.yx)) * vec2(n.x < 0. ? -1. : 1., n.y < 0. ? -1. : 1.);
+  return normalize(n);
+}
 `;
 
 // What a cluster gives to a slot: its mean and weighted components, under the light.
@@ -30,15 +36,9 @@ const RECEIVED = `uniform sampler2D slots, seconds; uniform usampler2D normals, 
 uniform sampler2DArray sources; uniform float strengths[MANY]; uniform int many;
 uniform int bright, rowBytes; uniform vec3 ways[16], suns[16]; uniform float environment;
 out vec4 value;
-vec3 unfolded(vec2 code) {
-  vec2 p = code / 4095. * 2. - 1.;
-  vec3 n = vec3(p, 1. - abs(p.x) - abs(p.y));
-  if (n.z < 0.) n.xy = (1. - abs(n.yx)) * vec2(n.x < 0. ? -1. : 1., n.y < 0. ? -1. : 1.);
-  return normalize(n);
-}
 void main() {
   int i = ID;
-  vec3 sum = get(slots, i).rgb, normal = unfolded(vec2(get(normals, i).rg));
+  vec3 sum = get(slots, i).rgb, normal = unfolded(get(normals, i).rg);
   vec2 second = get(seconds, i).rg;
   if (second.y > 0.) sum = mix(sum, get(slots, int(second.x)).rgb, second.y);
   for (int k = 0; k < bright; k++) {
@@ -90,17 +90,17 @@ vec3 shown(vec3 linear) {
 `;
 
 // Corners that lie between points, of pieces of what lets light pass, take from three of them.
-const SURFACE = `layout(location = 0) in vec3 position; uniform mat4 view; uniform sampler2D radiance, between;
+const SURFACE = `layout(location = 0) in vec3 position; uniform mat4 view; uniform sampler2D shown, between;
 uniform int n; centroid out vec3 colour; centroid out float opacity;
 void main() {
   gl_Position = view * vec4(position, 1);
   opacity = 1.;
-  if (ID < n) { colour = get(radiance, ID).rgb; return; }
+  if (ID < n) { colour = get(shown, ID).rgb; return; }
   int i = 2 * (ID - n);
   vec4 around = get(between, i), w = get(between, i + 1);
-  colour = w.x * get(radiance, int(around.x)).rgb
-    + w.y * get(radiance, int(around.y)).rgb
-    + w.z * get(radiance, int(around.z)).rgb;
+  colour = w.x * get(shown, int(around.x)).rgb
+    + w.y * get(shown, int(around.y)).rgb
+    + w.z * get(shown, int(around.z)).rgb;
   opacity = around.w;
 }`;
 const PAINTED = SHOWN + `centroid in vec3 colour; centroid in float opacity; uniform bool back; out vec4 pixel;

@@ -18,9 +18,9 @@ class Orbit {
   }
 
   axes() {
-    const [ca, sa] = [Math.cos(this.azimuth), Math.sin(this.azimuth)], ce = Math.cos(this.elevation);
-    const back = [ce * ca, ce * sa, Math.sin(this.elevation)], level = [-sa, ca, 0], above = cross(back, level);
-    const [c, s] = [Math.cos(this.roll), Math.sin(this.roll)];
+    const [ca, sa] = [cos(this.azimuth), sin(this.azimuth)], ce = cos(this.elevation);
+    const back = [ce * ca, ce * sa, sin(this.elevation)], level = [-sa, ca, 0], above = cross(back, level);
+    const [c, s] = [cos(this.roll), sin(this.roll)];
     return {back, right: mixed(level, c, above, s), upright: mixed(above, c, level, -s)};
   }
 
@@ -45,7 +45,7 @@ class Orbit {
     const rows = [mixed(right, 1 / x, back, sx / x), mixed(upright, 1 / y, back, sy / y),
       back.map(v => -v * (reach + near) / (reach - near)), back.map(v => -v)];
     const shift = [0, 0, -2 * reach * near / (reach - near), 0];
-    const matrix = new Float32Array(16), rays = new Float32Array(9);
+    const matrix = floats(16), rays = floats(9);
     rows.forEach((row, i) => {
       for (let k = 0; k < 3; k++) matrix[4 * k + i] = row[k];
       matrix[12 + i] = shift[i] - dot(row, eye);
@@ -55,6 +55,6 @@ class Orbit {
       rays[3 + k] = upright[k] * y;
       rays[6 + k] = -back[k] + right[k] * sx + upright[k] * sy;
     }
-    return {matrix, rays};
+    return {matrix, rays, eye};
   }
 }

@@ -1,0 +1,139 @@
+"""Views of gloss that move: evaluated and looked up, seconds and distance from sums over texels.
+
+    python -m tests.benchmarks.gloss_views [--roughness 0.45 0.5 0.7] [--light city …]
+                                           [--levels N] [--side N] [--sample N]
+
+Suzanne on a ground, both of a Glossy BSDF. Sums are over all texels of the light that the field
+has, with what is in the way as the bake knows it: they tell what lobes over blocks and maps of
+views lose, nothing else. Seconds are of the processor, of both cores.
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+from prt_core import bake, load
+from prt_core.blender.studio import studio_paths
+from prt_core.relight.gloss import Gloss
+from prt_core.relight.lighting import lighting_of
+from prt_core.relight.relighter import Relighter
+from prt_core.runtime.progress import run
+from prt_core.transport import View
+from prt_core.transport.lobe_values import lobe_values
+from prt_core.transport.visibility import unpack
+from tests.benchmarks import gloss_scenes
+
+
+def baked(roughness, levels, side):
+    """The bake of the scene, anew."""
+    name = f"views_{roughness:g}"
+    gloss_scenes.MATERIALS[name] = lambda: gloss_scenes.glossy("ggx", (1, 1, 1), roughness)
+    gloss_scenes.scene_of(f"ground_{name}", levels, side)
+    path = gloss_scenes.FOLDER / f"{name}_{levels}_{side}.prt"
+    bake(None, path, gloss=True, method="exhaustive", restart="changed")
+    return load(path)
+
+
+class Known:
+    """What a relighter told its `Gloss` of the light."""
+
+    def __init__(self, relighter):
+        self._light = Gloss.light
+        Gloss.light = lambda gloss, *light: self._take(gloss, *light)
+        self.relighter = relighter
+
+    def _take(self, gloss, texels, sent, *more):
+        self.texels, self.sent = texels, sent
+        return self._light(gloss, texels, sent, *more)
+
+    def close(self):
+        Gloss.light = self._light
+
+
+def summed(bake, part, rows, outgoing, texels, sent, alpha):
+    """(k, 3): white lobes over all texels; metal seen in metal has the colour that stands for it"""
+    field, cube_map = part.field.reflections, bake.cube_map
+    ways = np.ascontiguousarray(cube_map.directions.T, np.float32)
+    angles = cube_map.solid_angles.astype(np.float32)
+    normals, blocks = bake.scene.points.normals[part.points], field.blocks
+    sent, result = np.concatenate([sent, np.zeros((2, 3), np.float32)]), np.zeros((len(rows), 3))
+    for place, row in enumerate(rows):
+        entries = slice(field.start[row], field.start[row + 1])
+        met = np.full(len(blocks), -1)
+        met[field.block[entries]] = field.met[entries]
+        seen = unpack(bake.transport.bits[part.points[row]][None], cube_map.n_directions)[0]
+        light = np.where(seen[:, None] == 1, texels, sent[met[blocks.of_texel]])
+        lobe = lobe_values(
+            ways, normals[row : row + 1], outgoing[place : place + 1], alpha, None, 1
+        )
+        result[place] = (lobe[0][0] * angles) @ light
+    return result
+
+
+def measured(baked_scene, roughness, light, n_sample):
+    """A line of Markdown."""
+    relighter = Relighter(baked_scene)
+    known, view = Known(relighter), View.of_camera(baked_scene.camera)
+    lighting = lighting_of(studio_paths([light])[light])
+
+    def spent(work):
+        begun = time.process_time()
+        result = run(work())
+        return result, time.process_time() - begun
+
+    try:
+        _, lit = spent(lambda: relighter.steps(lighting, view=view))
+        _, evaluated = spent(lambda: relighter.view_steps(view))
+        _, made = spent(relighter.map_views_steps)
+        spans = [spent(lambda: relighter.view_steps(view, mapped=True))[1] for _ in range(5)]
+    finally:
+        known.close()
+    (part,) = relighter._gloss._parts
+    # As the sums have it: light of metal as the colour that stands for it.
+    part.light(known.texels, known.sent)
+    part.view_map().make()
+    outgoing = view.outgoing(baked_scene.scene.to_world(baked_scene.scene.points.positions))
+    outgoing = outgoing.astype(np.float32)[part.points]
+    facing = part.facing(outgoing)
+    cosine = np.einsum("kx,kx->k", outgoing[facing], part._normals[facing])
+    rows = facing[cosine > 0.05]
+    rows = rows[np.linspace(0, len(rows) - 1, min(n_sample, len(rows))).astype(int)]
+    alpha = np.float32([roughness**2])
+    wanted = summed(baked_scene, part, rows, outgoing[rows], known.texels, known.sent, alpha)
+    # What further bounces bring depends on the view alone.
+    gain = part._lobes.at(part._first + rows, np.einsum("kx,kx->k", outgoing[rows],
+                                                        part._normals[rows]))[0]  # fmt: skip
+    wanted *= sum(powers[:, 0] for _, powers in gain)
+    errors = []
+    for colours in (part.toward(rows, outgoing[rows])[0], part.looked_up(rows, outgoing[rows])[0]):
+        errors.append(np.sqrt(((colours - wanted) ** 2).sum() / (wanted**2).sum()))
+    megabytes = relighter._gloss.nbytes / 1e6
+    relighter.close()
+    return (
+        f"| {roughness:g} | {light} | {len(facing):,} of {len(part.points):,} | {lit:.2f} | "
+        f"{evaluated:.3f} | {errors[0]:.2%} | {made:.2f} | {np.median(spans):.3f} | "
+        f"{errors[1]:.2%} | {megabytes:.0f} |"
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--roughness", nargs="+", type=float, default=[0.45, 0.5, 0.7])
+    parser.add_argument("--light", nargs="+", default=["city", "courtyard", "interior"])
+    parser.add_argument("--levels", type=int, default=3)
+    parser.add_argument("--side", type=int, default=171)
+    parser.add_argument("--sample", type=int, default=320)
+    options = parser.parse_args()
+    print(
+        "| roughness | light | points | light s | view s | off | maps s | looked up s | off | MB |"
+    )
+    print("|---" * 10 + "|")
+    for roughness in options.roughness:
+        scene = baked(roughness, options.levels, options.side)
+        for light in options.light:
+            print(measured(scene, roughness, light, options.sample), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""An object is moved after the bake: one button bakes what that changes, or a selection of it."""
+
+import bpy
+import numpy as np
+from hand import Until
+from relight_story import compare, install, on_meshes, open_scene, part, settled, status
+
+
+def story(hand, report):
+    yield from install(report)
+    yield from open_scene(hand)
+    scene = bpy.context.scene
+    scene.prt.method = "agreement"
+    yield Until("all is quiet", settled)
+    yield from bake(hand, report, "prt.bake", "before")
+    # Moved as a person does: G, X, a number, Enter, with the mouse over the view.
+    yield from move(hand, "X", "0.4")
+    yield Until("the panel says so", lambda: part("moving").has_changed(scene), 30)
+    yield 0.5
+    hand.picture("moved")
+    report["warned"] = part("preview").held(scene).warned
+    yield from bake(hand, report, "prt.update", "updated")
+    updated = on_meshes()
+    report["offered after"] = part("moving").has_changed(scene)
+    bpy.ops.prt.bake("INVOKE_DEFAULT", restart=True)
+    yield from until_baked(hand, report, "whole")
+    report["off"] = off(updated, on_meshes())
+    yield from selection(hand, report)
+
+
+def move(hand, axis, by):
+    yield from hand.to_view()
+    yield from hand.key("G")
+    yield from hand.key(axis)
+    yield from hand.type(by)
+    yield from hand.key("RET")
+    yield 0.3
+
+
+def bake(hand, report, button, step):
+    yield from hand.click(button)
+    yield Until("it has begun", lambda: status().running, 10)
+    yield from until_baked(hand, report, step)
+
+
+def until_baked(hand, report, step):
+    yield Until("it is done", lambda: not status().running, 240)
+    said = status().message
+    yield from compare(hand, report, step)
+    report[f"said {step}"] = said
+
+
+def selection(hand, report):
+    """The model goes back; the model alone is baked: the ground keeps its colours."""
+    scene, before = bpy.context.scene, on_meshes()
+    yield from move(hand, "X", "-0.4")
+    yield Until("the panel says so", lambda: part("moving").has_changed(scene), 30)
+    scene.prt.selection_only = True
+    yield 0.5
+    yield from bake(hand, report, "prt.update", "selected")
+    after = on_meshes()
+    report["kept"] = {name: off({name: after[name]}, {name: before[name]}) for name in before}
+
+
+def off(colours, others):
+    """Relative difference, the largest of all objects."""
+    return max(
+        float(np.linalg.norm(colours[name] - others[name]) / np.linalg.norm(others[name]))
+        for name in others
+    )

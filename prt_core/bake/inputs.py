@@ -21,7 +21,7 @@ from prt_core.store import files_at, is_taken, remove_begun
 # Of a point while it is baked; its bits are in memory a tile at a time.
 _POINT_BYTES = 700
 # Arrays of answers of rays.
-_RAYS = "visibility", "ray_journal"
+_RAYS = "visibility", "ray_journal", "tile_bits0"
 
 
 def expect_bake_input(

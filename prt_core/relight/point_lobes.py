@@ -101,9 +101,9 @@ class PointLobes:
             The smallest alpha of any lobe of each point; 0 where one is stretched.
         """
         n = len(self.normals)
-        names = [name for group in self._groups for name in group.lobes]
+        names = [name for group in self.groups for name in group.lobes]
         columns, least = [self._factors.labels(names)[:n]], np.ones(n, np.float32)
-        for group in self._groups:
+        for group in self.groups:
             alpha, powers = group.alpha[:n], [each[:n] for each in group.lobes.values()]
             width = np.where(alpha[:, 0] == alpha[:, 1], alpha[:, 0], np.float32(0))
             there = np.any([each.any(axis=(1, 2)) for each in powers], axis=0)

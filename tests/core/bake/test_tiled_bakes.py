@@ -74,6 +74,28 @@ def test_a_bake_that_was_stopped_keeps_its_tiles_whatever_the_memory(scene, tmp_
         assert BakeStore(path).attributes["arrays"] == whole, stage
 
 
+def test_tiles_that_are_there_stay_where_a_later_one_fails(scene, tmp_path, monkeypatch):
+    tiles_of_size(monkeypatch, 200)
+    module, calls = sys.modules["prt_core.bake.tiled"], []
+    sample = module.sample_agreement
+
+    def fails_at_the_third(*given, **more):
+        calls.append(1)
+        if len(calls) == 3:
+            raise PRTError("no more")
+        return sample(*given, **more)
+
+    monkeypatch.setattr(module, "sample_agreement", fails_at_the_third)
+    settings = BakeSettings(resolution=6, method="agreement", bounces=0)
+    for _ in range(2):
+        with pytest.raises(PRTError, match="no more"):
+            run(bake_steps(scene, tmp_path / "a.prt", settings))
+        calls.clear()
+        calls += [1, 1]
+    tiles = tmp_path / "a.prt" / "tile_bits0" / "c"
+    assert sorted(path.name for path in tiles.iterdir()) == ["0", "1"]
+
+
 def test_small_scenes_are_one_tile_and_large_ones_are_not():
     plenty = Memory(16 << 30)
     assert plenty.tile_points(60_000, ROW) == 60_000

@@ -135,7 +135,8 @@ def test_a_scene_that_the_panel_has_read_is_known(floor_scene):
 def test_the_button_shows_colours_and_esc_takes_them_back(floor_scene, is_known):
     names = "title", "steps", "_bake_steps", "stopped", "finish"
     own = {name: getattr(operators.PRT_OT_bake, name) for name in names}
-    button = type("Bake", (work.LongWork,), {**own, "restart": True, "report": lambda *_: None})()
+    own |= {"restart": True, "update": False, "only": None, "report": lambda *_: None}
+    button = type("Bake", (work.LongWork,), own)()
     if is_known:
         run(plan.steps(floor_scene))
     steps, stages = button.steps(bpy.context, 0.01), []

@@ -147,7 +147,8 @@ def seen(hand, name, shading):
     pixels = pixels.reshape(image.size[1], image.size[0], 4)[..., :3]
     bpy.data.images.remove(image)
     # The floor and a part of the ball: what is behind them is of each mode its own.
-    part = pixels[220:400, 420:700]
+    height, width = pixels.shape[:2]
+    part = pixels[int(0.3 * height) : int(0.48 * height), int(0.42 * width) : int(0.57 * width)]
     white = float((part.min(axis=-1) > 0.985).mean())
     return {"mean": part.mean(axis=(0, 1)).tolist(), "white": white}
 

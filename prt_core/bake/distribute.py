@@ -207,6 +207,7 @@ def _compute_steps(client, path, stage, blocks, patience):
                     f"{path}: all workers are lost; {_AGAIN}",
                 )
                 continue
+            seen = time.monotonic()
             index = running.pop(future)
             if future.status in ("finished", "pending"):
                 # Pending again: what it returned is lost with its worker, but not what it computed.

@@ -140,6 +140,16 @@ def test_a_view_that_moves_is_coarse_and_the_newest_takes_the_place_of_older_one
     np.testing.assert_array_equal(colours_on("ball"), wanted(scene, View(position=(4.0, 1.0, 2.0))))
 
 
+def facing(item, eye):
+    """(n_corners,): cosines between normals and the way to an eye, at a mesh's corners."""
+    mesh, matrix = item.data, item.matrix_world
+    places = np.array([matrix @ vertex.co for vertex in mesh.vertices])
+    normals = np.array([vertex.normal for vertex in mesh.vertices])
+    way = np.asarray(eye) - places
+    cosine = np.einsum("nx,nx->n", way, normals) / np.linalg.norm(way, axis=1)
+    return cosine[[corner.vertex_index for corner in mesh.loops]]
+
+
 def test_maps_of_views_are_made_in_quiet_moments_and_serve_while_it_moves(scene, monkeypatch):
     # So few points would not be worth it.
     monkeypatch.setattr(ViewMap.__init__, "__defaults__", (0, None))
@@ -174,7 +184,10 @@ def test_maps_of_views_are_made_in_quiet_moments_and_serve_while_it_moves(scene,
     assert not shown().mapped and shown().every == 1
     fine = wanted(scene, other)
     np.testing.assert_array_equal(colours_on("ball"), fine)
-    assert 0 < np.linalg.norm(quick - fine) < 0.1 * np.linalg.norm(fine)
+    # What faces away is looked up as if it were seen at its rim, which nobody sees.
+    seen = facing(bpy.data.objects["ball"], other.position) > 0.05
+    away = np.linalg.norm((quick - fine)[seen])
+    assert seen.sum() > 1000 and 0 < away < 0.03 * np.linalg.norm(fine[seen])
     # A view that moves while maps are made does not wait for them.
     relighter = preview.held(scene).blend.relighter(shown().lights[0].name)
     relighter._gloss._maps = None

@@ -86,6 +86,8 @@ def sampled_steps(
     spent = {"visibility": time.perf_counter() - start, "certificate": 0.0}
     groups = certified_together(scene)
     small = small_groups(groups.index, cube_map)
+    if reuse is not None:
+        small &= ~reuse.still
     if small.any():
         sampled = yield from trace_rest(scene, cube_map, caster, sampled, small, pace=rays)
 
@@ -147,7 +149,8 @@ def certified_steps(
         Seconds by stage; added to.
     rays : Pace
     reuse : Reuse, optional
-        Of another bake, whose draws must not be drawn again: they were put right there.
+        Of another bake, whose draws must not be drawn again: they were put right there. Groups of
+        points that stay as they were are not certified: they are off by what they do not show.
 
     Returns
     -------
@@ -157,7 +160,11 @@ def certified_steps(
         How often it was asked again.
     """
     lights = (lights() if callable(lights) else lights) or probe_lights(cube_map)
-    poor, errors = np.unique(groups.index), {}
+    poor, errors, turn = np.unique(groups.index), {}, 0
+    if reuse is not None:
+        poor = np.setdiff1d(poor, groups.index[reuse.still])
+    if not len(poor):
+        return sampled, [], turn
     for turn in range(len(TURNS) + 2):
         start = time.perf_counter()
         drawn = CertificateSettings(seed=settings.seed)

@@ -65,6 +65,8 @@ class TileBlocks:
         self._scene, self._cube_map, self._caster = scene, cube_map, caster
         self._settings, self._reuse = settings, reuse
         self._small = small_groups(groups.index, cube_map)
+        if reuse is not None:
+            self._small &= ~reuse.still
 
     @classmethod
     def begun(cls, store, scene, cube_map, caster, settings, reuse=None):

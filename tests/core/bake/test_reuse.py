@@ -185,6 +185,19 @@ def test_a_selection_leaves_others_and_the_next_bake_brings_them(earlier, tmp_pa
     assert off(tmp_path / "a.prt", tmp_path / "b.prt") < EXACT.tolerance
 
 
+def test_a_sampled_selection_asks_nothing_of_others(earlier, tmp_path):
+    """The certificate would find that their shadows are old, and mend some of them."""
+    meshes, settings = AFTER["moved"], replace(SAMPLED, bounces=None, tolerance=0.02)
+    before = tmp_path / "before.prt"
+    baked(BEFORE, before, settings)
+    report = baked(meshes, tmp_path / "a.prt", settings, reuse=before, only=["ball"])
+    old, new = load(before), load(tmp_path / "a.prt")
+    n = len(old.scene.points) - len(old.scene.details)
+    others = old.scene.points.object_index[:n] != 1
+    np.testing.assert_array_equal(old.transport.bits[:n][others], new.transport.bits[:n][others])
+    assert report["rays_visibility"] < len(new.scene.points) * new.cube_map.n_directions
+
+
 @pytest.mark.parametrize(
     ("settings", "said"),
     [

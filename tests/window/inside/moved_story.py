@@ -7,6 +7,7 @@ from relight_story import compare, install, on_meshes, open_scene, part, settled
 
 
 def story(hand, report):
+    report["light"] = {}
     yield from install(report)
     yield from open_scene(hand)
     scene = bpy.context.scene

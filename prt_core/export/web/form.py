@@ -24,7 +24,7 @@ from prt_core.runtime.main_thread import in_thread
 _STEP, _WEIGHT_STEP = 1.2, 1 / 16
 # The same at most, of what rows are in the root mean square: small scenes of few directions have
 # fewer codes, whose errors add up to less than one another's size.
-_SHARE = 0.0025
+_SHARE = 0.004
 # Points a cluster has on average, and components, where there is no form to take; of few points
 # there are more clusters, up to so many, of so many points at least.
 _POINTS_A_CLUSTER, _COMPONENTS = 1000, 24

@@ -53,14 +53,25 @@ def until_baked(hand, report, step):
 
 def selection(hand, report):
     """The model goes back; the model alone is baked: the ground keeps its colours."""
-    scene, before = bpy.context.scene, on_meshes()
+    scene, before = bpy.context.scene, (yield from under_the_sky())
     yield from move(hand, "X", "-0.4")
     yield Until("the panel says so", lambda: part("moving").has_changed(scene), 30)
     scene.prt.selection_only = True
     yield 0.5
     yield from bake(hand, report, "prt.update", "selected")
-    after = on_meshes()
+    after = yield from under_the_sky()
     report["kept"] = {name: off({name: after[name]}, {name: before[name]}) for name in before}
+
+
+def under_the_sky():
+    """Colours without lamps, whose shadows are cast at the moment."""
+    prt = bpy.context.scene.prt
+    prt.use_lamps = False
+    yield Until("the preview has settled without lamps", settled)
+    colours = on_meshes()
+    prt.use_lamps = True
+    yield Until("the preview has settled with lamps", settled)
+    return colours
 
 
 def off(colours, others):

@@ -60,7 +60,9 @@ def shown(bake, tmp_path_factory):
     chromium_or_skip()
     page = tmp_path_factory.mktemp("page") / "page"
     report = prt_core.export_web(bake, page, lamp_samples=64)
-    assert "gloss.js" in report["files"] and not report["notes"]
+    assert "gloss.js" in report["files"]
+    (note,) = report["notes"]
+    assert note.startswith("lacquer: gloss below a roughness of 0.35"), "its coat"
     with Browser(480, 270) as browser:
         browser.open(page / "index.html")
         assert said_on(browser) == "" and not browser.errors

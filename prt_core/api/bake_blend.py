@@ -68,13 +68,13 @@ def bake_blend_steps(
     two_sided = _names("two_sided", two_sided)
     if restart != "changed":
         expect_flag("restart", restart)
-    reuse, restart = earlier_of(output, restart, reuse, update)
     only = None if only is None else _names("only", only)
     expect(
-        not (plan or cluster is not None) or reuse is None,
-        "reuse: blocks of work are computed without an earlier bake; leave out reuse and update, "
-        "or plan and dask",
+        not (plan or cluster is not None) or (reuse is None and not update and only is None),
+        "reuse: blocks of work are computed without an earlier bake; leave out reuse, update and "
+        "only, or plan and dask",
     )
+    reuse, restart = earlier_of(output, restart, reuse, update)
     image = ImageSettings() if image is None else expect_kind("image", image, ImageSettings)
     if refine is not None:
         expect_kind("refine", refine, RefineSettings)

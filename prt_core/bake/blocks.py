@@ -155,7 +155,7 @@ def block_figures(store, stage):
     """
     store = _planned(store)
     known = _stage_of(store, stage)
-    return read_figures(store, known.name, known.blocks)
+    return read_figures(store, known.name, range(known.blocks))
 
 
 def _planned(store):
@@ -211,7 +211,10 @@ def _holds(store, stage):
 def _workplace(store):
     """The `_Workplace` of a store; the last one of this process is kept."""
     attributes = store.attributes
-    same = [attributes.get(name) for name in ("identity", "details")]
+    with damage_as_error(store.path, "its plan"):
+        # What grows while the bake goes on is read where it is needed.
+        plan = {k: v for k, v in attributes[WORK].items() if k not in ("stages", ASKED)}
+    same = [*(attributes.get(name) for name in ("identity", "details", TILE)), plan]
     key = str(store.path.absolute()), json.dumps(same, sort_keys=True)
     with _lock:
         place = _kept.get(key)
@@ -244,7 +247,7 @@ class _Workplace:
         with self._lock:
             work = self._blocks_of(store, stage)
         if work.is_done(index):
-            seconds, rays, _ = read_figures(store, stage.name, index + 1)[index]
+            seconds, rays, _ = read_figures(store, stage.name, range(index, index + 1))[0]
             return BlockDone(stage.name, index, float(seconds), int(rays), True)
         start, before = time.perf_counter(), getattr(self._caster, "too_deep", 0)
         rays = work.compute(index)

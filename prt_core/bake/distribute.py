@@ -11,6 +11,7 @@ import logging
 import os
 import queue
 import time
+import uuid
 from collections import Counter
 from contextlib import contextmanager, suppress
 
@@ -24,6 +25,8 @@ from prt_core.runtime.progress import Progress
 from prt_core.store import BakeStore
 from prt_core.version import __version__
 
+# This process among those of all machines, whose numbers are not their own.
+_PROCESS = uuid.uuid4().hex
 _INSTALL = "pip install 'prt-core[cluster]'"
 _AGAIN = "what is done is kept, run the same command again and it goes on"
 # Seconds between two looks, and to connect to a scheduler.
@@ -187,7 +190,7 @@ def _compute_steps(client, path, stage, blocks, patience):
     from distributed import CancelledError, KilledWorker
 
     def submit(index):
-        given = str(path), stage, index, os.getpid()
+        given = str(path), stage, index, _PROCESS
         future = client.submit(_compute, *given, pure=False)
         running[future] = index
         future.add_done_callback(finished.put)
@@ -277,7 +280,7 @@ def _difference(path, seal, version):
 
 def _compute(path, stage, index, client):
     """Compute a block; runs at a worker, whose threads are its share of the machine's cores."""
-    if os.getpid() != client:
+    if client != _PROCESS:
         os.environ.setdefault(THREADS, "1")
         keep_to_share()
     return compute(path, stage, index)

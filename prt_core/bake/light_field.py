@@ -23,7 +23,6 @@ from prt_core.bake.field_denoise import (
 )
 from prt_core.bake.inputs import unless_begun
 from prt_core.bake.light_field_load import KIND
-from prt_core.bake.light_field_settings import MOST_ANGLES as MOST_ANGLES
 from prt_core.bake.light_field_settings import (
     MOST_SAMPLES,
     PLANNED,

@@ -82,6 +82,12 @@ def plan_steps(
             if begun.report is not None:
                 expect(finished, f"{path}: the bake is finished; nothing of it is left to plan")
                 return []
+            beside = begun.store.path
+            expect(
+                beside == expect_store_path("bake", path),
+                f"{beside}: a restart of this bake was stopped here; end it by the same 'prt bake' "
+                "without blocks of work, or remove it",
+            )
             yield from _planned_steps(begun, cube_map, settings, lights, memory)
             return open_stages(begun.store)
     finally:

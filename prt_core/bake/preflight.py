@@ -21,7 +21,7 @@ _ROUNDS = 2
 _EMISSION = 250
 # Share of the rays that sampling casts at 60,000 points, and how much longer one takes.
 _SAMPLED, _GRAZING = 0.06, 4.0
-# What sampling holds for each byte of the rows of a tile, about.
+# What sampling holds for each byte of the rows of a tile, about; tiles are cut as if it were more.
 _HELD = 4
 # Points further apart than this share of the scene cannot show a shadow's edge.
 _COARSE = 1 / 40

@@ -110,7 +110,7 @@ def bake_report(
         **({} if certified is None else {"gloss_error": asdict(certified)}),
         **({"emitters": emitted.emitters} if emitted.emitters else {}),
         **{k: v for k, v in seen.items() if k not in ("rays", "tolerance_met", "too_deep")},
-        "skipped": {**_spared(scene, cube_map, seen), **bounced.skipped},
+        "skipped": {**_spared(scene, seen), **bounced.skipped},
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "bytes": store.nbytes(),
         "peak_bytes": peak_bytes(),
@@ -130,7 +130,7 @@ def _refined(scene):
     return {name: int((each.vertex_round > 0).sum()) for name, each in refined.items()}
 
 
-def _spared(scene, cube_map, seen):
+def _spared(scene, seen):
     """What was not done because the scene does not need it."""
     skipped = {}
     attributes = seen["sampling"]

@@ -71,6 +71,12 @@ class Reuse:
         """`Boxes` around all that has changed, where it was and where it is."""
         return self.compared.before.joined(self.compared.after).joined(self._pending)
 
+    @property
+    def dark_is_unsure(self):
+        """Whether bounce rays that ended in the dark may end elsewhere now: something has changed,
+        or backs have got points."""
+        return len(self.changed) > 0 or bool((self.compared.old_of < 0).any())
+
     def known(self, cube_map, points=None):
         """The `Known` of some points, (n,) int; default: all."""
         if points is None:
@@ -113,8 +119,8 @@ class Reuse:
         shifts[mine] = old[old_of[mine]]
         store.keep(SHIFTS, shifts)
         unsure = _unsure_points(self.scene, old_of, self.changed)
-        parts = before.array("gather"), old_of, n_old, shifts, unsure, self.changed, self.still
-        return KeptRays(*parts)
+        parts = before.array("gather"), old_of, n_old, shifts, unsure, self.changed
+        return KeptRays(*parts, self.dark_is_unsure, self.still)
 
     def of_all(self, bounced):
         """What rays of the bounces came to, as shares of all that the bake has, kept ones too.
@@ -128,7 +134,7 @@ class Reuse:
         """
         report, whole = self.earlier.store.attributes["report"], self._gathered(bounced.rays)
         new = bounced.rays / max(whole, 1)
-        kept = 0.0 if len(self.changed) else 1 - new
+        kept = 0.0 if self.dark_is_unsure else 1 - new
         hidden, dark = (report.get(name) or 0.0 for name in ("hidden_hits", "dark_backs"))
         return replace(
             bounced,

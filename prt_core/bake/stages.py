@@ -109,8 +109,9 @@ def open_stage(store, name, n_blocks, **more):
         return
     store.create(_figures(name), (n_blocks, len(FIGURES)), "float64", (1, len(FIGURES)))
     work = store.attributes[WORK]
-    stages = [stage for stage in work["stages"] if stage[0] != name]
-    store.update(**{WORK: {**work, **more, "stages": [*stages, [name, n_blocks]]}})
+    # One that is opened again, for damaged blocks, keeps its place.
+    stages = dict(work["stages"]) | {name: n_blocks}
+    store.update(**{WORK: {**work, **more, "stages": [list(stage) for stage in stages.items()]}})
 
 
 def note_figures(store, name, index, figures):
@@ -118,37 +119,37 @@ def note_figures(store, name, index, figures):
     store.array(_figures(name))[index] = np.array(figures, np.float64)
 
 
-def read_figures(store, name, n_blocks):
-    """(n_blocks, 3) float64: what blocks took, as far as it is known; else 0."""
-    result = np.zeros((n_blocks, len(FIGURES)))
+def read_figures(store, name, blocks):
+    """(n, 3) float64: what blocks of a range took, as far as it is known; else 0."""
+    result = np.zeros((len(blocks), len(FIGURES)))
     try:
         array = store.array(_figures(name))
     except PRTError:
         return result
-    for index in range(min(n_blocks, len(array))):
-        if array.holds(index):
-            result[index] = array[index]
+    for row, index in enumerate(blocks):
+        if index < len(array) and array.holds(index):
+            result[row] = array[index]
     return result
 
 
-def close_work(store, seconds):
-    """Take away what blocks took; the seconds of each stage are added to `seconds`.
+def sum_work(store, seconds):
+    """Add up what blocks took; the seconds of each stage are added to `seconds`.
 
     Returns
     -------
-    int
+    too_deep : int
         Rays that met too many surfaces that let light pass.
+    names : list of str
+        Arrays that go when the bake is finished.
     """
-    too_deep = 0
+    too_deep, names = 0, list(WORK_ARRAYS)
     for stage in open_stages(store):
-        figures = read_figures(store, stage.name, stage.blocks).sum(axis=0)
+        figures = read_figures(store, stage.name, range(stage.blocks)).sum(axis=0)
         name = stage.name.rstrip("0123456789")
         seconds[name] = seconds.get(name, 0.0) + float(figures[0])
         too_deep += int(figures[2])
-        store.remove(_figures(stage.name))
-    for name in WORK_ARRAYS:
-        store.remove(name)
-    return too_deep
+        names.append(_figures(stage.name))
+    return too_deep, names
 
 
 def _figures(name):

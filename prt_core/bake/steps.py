@@ -15,7 +15,7 @@ from prt_core.bake.reflections import reflection_steps
 from prt_core.bake.report import bake_report
 from prt_core.bake.reuse import Reuse, note_reuse, reuse_of
 from prt_core.bake.settings import BakeSettings
-from prt_core.bake.stages import WORK, close_work, is_planned
+from prt_core.bake.stages import WORK, is_planned, sum_work
 from prt_core.bake.visibility_stage import comes_in_blocks, visibility_steps
 from prt_core.errors import expect, expect_kind, expect_number, system_errors
 from prt_core.rays import RelayCaster
@@ -317,9 +317,9 @@ def rest_steps(
             pictures.finished(lambda: store.array("visibility")[...], gather, bounced.error or 0.0)
     return_memory()
     yield from bounced_emission_steps(store, scene, bounced.rounds, settings, seconds, memory)
-    planned = is_planned(store)
+    planned, work = is_planned(store), []
     if planned:
-        seen["too_deep"] = close_work(store, seconds)
+        seen["too_deep"], work = sum_work(store, seconds)
     with damage_as_error(store.path):
         report = bake_report(
             scene,
@@ -342,7 +342,7 @@ def rest_steps(
         # Some of the rays were cast before the clock was started.
         report["rays_per_second"] = None
     note_reuse(store, report, begun.reuse)
-    store.seal(without=(WORK,), report=report, seconds=seconds)
+    store.seal(without=(WORK,), dropped=work, report=report, seconds=seconds)
     return report
 
 

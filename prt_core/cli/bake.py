@@ -2,6 +2,7 @@
 
 import json
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 
 import prt_core
@@ -144,7 +145,7 @@ def add_bake(commands, in_blender):
         "--compute", action="store_true", help="with --finish: compute those that are missing here"
     )
     quiet_arguments(bake)
-    bake.set_defaults(run=_bake)
+    bake.set_defaults(run=partial(_bake, bake))
 
 
 def _geometry_image(words):
@@ -174,11 +175,25 @@ _NEEDED = {
 }
 
 
-def _bake(options):
+# What '--finish' goes by; all else was said when the bake was planned.
+_FINISHING = {"command", "scene", "finish", "compute", "open", "dask", "memory", "json", "quiet"}
+
+
+def _bake(parser, options):
     expect_used(options, _NEEDED)
     expect(not (options.plan and options.finish), "--plan: ask for one of --plan and --finish")
     if options.finish:
         expect(options.scene is not None, "--finish: expected NAME.prt of 'prt bake --plan'")
+        others = [
+            name
+            for name, value in vars(options).items()
+            if name not in {*_FINISHING, "run"} and value != parser.get_default(name)
+        ]
+        expect(
+            not others,
+            f"--{''.join(others[:1]).replace('_', '-')}: changes nothing with --finish; the bake "
+            "is closed where it is, as it was planned",
+        )
         return finish_planned(options)
     samples = 2 if options.pixel_samples is None else options.pixel_samples
     blend = options.scene

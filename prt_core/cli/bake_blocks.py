@@ -8,7 +8,7 @@ from prt_core.bake.report_lines import report_lines
 from prt_core.bake.stages import BlocksMissing, Stage, ranges_text
 from prt_core.cli.arguments import quiet_arguments, share_named
 from prt_core.cli.show import working
-from prt_core.errors import PRTError, expect, shown
+from prt_core.errors import expect, shown
 from prt_core.runtime.progress import Progress
 from prt_core.store import BakeStore
 
@@ -144,8 +144,6 @@ def say_plan(options, output, known):
 
 def finish_planned(options):
     """`prt bake --finish`: close a planned bake as far as its blocks allow."""
-    if options.output is not None:
-        raise PRTError("--output: changes nothing with --finish; the bake is closed where it is")
     asked = {"memory": options.memory, "compute": options.compute, "dask": options.dask}
     try:
         with working(options.quiet or options.json) as bar:

@@ -23,23 +23,39 @@ def is_there(path):
 def was_moving(path, new):
     """Whether a kill came while the finished bake at `new` was put at `path`."""
     seal = _seal(new)
-    return seal is not None and _seal(path) in (None, seal)
+    return seal is not None and (not is_there(path) or _seal(path) == seal)
 
 
 def finish_move(path, new):
-    """Put the finished bake at `new` in its place, where a kill left nothing there."""
+    """Put the finished bake at `new` in its place, where a kill left nothing there.
+
+    Several may do so at once: what is in its place is never removed here.
+    """
     if not is_there(path) and _seal(new) is not None:
-        move(path, new)
+        _take_in(path, new)
 
 
 def move(path, new):
     """Put the finished bake at `new` in the place of what is at `path`."""
+    ObjectFiles(path).remove_all([FILE])
+    _take_in(path, new)
+
+
+def _take_in(path, new):
     old, new = ObjectFiles(path), ObjectFiles(new)
-    old.remove_all([FILE])
-    keys, kept = old.keys(), [key for key in new.keys() if key != FILE]
-    old.remove_all(sorted(set(keys).difference(kept)))
-    new.copy_to(old, kept)
-    new.copy_to(old, [FILE])
+    keys = new.keys()
+    if FILE not in keys:
+        # Another has moved it, and is removing what it copied.
+        return
+    kept = [key for key in keys if key != FILE]
+    old.remove_all(sorted(set(old.keys()).difference(keys)))
+    try:
+        new.copy_to(old, kept)
+        new.copy_to(old, [FILE])
+    except PRTError:
+        if is_there(path):
+            return
+        raise
     remove(new.root)
 
 

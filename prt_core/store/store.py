@@ -244,15 +244,18 @@ class BakeStore:
         """Count all arrays that are there as this object's, for `seal`."""
         self._used.update(self.names())
 
-    def seal(self, without=(), **attributes):
+    def seal(self, without=(), dropped=(), **attributes):
         """Finish the bake: note a digest of each array, and attributes, once all is on the disk.
 
-        Attributes named in `without` are taken away. Arrays are those that were written or read by
-        this object; others are nobody's.
+        Attributes named in `without` are taken away, then the arrays `dropped`. Arrays are those
+        that were written or read by this object; others are nobody's.
         """
+        self._used.difference_update(dropped)
         self.files.sync()
         arrays = {name: self.array(name).digest() for name in sorted(self._used)}
         self.update(without, arrays=arrays, complete=True, **attributes)
+        for name in dropped:
+            self.remove(name)
 
     def is_sound(self):
         """Whether all arrays are what the bake was finished with."""

@@ -145,26 +145,6 @@ class Glimpses:
         return self._bright.nbytes + sum(array.nbytes for array in kept)
 
 
-def glimpse(field, normals, rows, outgoing, alpha, powers):
-    """`Glimpses` of one light and lobes of one roughness.
-
-    Parameters
-    ----------
-    field : IncomingField
-    normals : (n, 3) float32
-        Of the points of the field.
-    rows, outgoing, alpha, powers
-        As `GlossyView.reflected` takes them.
-
-    Returns
-    -------
-    (k, 3) float32
-    """
-    about = Glimpses(field, normals, rows, outgoing, lambda some: [(alpha[some], powers[some])])
-    about.light()
-    return about.reflected()
-
-
 def _width(alpha):
     """Alphas (k,) or (k, 2) as one, (k,) float32, that is not too small."""
     width = alpha if alpha.ndim == 1 else np.sqrt(alpha.prod(axis=1))

@@ -34,13 +34,15 @@ class KeptRays:
         Points whose neighbourhood has changed.
     changed : Boxes
         Around all that has changed, where it was and where it is.
+    dark : bool
+        Whether rays that ended in the dark may end elsewhere now.
     still : (n_points,) bool
         Points whose rays go on as if nothing had.
     """
 
-    def __init__(self, hits, old_of, n_old, shifts, unsure, changed, still):
+    def __init__(self, hits, old_of, n_old, shifts, unsure, changed, dark, still):
         self._hits, self._old_of, self.shifts = hits, old_of, shifts
-        self._unsure, self._changed, self._still = unsure, changed, still
+        self._unsure, self._changed, self._dark, self._still = unsure, changed, dark, still
         self.rounds = hits.shape[1] // ROUND
         # Blocks that follow each other have points of the same chunks.
         self._chunk = lru_cache(_CHUNKS)(self._read)
@@ -85,7 +87,7 @@ class KeptRays:
             touched = self._changed.rays(starts[known], directions[known]) & asked
             lost = (after >= 0) & self._unsure[np.maximum(after, 0)]
             # Nobody knows what made a place dark.
-            lost |= (before == DARK) & above[known] & (len(self._changed) > 0)
+            lost |= (before == DARK) & above[known] & self._dark
             lost &= asked
             lost |= (after < 0) & ~kept
             hits[known], again[known] = _left_over(after, touched, lost, rng)

@@ -14,7 +14,7 @@ from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, finish, lo
 from prt_core.bake.blocks import block_figures, compute, missing_blocks, stages
 from prt_core.bake.plan import finish_steps, plan_steps
 from prt_core.bake.stages import BlocksMissing, Stage, ranges_text
-from prt_core.store import BakeStore
+from prt_core.store import BakeStore, remove_bake
 from tests.meshes import ball_on_paint, plane, sphere
 
 SETTINGS = BakeSettings(resolution=8, method="agreement", tolerance=0.03)
@@ -189,6 +189,51 @@ def test_a_tampered_block_is_named_and_computed_again(planned, whole):
     assert not compute(planned, "visibility", 2).again
     finish(planned, compute=True)
     assert digests(planned) == whole[0]
+
+
+def test_a_damaged_round_of_bounces_is_computed_again_in_its_place(scene, tmp_path):
+    settings = BakeSettings(resolution=6, method="exhaustive", tolerance=0.004)
+    path, alone, opened = tmp_path / "a.prt", tmp_path / "b.prt", []
+    run(plan_steps(scene, path, settings))
+
+    def all_of_them(stage, blocks):
+        opened.append(stage)
+        # As in another process.
+        sys.modules["prt_core.bake.blocks"]._kept.clear()
+        for index in blocks:
+            assert not compute(path, stage, index).again
+        if len(opened) == 3:
+            chunk = next(p for p in sorted((path / "gather" / "c" / "0").rglob("*")) if p.is_file())
+            chunk.write_bytes(chunk.read_bytes()[:-1])
+
+    finished(path, all_of_them)
+    assert opened[1] == opened[3] == "gather2" != opened[2]
+    run(bake_steps(scene, alone, settings))
+    assert digests(path) == digests(alone)
+
+
+def test_a_kill_before_it_is_sealed_leaves_the_plan(planned, whole, monkeypatch):
+    def killed(store, *parts, **named):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(BakeStore, "seal", killed)
+        finish(planned, compute=True)
+    finish(planned)
+    assert digests(planned) == whole[0]
+    assert not [name for name in BakeStore(planned).names() if name.startswith("work")]
+
+
+def test_another_plan_in_the_same_place_is_not_taken_for_the_first(scene, planned, monkeypatch):
+    compute(planned, "visibility", 0)
+    remove_bake(planned)
+    memory = sys.modules["prt_core.bake.memory"].Memory
+    monkeypatch.setattr(memory, "tile_points", lambda self, n_points, row_bytes: TILE // 2)
+    run(plan_steps(scene, planned, SETTINGS))
+    finished(planned, lambda stage, blocks: [compute(planned, stage, each) for each in blocks])
+    alone = planned.with_name("alone.prt")
+    run(bake_steps(scene, alone, SETTINGS))
+    assert digests(planned) == digests(alone)
 
 
 def test_blocks_write_nothing_of_what_is_said_of_the_bake(planned):

@@ -18,6 +18,7 @@ from prt_core.store import (
     compressed_attributes,
     files_at,
     object_files,
+    object_places,
     read_compressed,
     remove_bake,
     remove_compressed,
@@ -129,6 +130,27 @@ def test_a_bake_replaces_another_whatever_is_killed(scene, bake_again, away):
         assert _digests(away) == new
         assert not files_at(expect_store_path("", beside)).keys()
     assert seen == {False, True}
+
+
+def test_a_finished_restart_beside_an_unfinished_bake_is_not_thrown_away(bake_again, away):
+    then = BakeSettings(resolution=4, tolerance=0.05, caster="auto", seed=1)
+    bake_again(away)
+    BakeStore(away, "r+").update(complete=False)
+    bake_again(away + ".restart", then)
+    new = _digests(away + ".restart")
+    bake_again(away, then, restart=True)
+    assert _digests(away) == new
+
+
+def test_two_that_finish_a_move_lose_nothing(bake_again, away, monkeypatch):
+    bake_again(away + ".restart")
+    new, address = _digests(away + ".restart"), expect_store_path("bake", away)
+    beside = expect_store_path("bake", away + ".restart")
+    # The other looked before this one began, and goes on when it has ended.
+    object_places.finish_move(address, beside)
+    assert _digests(away) == new
+    object_places._take_in(address, beside)
+    assert _digests(away) == new and load(away)
 
 
 def test_only_bakes_are_removed(bake_again, away):

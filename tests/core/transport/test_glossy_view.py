@@ -8,7 +8,7 @@ from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap, tangents
 from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
 from prt_core.transport import glimpse as module
-from prt_core.transport.glimpse import Glimpses, glimpse
+from prt_core.transport.glimpse import Glimpses
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import FINER, IncomingField, bright_texels
 from prt_core.transport.lobe_values import lobe_values
@@ -215,6 +215,13 @@ def test_mirrors_show_the_sky_or_what_is_met(case):
     assert ((right > 0.19) & (right < 0.41)).all(axis=1).mean() > 0.5
     reflected = mirror.reflected(np.arange(n), case.normals, up, white(n))
     assert np.isfinite(reflected).all()
+
+
+def glimpse(field, normals, rows, outgoing, alpha, powers):
+    """(k, 3): what is seen of one light in lobes of one roughness."""
+    about = Glimpses(field, normals, rows, outgoing, lambda some: [(alpha[some], powers[some])])
+    about.light()
+    return about.reflected()
 
 
 @pytest.mark.parametrize("alpha", [0.15, 0.3, 0.7])

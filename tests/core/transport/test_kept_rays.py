@@ -20,13 +20,13 @@ def stored(hits):
     return np.asarray(hits, np.int32).view(Stored)
 
 
-def kept(hits, old_of, unsure=(), boxes=None, still=()):
+def kept(hits, old_of, unsure=(), boxes=None, still=(), dark=None):
     n = len(old_of)
     flags = np.zeros((2, n), bool)
     flags[0, list(unsure)], flags[1, list(still)] = True, True
     return KeptRays(
         stored(hits), np.array(old_of), N_OLD, np.zeros((n, 2, 2), np.float32), flags[0],
-        boxes or Boxes.none(), flags[1],
+        boxes or Boxes.none(), bool(boxes) if dark is None else dark, flags[1],
     )  # fmt: skip
 
 
@@ -47,6 +47,13 @@ def test_hits_are_those_of_the_points_as_they_are_now():
     assert not again[[0, 2, 3]].any()
     # A round that was not cast is new to all.
     assert asked(rays, 4, turn=1)[2].all()
+
+
+def test_what_ended_in_the_dark_is_cast_again_where_backs_have_got_points():
+    hits = np.full((N_OLD, ROUND), MISS)
+    hits[:, :2] = [0, DARK]
+    assert asked(kept(hits, [0, 1], dark=True), 2)[1][:, :2].tolist() == [[False, True]] * 2
+    assert not asked(kept(hits, [0, 1], dark=False), 2)[1].any()
 
 
 def test_rays_to_points_that_are_gone_or_unsure_are_cast_again():

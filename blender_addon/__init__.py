@@ -1,14 +1,16 @@
 """The extension: bake light transport, and relight it live as vertex colours.
 
 It holds no mathematics: everything is done by `prt_core`. Where to look:
-properties and light_properties (what is set), operators, moving, keeping, exporting, web_page,
-lightmaps, occlusion, looking, light_sets, remedies (what is done), panels and panel_… (what is
-drawn), plan (what a bake would be), advice (what is to be known before), bakes (those on disk),
-naming and saving (what they are called, and how they go with their file), preview (the one in
-memory and its colours), freshness (whether it is of the scene), live (when all this is done again),
-gloss (when the view moves), rendering (whether something renders), history (files and undo steps),
-work (long work without a stuck window), idle_work (short work of a timer), own_changes (whose
-change it is), views and studio (Blender's shading and lights). Light fields likewise:
+properties and light_properties (what is set), request (the light, as a value), operators, moving,
+refining, keeping, exporting, web_page, lightmaps, occlusion, looking, light_sets, remedies (what is
+done), buttons (what they share), panels and panel_… (what is drawn), plan (what a bake would be),
+advice (what is to be known before), bakes (those on disk), naming and saving (what they are called,
+and how they go with their file), preview (the one in memory and its colours), showing (colours
+while a bake runs), freshness and shapes (whether it is of the scene), live (when all this is done
+again), evaluated and own_changes (what has changed, and whose change it is), gloss (when the view
+moves), rendering (whether something renders), history (files and undo steps), work (long work
+without a stuck window), idle_work (short work of a timer), views, studio and reflections (Blender's
+shading, lights, and what EEVEE reflects). Light fields likewise:
 field_operators, field_panel, field_list (those on disk), light_fields (the one in memory),
 following (when it is shown again), viewport (from where).
 """

@@ -15,7 +15,6 @@ A FIELD.npz has `radiance` (n_points, m1, m2, 3), `frames` (n_points, 3, 3), `po
 """
 
 import os
-import resource
 import sys
 import time
 from pathlib import Path
@@ -39,6 +38,7 @@ from prt_core.lightfield.code import SparseRows, entropy_coded  # noqa: E402
 from prt_core.lightfield.compressor import rounded  # noqa: E402
 from prt_core.lightfield.hrdf import FROM_YCBCR  # noqa: E402
 from prt_core.lightfield.rivals.haar import haar_basis  # noqa: E402
+from prt_core.runtime.machine import peak_bytes, reset_peak  # noqa: E402
 
 COUNTS = (4, 8, 16, 32, 64)
 # CEOB's rows of the table: memberships, and what figure 4 counts with.
@@ -211,6 +211,8 @@ def binary_entropy(shares):
 
 def training(hrdfs, n_clusters=32, n_pairs=16, count=24, seed=0):
     """CPU seconds to cluster, and to train the same clusters with either kind of memberships."""
+    reset_peak()
+    before = peak_bytes()
     began = time.process_time()
     labels = run(cluster_hrdfs_steps(hrdfs, n_clusters, seed))
     seconds = {"clusters": time.process_time() - began}
@@ -222,7 +224,7 @@ def training(hrdfs, n_clusters=32, n_pairs=16, count=24, seed=0):
             error += least_error(members, pairs, Sparsity(count))
         seconds[kind] = time.process_time() - began
         seconds[f"{kind}: mean squared error"] = error / len(hrdfs)
-    seconds["memory, GB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    seconds["memory, GB"] = (peak_bytes() - before) / 1e9
     yield seconds
 
 

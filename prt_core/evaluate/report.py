@@ -154,17 +154,29 @@ def curve_plot(rows, x, y, panels, series, labels=None, logarithmic=("x", "y")):
                 _logarithmic(axis, way)
             axis.set(title=name, xlabel=labels.get(key, key), ylabel=labels.get(y, y))
             axis.grid(True, which="both", alpha=0.25)
-    axes[0, 0].legend(fontsize=8)
+    _legend(figure, axes, 2 * len(keys))
     return _png(figure)
 
 
+def _legend(figure, axes, columns):
+    """All series of all panels, above them, where no point is hidden."""
+    lines = {}
+    for axis in axes.flat:
+        for line in axis.get_lines():
+            lines.setdefault(line.get_label(), line)
+    figure.legend(
+        lines.values(), lines.keys(), fontsize=8, ncols=columns, loc="outside upper center"
+    )
+
+
 def _logarithmic(axis, way):
-    """A logarithmic axis whose numbers are written out: 0.2, 0.5, 1, 2, 5 …"""
+    """A logarithmic axis whose numbers are written out: 0.2, 0.5, 1, 2, 5 …; fewer on a long one."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     getattr(axis, f"set_{way}scale")("log")
     ticks = getattr(axis, f"{way}axis")
-    ticks.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    least, most = getattr(axis, f"get_{way}lim")()
+    ticks.set_major_locator(LogLocator(subs=(1, 2, 5) if most < 300 * least else (1,)))
     ticks.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ticks.set_minor_formatter(NullFormatter())
 

@@ -170,7 +170,7 @@ def _legend(figure, axes, columns):
 
 
 def _logarithmic(axis, way):
-    """A logarithmic axis whose numbers are written out: 0.2, 0.5, 1, 2, 5 …; fewer on a long one."""
+    """A logarithmic axis whose numbers are written out: 0.2, 0.5, 1, 2, 5 …; fewer on long ones."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     getattr(axis, f"set_{way}scale")("log")

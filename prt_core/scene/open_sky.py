@@ -9,6 +9,8 @@ _RISE = 1e-4
 # Planes tested at once, and vertices they are tested against; pairs at most. A proof that would
 # cost more is not sought: the rays are cast.
 _BLOCK, _MOST = 1 << 11, 1 << 31
+# Triangles gone through at once.
+_TRIANGLES = 1 << 18
 
 
 def open_points(scene):
@@ -28,7 +30,8 @@ def open_points(scene):
     (n_points,) bool
     """
     points = scene.points
-    used = np.unique(scene.triangles)
+    used = np.zeros(len(scene.vertices), bool)
+    used[scene.triangles] = True
     corners = scene.vertices[used]
     normals = points.geometric_normals.astype(np.float64)
     height = np.einsum("nx,nx->n", normals, points.positions)
@@ -81,10 +84,12 @@ def _highest(normals, corners):
 
 def _longest_edges(scene):
     """(n_vertices,) the longest edge of the triangles at each vertex."""
-    corners = scene.vertices[scene.triangles]
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     longest = np.zeros(len(scene.vertices))
-    np.maximum.at(longest, scene.triangles.ravel(), np.repeat(edge, 3))
+    for first in range(0, len(scene.triangles), _TRIANGLES):
+        triangles = scene.triangles[first : first + _TRIANGLES]
+        corners = scene.vertices[triangles]
+        edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        np.maximum.at(longest, triangles.ravel(), np.repeat(edge, 3))
     return longest
 
 

@@ -22,7 +22,7 @@ _MOST = 8
 # where the object is so many times as large.
 _EDGES, _OF_OBJECT = 16, 1 / 16
 # Triangles gone through at once.
-_TRIANGLES = 1 << 18
+_TRIANGLES = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class Frames:
         used, frame = np.unique(self.of_triangle[triangles], return_inverse=True)
         return Frames(self.centres[used], frame.astype(np.int32), self.coarse[triangles])
 
-    def local(self, vertices, triangles):
-        """(n_triangles, 3, 3) float64: corners of triangles of vertices, each in its own frame."""
-        return vertices[triangles] - self.centres[self.of_triangle][:, None]
+    def local(self, vertices, triangles, part=slice(None)):
+        """(n, 3, 3) float64: corners of a part of the triangles, each in its own frame."""
+        return vertices[triangles[part]] - self.centres[self.of_triangle[part]][:, None]
 
 
 def one_frame(n_triangles):

@@ -30,8 +30,7 @@ def find_emitters(meshes, stack, levels, built, surfaces):
     point_emitter : (n_points,) int32
     """
     points = built.points
-    triangle_emitter = np.full(len(levels), -1, np.int32)
-    point_emitter = np.full(len(points), -1, np.int32)
+    none = np.int32(-1)
     own, mean = points.materials.emission, points.mean_materials.emission
     shining = ((own > 0) | (mean > 0)).any(axis=1)
     if surfaces.back is not surfaces.bounced:
@@ -39,7 +38,7 @@ def find_emitters(meshes, stack, levels, built, surfaces):
         behind = surfaces.back.of_points(*lattice, np.arange(len(points)))
         shining |= surfaces.back.mean(*lattice, behind).emission.any(axis=1)
     if not shining.any():
-        return (), triangle_emitter, point_emitter
+        return (), np.broadcast_to(none, len(levels)), np.broadcast_to(none, len(points))
     first = stack.first_triangle
     materials = [
         mesh.corner_material[stack.corners[begin:end, 0]]

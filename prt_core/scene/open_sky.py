@@ -3,14 +3,14 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from prt_core.scene.stack import parts_of_triangles
+
 # What rises above the tangent plane by less than this share of its distance is rounding: that of
 # normals, and of planes far away. Light so near the horizon is a hundred-millionth of the whole.
 _RISE = 1e-4
 # Planes tested at once, and vertices they are tested against; pairs at most. A proof that would
 # cost more is not sought: the rays are cast.
 _BLOCK, _MOST = 1 << 11, 1 << 31
-# Triangles gone through at once.
-_TRIANGLES = 1 << 18
 
 
 def open_points(scene):
@@ -85,8 +85,8 @@ def _highest(normals, corners):
 def _longest_edges(scene):
     """(n_vertices,) the longest edge of the triangles at each vertex."""
     longest = np.zeros(len(scene.vertices))
-    for first in range(0, len(scene.triangles), _TRIANGLES):
-        triangles = scene.triangles[first : first + _TRIANGLES]
+    for part in parts_of_triangles(len(scene.triangles)):
+        triangles = scene.triangles[part]
         corners = scene.vertices[triangles]
         edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         np.maximum.at(longest, triangles.ravel(), np.repeat(edge, 3))

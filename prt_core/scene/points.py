@@ -144,12 +144,12 @@ def make_points(meshes, stack, levels, frames, surfaces):
         part.lattice = number[part.lattice]
         # The last is of corners without a point.
         part.corner_point = np.append(number, np.int32(-1))[part.corner_point]
-    order = np.concatenate(numbers)
-    order = None if (order[1:] > order[:-1]).all() else np.argsort(order)
-    points = {}
+    order, points = np.concatenate(numbers), {}
+    moved = not (order[1:] > order[:-1]).all()
+    order = np.argsort(order) if moved else order
     for key in list(parts[0].points):
         points[key] = _joined([part.points.pop(key) for part in parts])
-        points[key] = points[key] if order is None else points[key][order]
+        points[key] = points[key][order] if moved else points[key]
     lattice = np.concatenate([part.lattice for part in parts])
     start = np.cumsum(lattice_size(levels.astype(np.int64)))
     start = np.concatenate([[0], start[:-1]])
@@ -162,7 +162,7 @@ def make_points(meshes, stack, levels, frames, surfaces):
     points["mean_materials"] = own if means is points["materials"] else means.stored()
     points["materials"] = own
     return SimpleNamespace(
-        points=BakePoints(**points, emitter=np.full(len(points["positions"]), -1, np.int32)),
+        points=BakePoints(**points, emitter=np.broadcast_to(np.int32(-1), len(order))),
         corner_point=np.concatenate([part.corner_point for part in parts]),
         lattice_start=start,
         lattice=lattice,
@@ -278,9 +278,7 @@ def _points_of(meshes, batch, stack, levels, frames, surfaces, lifts_at):
 
 def _lifts(stack, frames, part, normals):
     """Start of rays above some triangles, and how far inside of their rim (see `ray_lifts`)."""
-    triangles = stack.triangles[part]
-    local = stack.vertices[triangles] - frames.centres[frames.of_triangle[part]][:, None]
-    return ray_lifts(local, normals)
+    return ray_lifts(frames.local(stack.vertices, stack.triangles, part), normals)
 
 
 def _lifts_beside(stack, frames):

@@ -20,7 +20,7 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.rays import precision_frames
-from prt_core.runtime.array_parts import parts_of
+from prt_core.runtime.array_parts import held_once, parts_of
 from prt_core.scene.backs import opposites, with_backs
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.emitters import find_emitters
@@ -35,7 +35,7 @@ from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
 from prt_core.scene.scene_object import objects_of_meshes
-from prt_core.scene.stack import stack_meshes
+from prt_core.scene.stack import parts_of_triangles, stack_meshes
 
 # Albedo up to this is taken as 1 that was rounded.
 _WHITE = 1.001
@@ -103,7 +103,7 @@ class Scene:
 
     def __post_init__(self):
         if self.triangle_emitter is None:
-            self.triangle_emitter = np.full(len(self.triangles), -1, np.int32)
+            self.triangle_emitter = np.broadcast_to(np.int32(-1), len(self.triangles))
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -171,7 +171,7 @@ class Scene:
             points=built.points,
             objects=objects_of_meshes(meshes, stack, built.corner_point),
             triangle_object=stack.triangle_object,
-            triangle_level=levels,
+            triangle_level=held_once(levels),
             lattice_start=built.lattice_start,
             lattice=built.lattice,
             lattice_back=np.broadcast_to(np.int32(-1), built.lattice.shape),
@@ -264,16 +264,22 @@ class Scene:
     @cached_property
     def triangle_normals(self):
         """(n_triangles, 3) float32: unit normals of the front sides."""
-        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
-        normal = np.cross(b - a, c - a)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        return (normal / np.maximum(length, 1e-300)).astype(np.float32)
+        normals = np.empty((len(self.triangles), 3), np.float32)
+        for part in parts_of_triangles(len(normals)):
+            a, b, c = np.moveaxis(self.vertices[self.triangles[part]], 1, 0)
+            normal = np.cross(b - a, c - a)
+            length = np.linalg.norm(normal, axis=1, keepdims=True)
+            normals[part] = normal / np.maximum(length, 1e-300)
+        return normals
 
     @cached_property
     def triangle_lifts(self):
         """(n_triangles,) float64: how far above each triangle rays must start."""
-        corners = self.frames.local(self.vertices, self.triangles)
-        return ray_lifts(corners, self.triangle_normals)[0]
+        lifts = np.empty(len(self.triangles))
+        for part in parts_of_triangles(len(lifts)):
+            corners = self.frames.local(self.vertices, self.triangles, part)
+            lifts[part] = ray_lifts(corners, self.triangle_normals[part])[0]
+        return lifts
 
     def hit_points(self, triangle, barycentric, back):
         """The bake points around hits and their weights.

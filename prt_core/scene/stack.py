@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # Triangles gone through at once where all are.
-TRIANGLES = 1 << 18
+_TRIANGLES = 1 << 16
 # Corners of meshes that are made into points together.
 _CORNERS = 1 << 18
 
@@ -49,8 +49,7 @@ class Stack:
 
     def parts(self):
         """Slices of triangles that are gone through at once."""
-        for first in range(0, len(self.triangles), TRIANGLES):
-            yield slice(first, first + TRIANGLES)
+        return parts_of_triangles(len(self.triangles))
 
     def move_to_frame(self):
         """Move vertices to the frame of what is seen; returns its centre (3,) and its size."""
@@ -102,6 +101,12 @@ def stack_meshes(meshes, messages):
         first_corner,
         _starts(counts),
     )
+
+
+def parts_of_triangles(count):
+    """Slices of so many triangles that are gone through at once."""
+    for first in range(0, count, _TRIANGLES):
+        yield slice(first, first + _TRIANGLES)
 
 
 def _starts(counts):

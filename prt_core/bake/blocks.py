@@ -129,14 +129,25 @@ def compute(store, stage, index):
     Raises
     ------
     PRTError
-        There is no such bake, stage or block; the bake is finished or was not planned; or what
-        casts the rays is not installed.
+        There is no such bake, stage or block; the bake is finished or was not planned; what casts
+        the rays is not installed; or what was computed is not there afterwards.
     """
     store = _planned(store)
     known = _stage_of(store, stage)
     index = expect_whole(f"block of stage '{known.name}'", index, 0, known.blocks - 1)
     with system_errors(store.path):
-        return _workplace(store).compute(store, known, index)
+        is_done = _holds(store, known)
+        if is_done(index):
+            seconds, rays, _ = read_figures(store, known.name, range(index, index + 1))[0]
+            return BlockDone(known.name, index, float(seconds), int(rays), True)
+        done = _workplace(store).compute(store, known, index)
+        # Who computes what is missing until nothing is would go on for ever.
+        expect(
+            is_done(index) or _is_over(store, known),
+            f"{store.path}: block {index} of stage '{known.name}' was computed and is not there; "
+            "another program has replaced or removed the bake, or its place keeps nothing",
+        )
+        return done
 
 
 def block_figures(store, stage):
@@ -208,6 +219,13 @@ def _holds(store, stage):
     return lambda index: bits.holds(parts[index]) and counts.holds(index)
 
 
+def _is_over(store, stage):
+    """Whether the bake has gone on from a stage meanwhile: what was made of it is put together."""
+    now = read_attributes(store.files) or {}
+    sampled = stage.name.startswith(VISIBILITY) and now.get("sampled") is not None
+    return sampled or now.get("complete") is True
+
+
 def _workplace(store):
     """The `_Workplace` of a store; the last one of this process is kept."""
     attributes = store.attributes
@@ -246,9 +264,6 @@ class _Workplace:
         """Compute a block: `BlockDone`."""
         with self._lock:
             work = self._blocks_of(store, stage)
-        if work.is_done(index):
-            seconds, rays, _ = read_figures(store, stage.name, range(index, index + 1))[0]
-            return BlockDone(stage.name, index, float(seconds), int(rays), True)
         start, before = time.perf_counter(), getattr(self._caster, "too_deep", 0)
         rays = work.compute(index)
         seconds = time.perf_counter() - start
@@ -257,7 +272,7 @@ class _Workplace:
         return BlockDone(stage.name, index, seconds, int(rays))
 
     def _blocks_of(self, store, stage):
-        """What computes blocks of a stage: `is_done(index)`, `compute(index)`."""
+        """What computes blocks of a stage: `compute(index)`."""
         if stage.name not in self._blocks:
             given = store, self._scene, self._cube_map, self._caster
             if stage.name.startswith(GATHER):
@@ -278,7 +293,7 @@ class _Steps:
     """Blocks that are computed by a generator."""
 
     def __init__(self, work):
-        self._work, self.is_done = work, work.is_done
+        self._work = work
 
     def compute(self, index):
         """Compute a block; returns how many rays it took."""
@@ -290,10 +305,6 @@ class _Rounds:
 
     def __init__(self, gather, turns):
         self._gather, self._turns = gather, turns
-
-    def is_done(self, index):
-        """Whether the rays of a block are there."""
-        return self._gather.has(index, self._turns)
 
     def compute(self, index):
         """Cast the rays of a block that are missing; returns how many these were."""

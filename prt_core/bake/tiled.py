@@ -89,7 +89,7 @@ class TileBlocks:
         return self.arrays.holds(index)
 
     def again(self, store, turn):
-        """Those of a turn that another process has begun: `is_done`, `compute_steps`."""
+        """Those of a turn that another process has begun: `compute_steps`."""
         return _Again(self, store, turn)
 
     def bits_of(self, index):
@@ -123,12 +123,7 @@ class _Again:
         self._arrays = [TileArrays.opened(store, number) for number in range(turn + 1)]
         with damage_as_error(store.path):
             self._asked = [store.attributes[WORK][ASKED][n] for n in range(turn)]
-            self._tiles = set(self._asked[-1]["tiles"])
         self._own = [store.read(_own(kind, turn)) for kind in ("points", "bits", "traced")]
-
-    def is_done(self, index):
-        """Whether a tile is there, or need not be asked."""
-        return index not in self._tiles or self._arrays[-1].holds(index)
 
     def compute_steps(self, index, pace=None):
         """Ask a tile again, and yield `Progress`; returns how many rays it took."""

@@ -19,13 +19,12 @@ from prt_core.blender.left_out import (
     surface_kind,
 )
 from prt_core.blender.passes import SurfaceRecord, evaluate_surfaces, surface_of, weights_of
-from prt_core.blender.raw_mesh import RawMesh
+from prt_core.blender.raw_mesh import RawMesh, one_colour
 from prt_core.blender.ray_visibility import ray_visibility
 from prt_core.blender.render_scene import as_rendered
 from prt_core.blender.stand_ins import rendered_objects, stands_in
 from prt_core.blender.strands import curve_strands, particle_strands, point_octahedra, tubes
 from prt_core.errors import PRTError
-from prt_core.reflectance import Materials
 from prt_core.runtime.progress import Progress, run
 from prt_core.scene import Scene
 
@@ -197,7 +196,7 @@ class _Reading:
     def place(self, number):
         """Place a part in the world."""
         part = self.parts[number]
-        part.raw.materials = Materials(albedo=np.tile(NO_MATERIAL, (len(part.raw.corner_slot), 1)))
+        part.raw.materials = one_colour(NO_MATERIAL, len(part.raw.corner_slot))
         mesh = part.raw.placed(part.name, part.matrix, self.messages)
         mesh.receives, mesh.two_sided, mesh.own_mesh = part.receives, part.two_sided, part.own_mesh
         mesh.owner, mesh.library = part.place
@@ -216,8 +215,7 @@ class _Reading:
             if part.record is None:
                 mesh.materials = self._strand_materials(part)
             if np.linalg.det(part.matrix[:3, :3]) == 0:
-                black = Materials(albedo=np.zeros((len(mesh.materials), 3)))
-                mesh.materials, mesh.paint = black, None
+                mesh.materials, mesh.paint = one_colour((0.0, 0, 0), len(mesh.materials)), None
                 mesh.bounced = mesh.back = mesh.shadow = None
             # It hides behind the realised copies of what it instances, and its own part with it.
             if (mesh.owner, mesh.library) in self.instancers:
@@ -355,7 +353,7 @@ class _Reading:
             slot = int(part.raw.corner_slot[0])
             mine = emitter.corner_material == slot if emitter is not None else np.zeros(0, bool)
             colour = emitter.materials.albedo[mine].mean(axis=0) if mine.any() else NO_MATERIAL
-        return Materials(albedo=np.tile(np.asarray(colour, float), (len(part.raw.corner_slot), 1)))
+        return one_colour(colour, len(part.raw.corner_slot))
 
     def _called(self, item):
         """What a person may call an object; a name that the file has as well is the file's."""

@@ -4,7 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from prt_core.reflectance import Materials
 from prt_core.scene import Mesh
+
+
+def one_colour(colour, count):
+    """`Materials` of so many corners of one albedo, which takes no room."""
+    return Materials(albedo=np.broadcast_to(np.asarray(colour, np.float64), (count, 3)))
 
 
 @dataclass

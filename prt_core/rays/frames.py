@@ -21,6 +21,8 @@ _MOST = 8
 # The feature of a triangle is its edge, but for fine meshes of large objects: up to so many edges,
 # where the object is so many times as large.
 _EDGES, _OF_OBJECT = 16, 1 / 16
+# Triangles gone through at once.
+_TRIANGLES = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -47,14 +49,16 @@ class Frames:
         used, frame = np.unique(self.of_triangle[triangles], return_inverse=True)
         return Frames(self.centres[used], frame.astype(np.int32), self.coarse[triangles])
 
-    def local(self, vertices, triangles):
-        """(n_triangles, 3, 3) float64: corners of triangles of vertices, each in its own frame."""
-        return vertices[triangles] - self.centres[self.of_triangle][:, None]
+    def local(self, vertices, triangles, part=slice(None)):
+        """(n, 3, 3) float64: corners of a part of the triangles, each in its own frame."""
+        return vertices[triangles[part]] - self.centres[self.of_triangle[part]][:, None]
 
 
 def one_frame(n_triangles):
     """The `Frames` of a scene that needs no other than its own."""
-    return Frames(np.zeros((1, 3)), np.zeros(n_triangles, np.int32), np.zeros(n_triangles, bool))
+    # One number for all takes no room.
+    of_triangle, coarse = (np.broadcast_to(kind(0), n_triangles) for kind in (np.int32, np.bool_))
+    return Frames(np.zeros((1, 3)), of_triangle, coarse)
 
 
 def precision_frames(vertices, triangles, triangle_object):
@@ -72,18 +76,23 @@ def precision_frames(vertices, triangles, triangle_object):
     Frames
         One, about the zero of the coordinates, wherever that is enough.
     """
-    corners = np.asarray(vertices, np.float64)[triangles]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    middle, edge = (low + high) / 2, (high - low).max(axis=1)
+    vertices, middle = np.asarray(vertices, np.float64), np.empty((len(triangles), 3))
+    edge, boxes = np.empty(len(triangles)), []
+    parts = [slice(n, n + _TRIANGLES) for n in range(0, len(triangles), _TRIANGLES)]
+    for part in parts:
+        corners = vertices[triangles[part]]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        middle[part], edge[part] = (low + high) / 2, (high - low).max(axis=1)
+        boxes.append(boxes_around(triangle_object[part], low, high))
+    extents = _extents(boxes)
     feature = np.maximum(
-        edge, np.minimum(_EDGES * edge, _OF_OBJECT * _extents(low, high, triangle_object))
+        edge, np.minimum(_EDGES * edge, _OF_OBJECT * extents[np.asarray(triangle_object)])
     )
 
     def home(centre, part):
         return np.abs(middle[part] - centre).max(axis=1) <= _REACH * feature[part]
 
-    everything = np.arange(len(triangles))
-    served = home(0.0, everything)
+    served = np.concatenate([home(0.0, part) for part in parts] or [np.zeros(0, bool)])
     if served.all():
         return one_frame(len(triangles))
     centres, frame = [np.zeros(3)], np.where(served, 0, -1)
@@ -101,10 +110,16 @@ def precision_frames(vertices, triangles, triangle_object):
     return Frames(centres[used], frame.astype(np.int32), coarse)
 
 
-def _extents(low, high, triangle_object):
-    """(n_triangles,) longest side of the box around each triangle's object."""
-    low, high = boxes_around(triangle_object, low, high)
-    return (high - low).max(axis=1)[triangle_object]
+def _extents(boxes):
+    """(n_objects,) longest side of the box around each object, of boxes around parts of them."""
+    n_objects = max((len(low) for low, _ in boxes), default=0)
+    lowest = np.full((n_objects, 3), np.inf)
+    highest = -lowest
+    for low, high in boxes:
+        part = slice(0, len(low))
+        lowest[part] = np.minimum(lowest[part], low)
+        highest[part] = np.maximum(highest[part], high)
+    return (highest - lowest).max(axis=1)
 
 
 def _weighted_median(values, weights):

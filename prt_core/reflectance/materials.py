@@ -292,10 +292,13 @@ def expect_materials(name, value, count, dtype=None, rounded=False, bounced=Fals
         if _is_one(values) and len(values) == count:
             row = (1, quantity.n_channels)
             one = expect_array(f"{prefix}{name}", values[:1], row, dtype, *bounds)
-            return np.broadcast_to(one, shape)
+            return values if one.dtype == values.dtype else np.broadcast_to(one, shape)
         return expect_array(f"{prefix}{name}", values, shape, dtype, *bounds)
 
-    return _made_of({name: checked(name, values) for name, values in value.arrays().items()})
+    arrays = {name: checked(name, values) for name, values in value.arrays().items()}
+    # Instances are known by having the very same materials.
+    same = all(array is getattr(value, name) for name, array in arrays.items())
+    return value if same else _made_of(arrays)
 
 
 def _is_one(values):

@@ -1,10 +1,10 @@
 """Bake points on the back sides of triangles."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
-from prt_core.scene.points import BakePoints, joined
+from prt_core.scene.points import joined, some_points
 
 
 def with_backs(scene, triangles):
@@ -20,8 +20,10 @@ def with_backs(scene, triangles):
     Scene
         Its new points come last, and none is visible: what is shown are fronts.
     """
-    owner = np.repeat(np.arange(len(scene.triangles)), scene.lattice_sizes)
-    wanted = triangles[owner] & (scene.lattice_back < 0)
+    if not triangles.any():
+        return scene
+    sided = np.repeat(triangles, scene.lattice_sizes)
+    wanted = sided & (scene.lattice_back < 0)
     if not wanted.any():
         return scene
     known = np.full(len(scene.points), -1, np.int32)
@@ -30,14 +32,14 @@ def with_backs(scene, triangles):
     front = np.unique(scene.lattice[wanted])
     front = front[known[front] < 0]
     known[front] = len(scene.points) + np.arange(len(front))
-    lattice_back = np.where(triangles[owner], known[scene.lattice], scene.lattice_back)
-    sided = replace(
+    lattice_back = np.where(sided, known[scene.lattice], scene.lattice_back)
+    result = replace(
         scene,
         points=joined(scene.points, _with_their_own(scene, backs_of(scene.points, front), front)),
         lattice_back=lattice_back.astype(np.int32),
     )
-    sided.frames = scene.frames
-    return sided
+    result.frames = scene.frames
+    return result
 
 
 def _with_their_own(scene, backs, front):
@@ -57,7 +59,7 @@ def _with_their_own(scene, backs, front):
 
 def backs_of(points, chosen):
     """`BakePoints` on the other side of chosen points; none is visible."""
-    back = BakePoints(**{f.name: getattr(points, f.name)[chosen] for f in fields(BakePoints)})
+    back = some_points(points, chosen)
     normal, offset = back.geometric_normals, back.ray_offset
     across = np.einsum("nx,nx->n", normal.astype(np.float64), offset)[:, None]
     return replace(

@@ -10,14 +10,13 @@ import numpy as np
 from prt_core.scene.lattice import lattice_size
 
 
-def find_emitters(meshes, stacked, levels, built, surfaces):
+def find_emitters(meshes, stack, levels, built, surfaces):
     """The emitters of meshes and what belongs to each.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-    stacked : dict of arrays
-        All meshes, one after the other (see `Scene.from_meshes`).
+    stack : Stack
     levels : (n_triangles,) int
     built : SimpleNamespace
         See `make_points`.
@@ -31,8 +30,7 @@ def find_emitters(meshes, stacked, levels, built, surfaces):
     point_emitter : (n_points,) int32
     """
     points = built.points
-    triangle_emitter = np.full(len(levels), -1, np.int32)
-    point_emitter = np.full(len(points), -1, np.int32)
+    none = np.int32(-1)
     own, mean = points.materials.emission, points.mean_materials.emission
     shining = ((own > 0) | (mean > 0)).any(axis=1)
     if surfaces.back is not surfaces.bounced:
@@ -40,11 +38,13 @@ def find_emitters(meshes, stacked, levels, built, surfaces):
         behind = surfaces.back.of_points(*lattice, np.arange(len(points)))
         shining |= surfaces.back.mean(*lattice, behind).emission.any(axis=1)
     if not shining.any():
-        return (), triangle_emitter, point_emitter
-    first_corner = stacked["triangle_corners"].astype(np.int64)[:, 0]
-    keys = np.column_stack(
-        [stacked["triangle_object"], stacked["corner_material"][first_corner]]
-    ).astype(np.int64)
+        return (), np.broadcast_to(none, len(levels)), np.broadcast_to(none, len(points))
+    first = stack.first_triangle
+    materials = [
+        mesh.corner_material[stack.corners[begin:end, 0]]
+        for mesh, begin, end in zip(meshes, first, first[1:], strict=False)
+    ]
+    keys = np.column_stack([stack.triangle_object, np.concatenate(materials)])
     groups, group = np.unique(keys, axis=0, return_inverse=True)
     group = group.reshape(-1)
     # The corners of a lattice are of one material: no point is shared by two.
@@ -59,6 +59,6 @@ def find_emitters(meshes, stacked, levels, built, surfaces):
         emitter[index] = names.setdefault(meshes[owner].material_name(material), len(names))
     # What diffuse rays do not see shines for the viewer only.
     unseen = np.array([not mesh.diffuse_rays for mesh in meshes], bool)
-    seen = ~unseen[stacked["triangle_object"].astype(np.int64)]
+    seen = ~unseen[stack.triangle_object]
     triangle_emitter = np.where(seen, emitter[group], -1).astype(np.int32)
     return tuple(names), triangle_emitter, emitter[point_group]

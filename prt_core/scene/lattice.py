@@ -26,20 +26,28 @@ def lattice_coordinates(level):
     return np.array([(i, j) for i in range(level + 1) for j in range(level + 1 - i)], np.int64)
 
 
-def refinement_levels(stacked, max_hidden=None):
-    """Level of each triangle (n_triangles,) int64 from its longest edge and a budget of points."""
-    vertices, triangles = stacked["vertices"], stacked["triangles"]
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    edge = np.maximum.reduce([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))])
-    receives = stacked["receives"][stacked["triangle_object"].astype(np.int64)]
-    seen = vertices[triangles[receives if receives.any() else slice(None)]].reshape(-1, 3)
-    size = float(np.ptp(seen, axis=0).max())
-    n_corners = len(np.unique(triangles))
+def refinement_levels(stack, max_hidden=None):
+    """Level of each triangle (n_triangles,) int32 from its longest edge and a budget of points."""
+    vertices, edge = stack.vertices, np.empty(len(stack.triangles))
+    used = np.zeros(len(vertices), bool)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    receives = stack.receives[stack.triangle_object]
+    receives = receives if receives.any() else np.ones(len(receives), bool)
+    for part in stack.parts():
+        triangles = stack.triangles[part]
+        used[triangles] = True
+        a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+        sides = [np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))]
+        edge[part] = np.maximum.reduce(sides)
+        seen = vertices[triangles[receives[part]]].reshape(-1, 3)
+        low = np.minimum(low, seen.min(axis=0, initial=np.inf))
+        high = np.maximum(high, seen.max(axis=0, initial=-np.inf))
+    size, n_corners = float((high - low).max()), int(used.sum())
     budget = max(2000, n_corners // 2) if max_hidden is None else max_hidden
     target = max(TARGET_EDGE * size, 1e-9)
     while True:
-        levels = np.clip(np.ceil(edge / target), 1, 256).astype(np.int64)
-        if int((lattice_size(levels) - 3).sum()) <= budget or (levels == 1).all():
+        levels = np.clip(np.ceil(edge / target), 1, 256).astype(np.int32)
+        if int((lattice_size(levels) - 3).sum(dtype=np.int64)) <= budget or (levels == 1).all():
             return levels
         target *= 1.25
 

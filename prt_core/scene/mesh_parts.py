@@ -30,30 +30,28 @@ class MeshParts:
     corner_uv: np.ndarray | None = None
 
 
-def parts_of_meshes(meshes, stacked, counts):
+def parts_of_meshes(meshes, stack, as_int32):
     """The `MeshParts` of each mesh of a scene.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-    stacked : dict of arrays
-    counts : dict of list of int
-        As `stack_meshes` returns them.
+    stack : Stack
+    as_int32 : callable(array) -> int32 array
+        The same one for the same array: instances share theirs.
 
     Returns
     -------
     list of MeshParts
     """
-    of_mesh = stacked["triangle_object"].astype(np.int64)
-    ends = np.cumsum(np.bincount(of_mesh, minlength=len(meshes)))
-    triangles = np.split(stacked["triangle_corners"].astype(np.int64), ends[:-1])
+    first = stack.first_triangle
     return [
         MeshParts(
-            (mine - first).astype(np.int32),
-            mesh.corner_material.astype(np.int32),
+            stack.corners[begin:end],
+            as_int32(mesh.corner_material),
             mesh.material_names,
             np.eye(4) if mesh.matrix is None else mesh.matrix,
             None if mesh.corner_uv is None else mesh.corner_uv.astype(np.float32),
         )
-        for mesh, mine, first in zip(meshes, triangles, counts["first_corner"], strict=True)
+        for mesh, begin, end in zip(meshes, first, first[1:], strict=False)
     ]

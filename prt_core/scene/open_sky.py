@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from prt_core.scene.stack import parts_of_triangles
+
 # What rises above the tangent plane by less than this share of its distance is rounding: that of
 # normals, and of planes far away. Light so near the horizon is a hundred-millionth of the whole.
 _RISE = 1e-4
@@ -28,7 +30,8 @@ def open_points(scene):
     (n_points,) bool
     """
     points = scene.points
-    used = np.unique(scene.triangles)
+    used = np.zeros(len(scene.vertices), bool)
+    used[scene.triangles] = True
     corners = scene.vertices[used]
     normals = points.geometric_normals.astype(np.float64)
     height = np.einsum("nx,nx->n", normals, points.positions)
@@ -81,10 +84,12 @@ def _highest(normals, corners):
 
 def _longest_edges(scene):
     """(n_vertices,) the longest edge of the triangles at each vertex."""
-    corners = scene.vertices[scene.triangles]
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     longest = np.zeros(len(scene.vertices))
-    np.maximum.at(longest, scene.triangles.ravel(), np.repeat(edge, 3))
+    for part in parts_of_triangles(len(scene.triangles)):
+        triangles = scene.triangles[part]
+        corners = scene.vertices[triangles]
+        edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        np.maximum.at(longest, triangles.ravel(), np.repeat(edge, 3))
     return longest
 
 

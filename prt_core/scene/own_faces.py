@@ -13,7 +13,7 @@ import numpy as np
 # that bounces are allowed; between the corners, where the light that they send is too, it is less.
 _BENT = 0.94
 # Triangles looked at together.
-_TRIANGLES = 1 << 18
+_TRIANGLES = 1 << 16
 
 
 class OwnFaces:

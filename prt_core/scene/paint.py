@@ -73,25 +73,20 @@ def look_of(mesh, name):
     return getattr(mesh, name) or look_of(mesh, LOOKS[name])
 
 
-def surfaces_of(meshes, stacked, first_corner):
+def surfaces_of(meshes, stack):
     """The `Surfaces` that meshes show, with those of their other looks.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-    stacked : dict of arrays
-        All meshes, one after the other (see `Scene.from_meshes`).
-    first_corner : list of int
-        Of each mesh.
+    stack : Stack
     """
     kinds = {}
     for name in ("shown", *LOOKS):
         if name in LOOKS and all(getattr(mesh, name) is None for mesh in meshes):
             kinds[name] = kinds[LOOKS[name]]
             continue
-        looks = [look_of(mesh, name) for mesh in meshes]
-        materials = Materials.joined([look.materials for look in looks])
-        kinds[name] = Surfaces(stacked, materials, [look.paint for look in looks], first_corner)
+        kinds[name] = Surfaces(stack, [look_of(mesh, name) for mesh in meshes])
     for surfaces in kinds.values():
         for name in LOOKS:
             setattr(surfaces, name, kinds[name])
@@ -103,43 +98,37 @@ class Surfaces:
 
     Parameters
     ----------
-    stacked : dict of arrays
-        All meshes, one after the other (see `Scene.from_meshes`).
-    materials : Materials
-        Of all corners.
-    paints : list of Paint or None
-        Of each mesh.
-    first_corner : list of int
+    stack : Stack
+    looks : list of Look
         Of each mesh.
 
     Attributes
     ----------
     corner_materials : Materials
+        Of the corners of all meshes, each that is known but once (see `_held_once`).
     bounced, back, shadow : Surfaces
         What diffuse rays meet of fronts and of backs, and what shadow rays meet; the same where
         that is no other.
     """
 
-    def __init__(self, stacked, materials, paints, first_corner):
-        self._corners = stacked["triangle_corners"].astype(np.int64)
-        self.corner_materials = materials
+    def __init__(self, stack, looks):
+        self._corners, self._object = stack.corners, stack.triangle_object
         self.bounced = self.back = self.shadow = self
-        self._object = stacked["triangle_object"].astype(np.int64)
-        self._first = np.asarray(first_corner, np.int64)
+        self.corner_materials, self._first, self._step = _held_once(
+            [look.materials for look in looks]
+        )
+        paints = [look.paint for look in looks]
         # Instances have one paint.
         known = {id(paint): paint for paint in paints if paint is not None}
         self._paints, number = list(known.values()), {name: i for i, name in enumerate(known)}
-        paint_of = np.array([number.get(id(paint), -1) for paint in paints], np.int64)
-        self._paint = paint_of[self._object]
-        self.painted = self._paint >= 0
+        self._paint_of = np.array([number.get(id(paint), -1) for paint in paints], np.int64)
 
     def at(self, triangle, barycentric):
         """`Materials` at places: (m,) triangles, (m, 2) weights of the 2nd and 3rd corner."""
         second, third = np.asarray(barycentric, np.float64).T
         weights = np.stack([1 - second - third, second, third], axis=1)
-        corners = self._corners[triangle]
-        materials = self.corner_materials.between(corners, weights)
-        paints = self._paint[triangle]
+        materials = self.corner_materials.between(self._rows(triangle), weights)
+        paints = self._paints_on(triangle)
         for paint in np.unique(paints[paints >= 0]):
             mine = np.flatnonzero(paints == paint)
             painted = self._paints[paint].at(self._local(triangle[mine]), weights[mine])
@@ -149,11 +138,11 @@ class Surfaces:
 
     def quantity_at(self, name, triangle, barycentric):
         """(m, n_channels) float64: one quantity of the materials at places (see `at`)."""
-        if self.painted[triangle].any():
+        if (self._paints_on(triangle) >= 0).any():
             return getattr(self.at(triangle, barycentric), name)
         second, third = np.asarray(barycentric, np.float64).T
         weights = np.stack([1 - second - third, second, third], axis=1)
-        values = getattr(self.corner_materials, name)[self._corners[triangle]]
+        values = getattr(self.corner_materials, name)[self._rows(triangle)]
         return QUANTITIES[name].settled(np.einsum("mk,mkc->mc", weights, values))
 
     def seen(self, triangle, barycentric, back, shown):
@@ -207,13 +196,13 @@ class Surfaces:
         -------
         Materials
         """
-        painted = np.flatnonzero(self.painted)
-        if not len(painted):
+        if not self._paints:
             return materials
+        painted = np.flatnonzero(self._paint_of[self._object] >= 0)
         along = self._samples_along(painted, levels[painted])
         total = np.zeros(len(materials))
         sums = {}
-        groups = np.stack([self._paint[painted], levels[painted], along], axis=1)
+        groups = np.stack([self._paints_on(painted), levels[painted], along], axis=1)
         for group in np.unique(groups, axis=0):
             mine = painted[(groups == group).all(axis=1)]
             grid = _Grid(int(group[1]), int(group[2]))
@@ -234,7 +223,7 @@ class Surfaces:
 
     def alike(self, triangles):
         """(n,) int64: equal for painted triangles that look alike at equal weights."""
-        paints = self._paint[triangles]
+        paints = self._paints_on(triangles)
         numbers = np.arange(len(triangles))
         for paint in np.unique(paints[paints >= 0]):
             mine = np.flatnonzero(paints == paint)
@@ -245,7 +234,16 @@ class Surfaces:
 
     def _local(self, triangles):
         """(n, 3) int64 corners of triangles as their own mesh counts them."""
-        return self._corners[triangles] - self._first[self._object[triangles]][:, None]
+        return self._corners[triangles].astype(np.int64)
+
+    def _rows(self, triangles):
+        """(n, 3) int64 corners of triangles in `corner_materials`."""
+        owner = self._object[triangles]
+        return self._corners[triangles] * self._step[owner, None] + self._first[owner, None]
+
+    def _paints_on(self, triangles):
+        """(n,) int64: number of the paint of each triangle; -1 where it has none."""
+        return self._paint_of[self._object[triangles]]
 
     def _sums(self, triangles, grid):
         """Each quantity's name and (n, n_nodes, n_channels) sums, of triangles of one paint."""
@@ -254,7 +252,7 @@ class Surfaces:
         for start in range(0, len(first), each):
             corners = self._local(triangles[first[start : start + each]])
             weights = np.tile(grid.weights, (len(corners), 1))
-            values = self._paints[self._paint[triangles[0]]].at(
+            values = self._paints[self._paints_on(triangles[:1])[0]].at(
                 np.repeat(corners, len(grid.places), axis=0), weights
             )
             for name, column in values.items():
@@ -267,7 +265,7 @@ class Surfaces:
             elif name in differing:
                 yield (
                     name,
-                    np.einsum("sk,nkc->nsc", grid.of_corners, values[self._corners[triangles]]),
+                    np.einsum("sk,nkc->nsc", grid.of_corners, values[self._rows(triangles)]),
                 )
 
     def opacity_cells(self, sloping):
@@ -284,12 +282,13 @@ class Surfaces:
             0 where a triangle is known to be opaque.
         """
         opacity = self.corner_materials.opacity[:, 0]
-        corners = opacity[self._corners] if (opacity < 1).any() else np.ones((1, 3))
+        every = slice(None)
+        corners = opacity[self._rows(every)] if (opacity < 1).any() else np.ones((1, 3))
         even, clear = np.ptp(corners, axis=1) == 0, (corners < 1).any(axis=1)
         cells = np.where(clear, np.where(even, 1, sloping), 0)
         cells = np.array(np.broadcast_to(cells, len(self._corners)))
         for number, paint in enumerate(self._paints):
-            mine = np.flatnonzero(self._paint == number)
+            mine = np.flatnonzero(self._paint_of[self._object] == number)
             # What paint does not say of one place it says of none.
             if len(mine) and "opacity" in paint.at(self._local(mine[:1]), np.full((1, 3), 1 / 3)):
                 cells[mine] = np.ceil(np.sqrt(2 * np.maximum(self._texels(mine), 1)))
@@ -298,7 +297,7 @@ class Surfaces:
     def _texels(self, triangles):
         """(n,) float: about how many colours lie in each painted triangle."""
         texels = np.zeros(len(triangles))
-        paints = self._paint[triangles]
+        paints = self._paints_on(triangles)
         for paint in np.unique(paints):
             mine = paints == paint
             texels[mine] = self._paints[paint].texels(self._local(triangles[mine]))
@@ -311,6 +310,34 @@ class Surfaces:
         along = 2 * np.sqrt(2 * np.maximum(texels, 0)) / levels
         fewer = np.sqrt(max(1.0, float(((levels * np.minimum(along, _ALONG)) ** 2).sum()) / _ALL))
         return np.clip(np.ceil(along / fewer), 1, _ALONG).astype(np.int64)
+
+
+def _held_once(materials):
+    """`Materials` of all meshes' corners, without those that are there already.
+
+    Instances have one set of materials, and many a mesh has one material all over.
+
+    Parameters
+    ----------
+    materials : list of Materials
+        Of each mesh.
+
+    Returns
+    -------
+    Materials
+    first, step : (n_meshes,) int64
+        A mesh's corner n is number `first + n * step` of them.
+    """
+    known = {id(each): each for each in materials}
+    one = {key: len(each) > 0 and not each.differing() for key, each in known.items()}
+    whole = Materials.joined([each[:1] if one[key] else each for key, each in known.items()])
+    ends = np.cumsum([1 if one[key] else len(each) for key, each in known.items()])
+    first = dict(zip(known, [0, *ends], strict=False))
+    return (
+        whole,
+        np.array([first[id(each)] for each in materials], np.int64),
+        np.array([not one[id(each)] for each in materials], np.int64),
+    )
 
 
 class _Grid:

@@ -12,6 +12,7 @@ import numpy as np
 
 from prt_core.reflectance import QUANTITIES, Materials
 from prt_core.scene.lattice import lattice_coordinates, lattice_size
+from prt_core.scene.paint import look_of
 from prt_core.scene.ray_offset import ray_lifts
 
 # Corners of one vertex share a point when normals agree to this step (and see `Quantity.step`).
@@ -94,12 +95,19 @@ class BakePoints:
 
 def joined(points, more):
     """`BakePoints` one after the other."""
-    return BakePoints(
-        **{
-            field.name: _joined([getattr(part, field.name) for part in (points, more)])
-            for field in fields(BakePoints)
-        }
-    )
+    parts = points, more
+    whole = {f.name: _joined([getattr(part, f.name) for part in parts]) for f in fields(BakePoints)}
+    if all(part.materials is part.mean_materials for part in parts):
+        whole["mean_materials"] = whole["materials"]
+    return BakePoints(**whole)
+
+
+def some_points(points, chosen):
+    """`BakePoints` of some of them, by a mask or their numbers."""
+    some = {f.name: getattr(points, f.name)[chosen] for f in fields(BakePoints)}
+    if points.materials is points.mean_materials:
+        some["mean_materials"] = some["materials"]
+    return BakePoints(**some)
 
 
 def _joined(parts):
@@ -107,41 +115,109 @@ def _joined(parts):
     return whole(parts)
 
 
-def make_points(stacked, levels, frames, surfaces):
-    """Bake points of stacked meshes, and the lattice of points of each triangle.
+def make_points(meshes, stack, levels, frames, surfaces):
+    """Bake points of meshes, and the lattice of points of each triangle.
+
+    Meshes share no point. So points are made of some meshes at a time, and numbered as if they had
+    been made of all at once: those that are shown, those of bent faces, then hidden ones by level.
 
     Parameters
     ----------
-    stacked : dict of arrays
-        All meshes, one after the other, in the scene's frame.
-    levels : (n_triangles,) int64
+    meshes : sequence of Mesh
+    stack : Stack
+        Of them, in the scene's frame.
+    levels : (n_triangles,) int
     frames : Frames
     surfaces : Surfaces
 
     Returns
     -------
     SimpleNamespace
-        points : BakePoints; corner_point (n_corners,) int64; lattice_start (n_triangles,) int64;
+        points : BakePoints; corner_point (n_corners,) int32; lattice_start (n_triangles,) int64;
         lattice (sum of lattice sizes,) int32.
     """
-    corners = stacked["triangle_corners"].astype(np.int64)
-    vertices = stacked["vertices"]
+    lifts_at, parts = _lifts_beside(stack, frames), []
+    for batch in stack.batches():
+        parts.append(_points_of(meshes, batch, stack, levels, frames, surfaces, lifts_at))
+    numbers = _numbered([part.counts for part in parts])
+    for part, number in zip(parts, numbers, strict=True):
+        part.lattice = number[part.lattice]
+        # The last is of corners without a point.
+        part.corner_point = np.append(number, np.int32(-1))[part.corner_point]
+    order, points = np.concatenate(numbers), {}
+    moved = not (order[1:] > order[:-1]).all()
+    order = np.argsort(order) if moved else order
+    for key in list(parts[0].points):
+        points[key] = _joined([part.points.pop(key) for part in parts])
+        points[key] = points[key][order] if moved else points[key]
+    lattice = np.concatenate([part.lattice for part in parts])
+    start = np.cumsum(lattice_size(levels.astype(np.int64)))
+    start = np.concatenate([[0], start[:-1]])
+    met = points["materials"]
+    if surfaces.bounced is not surfaces:
+        every = np.arange(len(points["positions"]))
+        met = surfaces.bounced.of_points(levels, start, lattice, every)
+    means = surfaces.bounced.mean(levels, start, lattice, met).of_what_is_met()
+    own = points["materials"].stored()
+    points["mean_materials"] = own if means is points["materials"] else means.stored()
+    points["materials"] = own
+    return SimpleNamespace(
+        points=BakePoints(**points, emitter=np.broadcast_to(np.int32(-1), len(order))),
+        corner_point=np.concatenate([part.corner_point for part in parts]),
+        lattice_start=start,
+        lattice=lattice,
+    )
+
+
+def _numbered(counts):
+    """Number of each point in the scene, of batches that have so many of each kind.
+
+    `counts` : list of dict of kind -> int, in the order in which a batch has them; kinds come in
+    ascending order.
+
+    Returns a list of (n,) int32.
+    """
+    first, begins = 0, [{} for _ in counts]
+    for kind in sorted({kind for each in counts for kind in each}):
+        for each, begin in zip(counts, begins, strict=True):
+            begin[kind] = first
+            first += each.get(kind, 0)
+    return [
+        np.concatenate([begin[kind] + np.arange(n, dtype=np.int32) for kind, n in each.items()])
+        for each, begin in zip(counts, begins, strict=True)
+    ]
+
+
+def _points_of(meshes, batch, stack, levels, frames, surfaces, lifts_at):
+    """Points of some meshes: `points`, dict of arrays in the types that are kept but for those of
+    `materials`; `corner_point`, `lattice`, by their own numbers; `counts`, how many of each kind.
+    """
+    first_corner, inside = (
+        stack.first_corner,
+        slice(*stack.first_triangle[[batch.start, batch.stop]]),
+    )
+    owner = stack.triangle_object[inside].astype(np.int64)
+    corners = stack.corners[inside] + (first_corner[owner] - first_corner[batch.start])[:, None]
+    meshes = meshes[batch]
+    triangles = stack.triangles[inside].astype(np.int64)
+    levels = levels[inside].astype(np.int64)
     # Of scenes of millions of points this function takes most memory of all: what is not needed
     # any more goes, and what is the same for corners of a triangle is repeated axis by axis.
-    placed = vertices[stacked["triangles"].astype(np.int64)]
+    placed = stack.vertices[triangles]
     a, b, c = np.moveaxis(placed, 1, 0)
     face_normal = np.cross(b - a, c - a)
     doubled = np.linalg.norm(face_normal, axis=1, keepdims=True)
     face_normal /= doubled
-    normal = _usable_normals(stacked["corner_normal"], corners, face_normal)
-    flat = stacked["flat"][stacked["triangle_object"].astype(np.int64)]
+    corner_normal = np.concatenate([mesh.corner_normal for mesh in meshes])
+    normal = _usable_normals(corner_normal, corners, face_normal)
+    del corner_normal
+    flat = stack.flat[owner]
     # The first triangle that has a corner comes last.
     normal[corners[flat][::-1]] = face_normal[flat][::-1, None]
     shading = normal[corners]
     shading[flat] = face_normal[flat][:, None]
 
-    looks = {id(s): s.corner_materials for s in (surfaces, surfaces.bounced, surfaces.back)}
-    corner_point, n_shown = _merge_corners(stacked, corners, normal, looks.values())
+    corner_point, n_shown = _merge_corners(meshes, corners, normal, surfaces)
     alike = np.einsum("tkx,tkx->tk", shading, normal[corners])
     del normal
     columns, n_points = _bent_apart(corner_point[corners], n_shown, shading, alike)
@@ -162,56 +238,72 @@ def make_points(stacked, levels, frames, surfaces):
     along = np.einsum("tx,tkx->tk", face_normal, geometric[columns])
     np.minimum.at(bend, columns.ravel(), np.where(leads, along.ravel(), 1))
     inward = np.where((bend > _FLAT)[:, None], middle - positions, 0)
-    lifts = ray_lifts(frames.local(vertices, stacked["triangles"].astype(np.int64)), face_normal)
-    place = columns
-    if len(frames) > 1:
-        # Beside a point's own faces may be others of a coarser frame.
-        corner_position = vertices[stacked["corner_vertex"].astype(np.int64)]
-        _, place = np.unique(corner_position, axis=0, return_inverse=True)
-        place = place.reshape(-1)[corners]
+    lifts = _lifts(stack, frames, inside, face_normal)
     lift, sideways = np.empty((2, n_points))
-    lift[columns], sideways[columns] = (_largest(each, place)[place] for each in lifts)
+    if lifts_at is None:
+        lift[columns], sideways[columns] = (_largest(each, columns)[columns] for each in lifts)
+    else:
+        lift[columns], sideways[columns] = (each[triangles] for each in lifts_at)
+    materials = Materials.joined([mesh.materials for mesh in meshes])[of_corner]
     points = {
         "positions": positions,
         "normals": normals,
         "geometric_normals": geometric,
         "ray_offset": _ray_offset(geometric, inward, lift, sideways),
         "areas": np.bincount(columns.ravel(), share.ravel(), n_points),
-        "materials": stacked["materials"][of_corner].gathered(
+        "materials": materials.gathered(
             n_points, lambda quantity, values: quantity.settled(summed.mean(values, weight))
         ),
         "object_index": np.zeros(n_points, np.int64),
         "visible": np.zeros(n_points, bool),
     }
-    points["object_index"][columns] = stacked["triangle_object"].astype(np.int64)[:, None]
-    points["visible"][:n_shown] = stacked["receives"][points["object_index"][:n_shown]]
+    points["object_index"][columns] = owner[:, None]
+    points["visible"][:n_shown] = stack.receives[points["object_index"][:n_shown]]
 
-    start, lattice, hidden = _lattices(
-        columns, levels, face_normal, doubled[:, 0], points, surfaces, shading, lifts
+    lattice, hidden, n_hidden = _lattices(
+        columns, levels, face_normal, doubled[:, 0], points, surfaces, shading, lifts, inside.start
     )
-    points = {key: _joined([points[key], hidden[key]]) for key in points}
-    met = points["materials"]
-    if surfaces.bounced is not surfaces:
-        every = np.arange(len(points["positions"]))
-        met = surfaces.bounced.of_points(levels, start, lattice, every)
-    means = surfaces.bounced.mean(levels, start, lattice, met)
-    points["mean_materials"] = means.of_what_is_met()
-    kinds = {"positions": np.float64, "object_index": np.int32, "visible": bool}
-    stored = {
-        key: value.stored() if key in MATERIALS else np.asarray(value, kinds.get(key, np.float32))
-        for key, value in points.items()
-    }
+    kinds = {"positions": np.float64, "object_index": np.int32, "visible": bool, "materials": None}
+    kept = {}
+    for key, values in hidden.items():
+        whole, kind = _joined([points.pop(key), *values]), kinds.get(key, np.float32)
+        kept[key] = whole if kind is None else np.asarray(whole, kind)
     return SimpleNamespace(
-        points=BakePoints(**stored, emitter=np.full(len(stored["positions"]), -1, np.int32)),
-        corner_point=corner_point,
-        lattice_start=start,
-        lattice=lattice.astype(np.int32),
+        points=kept,
+        corner_point=corner_point.astype(np.int32),
+        lattice=lattice,
+        counts={-1: n_shown, 0: n_points - n_shown, **n_hidden},
     )
+
+
+def _lifts(stack, frames, part, normals):
+    """Start of rays above some triangles, and how far inside of their rim (see `ray_lifts`)."""
+    return ray_lifts(frames.local(stack.vertices, stack.triangles, part), normals)
+
+
+def _lifts_beside(stack, frames):
+    """The largest `_lifts` of the triangles at the place of each vertex: (2, n_vertices) float64.
+
+    Beside a point's own faces may be others of a coarser frame; None where there is one frame.
+    """
+    if len(frames) == 1:
+        return None
+    _, place = np.unique(stack.vertices, axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    largest = np.zeros((2, len(place)))
+    for part in stack.parts():
+        triangles = stack.triangles[part]
+        a, b, c = np.moveaxis(stack.vertices[triangles], 1, 0)
+        normals = np.cross(b - a, c - a)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        for most, values in zip(largest, _lifts(stack, frames, part, normals), strict=True):
+            np.maximum.at(most, place[triangles].ravel(), np.repeat(values, 3))
+    return largest[:, place]
 
 
 def _largest(of_triangle, columns):
     """(n,) the largest value of the triangles that have each number in their `columns`."""
-    result = np.zeros(columns.max() + 1)
+    result = np.zeros(columns.max(initial=-1) + 1)
     np.maximum.at(result, columns.ravel(), np.repeat(of_triangle, 3))
     return result
 
@@ -234,21 +326,27 @@ def _usable_normals(corner_normal, corners, face_normal):
     return normal
 
 
-def _merge_corners(stacked, corners, normal, looks):
+def _merge_corners(meshes, corners, normal, surfaces):
     """Point of each corner (-1 where no triangle uses it) and the number of points."""
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertex = np.concatenate([m.corner_vertex + n for m, n in zip(meshes, first, strict=False)])
+    material = np.concatenate([mesh.corner_material for mesh in meshes])
     used = np.unique(corners)
     # A column after the other: rows of few numbers are sorted and compared much more slowly.
-    key = [stacked["corner_vertex"][used], stacked["corner_material"][used]]
+    key = [vertex[used], material[used]]
     key += list(np.rint(normal[used].T / NORMAL_STEP))
-    key += [column for materials in looks for column in materials[used].in_steps().T]
-    key = [column for column in key if (column != column[0]).any()] or key[:1]
+    sides = {id(surfaces): "shown", id(surfaces.bounced): "bounced", id(surfaces.back): "back"}
+    for name in sides.values():
+        look = Materials.joined([look_of(mesh, name).materials for mesh in meshes])
+        key += list(look[used].in_steps().T)
+    key = [column for column in key if (column != column[:1]).any()] or key[:1]
     order = np.lexsort(key[::-1])
     new = np.zeros(len(order), bool)
-    new[0] = True
+    new[:1] = True
     for column in key:
         column = column[order]
         new[1:] |= column[1:] != column[:-1]
-    corner_point = np.full(len(stacked["corner_vertex"]), -1, np.int64)
+    corner_point = np.full(len(vertex), -1, np.int64)
     corner_point[used[order]] = np.cumsum(new) - 1
     return corner_point, int(new.sum())
 
@@ -310,13 +408,14 @@ def _corner_angles(a, b, c):
     return np.stack([angle(a, b, c), angle(b, c, a), angle(c, a, b)], axis=1)
 
 
-def _lattices(columns, levels, face_normal, doubled, points, surfaces, shading, lifts):
-    """Lattice point indices of every triangle, and the hidden points they need."""
+def _lattices(columns, levels, face_normal, doubled, points, surfaces, shading, lifts, first):
+    """Lattice point indices of every triangle, the hidden points they need, by key, and how many
+    there are of each level; `first` is the scene's number of the first triangle."""
     sizes = lattice_size(levels)
     start = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     lattice = np.empty(int(sizes.sum()), np.int64)
     n_points = len(points["positions"])
-    hidden = {key: [] for key in points}
+    hidden, n_hidden = {key: [] for key in points}, {}
     for level in np.unique(levels):
         which = np.flatnonzero(levels == level)
         coordinates = lattice_coordinates(int(level))
@@ -333,7 +432,7 @@ def _lattices(columns, levels, face_normal, doubled, points, surfaces, shading, 
             uv = coordinates[inner] / level
             weights = np.column_stack([1 - uv.sum(axis=1), uv])
             triangle = columns[which]
-            n_new = len(which) * len(inner)
+            n_new = n_hidden[int(level)] = len(which) * len(inner)
             # Each hidden point takes an equal share of its triangle from the corners.
             cell = doubled[which] / 2 / len(coordinates)
             np.subtract.at(
@@ -347,7 +446,7 @@ def _lattices(columns, levels, face_normal, doubled, points, surfaces, shading, 
             )
             hidden["geometric_normals"].append(np.repeat(face_normal[which], len(inner), axis=0))
             hidden["materials"].append(
-                surfaces.at(np.repeat(which, len(inner)), np.tile(uv, (len(which), 1)))
+                surfaces.at(first + np.repeat(which, len(inner)), np.tile(uv, (len(which), 1)))
             )
             hidden["areas"].append(np.repeat(cell, len(inner)))
             middle = points["positions"][triangle].mean(axis=1, keepdims=True)
@@ -363,5 +462,4 @@ def _lattices(columns, levels, face_normal, doubled, points, surfaces, shading, 
             )
             hidden["visible"].append(np.zeros(n_new, bool))
         lattice[(start[which][:, None] + np.arange(len(coordinates))).ravel()] = ids.ravel()
-    joined = {key: _joined(values) if values else points[key][:0] for key, values in hidden.items()}
-    return start, lattice, joined
+    return lattice, hidden, n_hidden

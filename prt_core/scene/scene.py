@@ -20,13 +20,13 @@ from prt_core.errors import (
     expect_whole,
 )
 from prt_core.rays import precision_frames
+from prt_core.runtime.array_parts import held_once, parts_of
 from prt_core.scene.backs import opposites, with_backs
 from prt_core.scene.details import Details, no_details
 from prt_core.scene.emitters import find_emitters
 from prt_core.scene.images.point_images import PointImage
 from prt_core.scene.lattice import lattice_of_hits, lattice_size, refinement_levels
 from prt_core.scene.mesh import RAYS, Mesh
-from prt_core.scene.mesh_parts import parts_of_meshes
 from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.own_faces import OwnFaces
@@ -35,7 +35,7 @@ from prt_core.scene.points import BakePoints, make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
 from prt_core.scene.scene_object import objects_of_meshes
-from prt_core.scene.stack import frame_of, stack_meshes
+from prt_core.scene.stack import parts_of_triangles, stack_meshes
 
 # Albedo up to this is taken as 1 that was rounded.
 _WHITE = 1.001
@@ -103,7 +103,7 @@ class Scene:
 
     def __post_init__(self):
         if self.triangle_emitter is None:
-            self.triangle_emitter = np.full(len(self.triangles), -1, np.int32)
+            self.triangle_emitter = np.broadcast_to(np.int32(-1), len(self.triangles))
 
     @classmethod
     def from_meshes(cls, meshes, max_hidden=None):
@@ -131,19 +131,16 @@ class Scene:
         for name, count in Counter(mesh.name for mesh in meshes).items():
             expect(count == 1, f"meshes: the name '{name}' is used twice; rename one")
         messages = []
-        stacked, counts = stack_meshes(meshes, messages)
-        if not len(stacked["triangles"]):
+        stack = stack_meshes(meshes, messages)
+        if not len(stack.triangles):
             raise PRTError(
                 "scene: no triangle with an area to bake; add a mesh object that is visible in "
                 "renders, or name other objects"
             )
-        centre, size = frame_of(stacked["vertices"][stacked["triangles"]].reshape(-1, 3))
-        stacked["vertices"] = (stacked["vertices"] - centre) / size
-        levels = refinement_levels(stacked, max_hidden)
-        frames = precision_frames(
-            stacked["vertices"], stacked["triangles"], stacked["triangle_object"]
-        )
-        for number in np.unique(stacked["triangle_object"][frames.coarse]):
+        centre, size = stack.move_to_frame()
+        levels = refinement_levels(stack, max_hidden)
+        frames = precision_frames(stack.vertices, stack.triangles, stack.triangle_object)
+        for number in np.unique(stack.triangle_object[frames.coarse]):
             messages.append(
                 f"{meshes[int(number)].name}: lies so far from the rest for its size that its "
                 "shadows are coarse; bake what lies apart in files of its own"
@@ -156,30 +153,28 @@ class Scene:
                 "light from the world goes by their diffuse ray visibility, lamps and sharp suns "
                 "by the shadow one"
             )
-        surfaces = surfaces_of(meshes, stacked, counts["first_corner"])
+        surfaces = surfaces_of(meshes, stack)
         messages += [
             f"{mesh.name}: albedo above 1 is shown as it is, but bounces as 1"
             for mesh in meshes
             if mesh.materials.albedo.max(initial=0) > _WHITE
         ]
-        built = make_points(stacked, levels, frames, surfaces)
+        built = make_points(meshes, stack, levels, frames, surfaces)
         emitters, triangle_emitter, built.points.emitter = find_emitters(
-            meshes, stacked, levels, built, surfaces
+            meshes, stack, levels, built, surfaces
         )
-        parts = parts_of_meshes(meshes, stacked, counts)
-        objects = objects_of_meshes(meshes, counts, built.corner_point, parts)
         scene = cls(
             centre=centre,
             size=size,
-            vertices=stacked["vertices"],
-            triangles=stacked["triangles"].astype(np.int32),
+            vertices=stack.vertices,
+            triangles=stack.triangles,
             points=built.points,
-            objects=objects,
-            triangle_object=stacked["triangle_object"].astype(np.int32),
-            triangle_level=levels.astype(np.int32),
+            objects=objects_of_meshes(meshes, stack, built.corner_point),
+            triangle_object=stack.triangle_object,
+            triangle_level=held_once(levels),
             lattice_start=built.lattice_start,
             lattice=built.lattice,
-            lattice_back=np.full_like(built.lattice, -1),
+            lattice_back=np.broadcast_to(np.int32(-1), built.lattice.shape),
             messages=messages,
             surfaces=surfaces,
             **opacities_of(surfaces),
@@ -192,9 +187,11 @@ class Scene:
         # What is translucent, or glass, shows the light of its back.
         through = scene.points.materials.through.any(axis=1)
         through |= scene.points.mean_materials.through.any(axis=1)
-        through = through[scene.lattice]
-        through = np.logical_or.reduceat(through, scene.lattice_start)
-        return with_backs(scene, through | stacked["two_sided"][scene.triangle_object])
+        if through.any():
+            through = np.logical_or.reduceat(through[scene.lattice], scene.lattice_start)
+        else:
+            through = np.zeros(len(scene.triangles), bool)
+        return with_backs(scene, through | stack.two_sided[scene.triangle_object])
 
     @cached_property
     def frames(self):
@@ -267,16 +264,22 @@ class Scene:
     @cached_property
     def triangle_normals(self):
         """(n_triangles, 3) float32: unit normals of the front sides."""
-        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
-        normal = np.cross(b - a, c - a)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        return (normal / np.maximum(length, 1e-300)).astype(np.float32)
+        normals = np.empty((len(self.triangles), 3), np.float32)
+        for part in parts_of_triangles(len(normals)):
+            a, b, c = np.moveaxis(self.vertices[self.triangles[part]], 1, 0)
+            normal = np.cross(b - a, c - a)
+            length = np.linalg.norm(normal, axis=1, keepdims=True)
+            normals[part] = normal / np.maximum(length, 1e-300)
+        return normals
 
     @cached_property
     def triangle_lifts(self):
         """(n_triangles,) float64: how far above each triangle rays must start."""
-        corners = self.frames.local(self.vertices, self.triangles)
-        return ray_lifts(corners, self.triangle_normals)[0]
+        lifts = np.empty(len(self.triangles))
+        for part in parts_of_triangles(len(lifts)):
+            corners = self.frames.local(self.vertices, self.triangles, part)
+            lifts[part] = ray_lifts(corners, self.triangle_normals[part])[0]
+        return lifts
 
     def hit_points(self, triangle, barycentric, back):
         """The bake points around hits and their weights.
@@ -359,7 +362,8 @@ class Scene:
             self.lattice,
             self.lattice_back,
         ):
-            digest.update(np.ascontiguousarray(array).tobytes())
+            for part in parts_of(array):
+                digest.update(part)
         if self.image is not None:
             digest.update(np.int64([self.image.height, self.image.width, self.image.samples]))
             digest.update(self.image.pixel)

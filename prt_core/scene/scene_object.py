@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.scene.mesh import RAYS
-from prt_core.scene.mesh_parts import MeshParts
+from prt_core.scene.mesh_parts import MeshParts, parts_of_meshes
 from prt_core.scene.refined import Refined
 
 
@@ -58,27 +58,34 @@ class SceneObject:
         return f"{owner}/{self.source}" if self.source else owner
 
 
-def objects_of_meshes(meshes, counts, corner_point, parts):
+def objects_of_meshes(meshes, stack, corner_point):
     """The `SceneObject` of each mesh of a scene.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-    counts : dict of list of int
-        As `stack_meshes` returns them.
-    corner_point : (n_corners,) int
+    stack : Stack
+    corner_point : (n_corners,) int32
         Of the corners of all meshes.
-    parts : list of MeshParts
 
     Returns
     -------
     list of SceneObject
     """
+    known = {}
+
+    def as_int32(array):
+        # Instances have one array: it is held once.
+        if id(array) not in known:
+            known[id(array)] = array.astype(np.int32)
+        return known[id(array)]
+
+    parts, first = parts_of_meshes(meshes, stack, as_int32), stack.first_corner
     return [
         SceneObject(
             mesh.name,
-            corner_point[first : first + n].astype(np.int32),
-            mesh.corner_vertex.astype(np.int32),
+            corner_point[begin:end],
+            as_int32(mesh.corner_vertex),
             mesh.face_sizes,
             len(mesh.vertices),
             mesh.receives,
@@ -91,7 +98,5 @@ def objects_of_meshes(meshes, counts, corner_point, parts):
             part,
             mesh.refined,
         )
-        for mesh, first, n, part in zip(
-            meshes, counts["first_corner"], counts["n_corners"], parts, strict=True
-        )
+        for mesh, begin, end, part in zip(meshes, first, first[1:], parts, strict=False)
     ]

@@ -4,6 +4,7 @@ import numpy as np
 
 from prt_core.errors import PRTError, expect
 from prt_core.reflectance import QUANTITIES, Materials
+from prt_core.runtime.array_parts import held_once
 from prt_core.scene import (
     MATERIALS,
     BakePoints,
@@ -167,9 +168,9 @@ def read_scene(store):
     vertices = store.read("scene_vertices", (None, 3), "float64")
     triangles = store.read("scene_triangles", (None, 3), "int32")
     lattice = store.read("scene_lattice", (None,), "int32")
-    lattice_back = store.read("scene_lattice_back", (len(lattice),), "int32")
+    lattice_back = held_once(store.read("scene_lattice_back", (len(lattice),), "int32"))
     by_triangle = {
-        name: store.read(f"scene_{name}", (len(triangles),), dtype)
+        name: held_once(store.read(f"scene_{name}", (len(triangles),), dtype))
         for name, dtype in _TRIANGLES.items()
     }
     corners = {name: store.read(f"object_{name}", (None,), "int32") for name in _CORNERS}
@@ -267,7 +268,7 @@ def _read_emitters(store, n_points):
         good = good and (names or "emission" not in store.attributes.get("materials", _FIRST))
         expect(good, "the names of its emitters are")
     if not names:
-        return (), np.full(n_points, -1, np.int32), None
+        return (), np.broadcast_to(np.int32(-1), n_points), None
     point, triangle = (
         store.read(name, (length,), "int32")
         for name, length in (("point_emitter", n_points), ("scene_triangle_emitter", None))
@@ -291,10 +292,10 @@ def _read_materials(store, n_points):
         shape = n_points, quantity.n_channels
         return store.read(f"point_{prefix}{name}", shape, quantity.dtype)
 
-    return {
-        field: Materials(**{name: read(prefix, name) for name in names})
-        for field, prefix in MATERIALS.items()
-    }
+    own, mean = (
+        Materials(**{name: read(prefix, name) for name in names}) for prefix in MATERIALS.values()
+    )
+    return {"materials": own, "mean_materials": own if mean.equals(own) else mean}
 
 
 def read_backs(store, scene):

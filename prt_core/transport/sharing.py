@@ -234,11 +234,10 @@ class _Handed:
 
 def _triangles_near(scene):
     """(n_triangles,) bool: triangles with details, and their neighbours."""
-    owner = np.repeat(np.arange(len(scene.triangles)), scene.lattice_sizes)
     holds = np.zeros(len(scene.triangles), bool)
+    if not len(scene.details):
+        return holds
     holds[scene.details.triangle] = True
     points = np.zeros(len(scene.points), bool)
-    points[scene.lattice[holds[owner]]] = True
-    near = np.zeros(len(scene.triangles), bool)
-    near[owner[points[scene.lattice]]] = True
-    return near
+    points[scene.lattice[np.repeat(holds, scene.lattice_sizes)]] = True
+    return np.logical_or.reduceat(points[scene.lattice], scene.lattice_start)

@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,13 +44,16 @@ FIGURES = {
 
 
 def scene_of(n_points):
-    """Balls over a floor, of about so many points."""
+    """Balls over a floor, instances of one, of about so many points."""
     rings = int(np.sqrt(n_points * (1 - _FLOOR) / _SIDE**2 / 2))
     meshes = [plane(int(np.sqrt(n_points * _FLOOR)), -2, 2, name="floor", albedo=0.6)]
+    ball = sphere(rings, 0.3, name="ball", albedo=(0.8, 0.5, 0.3))
     for number in range(_SIDE**2):
         row, column = divmod(number, _SIDE)
-        place = (column - 1.5) * 0.9, (row - 1.5) * 0.9, 0.45
-        meshes.append(sphere(rings, 0.3, place, name=f"ball {number}", albedo=(0.8, 0.5, 0.3)))
+        place = np.array([(column - 1.5) * 0.9, (row - 1.5) * 0.9, 0.45])
+        # Instances, as Blender's are: their corners are one array, their places are their own.
+        own = {"vertices": ball.vertices + place, "corner_normal": ball.corner_normal.copy()}
+        meshes.append(replace(ball, name=f"ball {number}", owner=f"ball {number}", **own))
     return Scene.from_meshes(meshes)
 
 

@@ -1,10 +1,13 @@
 """Any shader graph, at any place: as Cycles' own bake says."""
 
+from collections import OrderedDict
+
 import bpy
 import numpy as np
 import pytest
 
 from prt_core.blender.depsgraph import read_meshes
+from prt_core.blender.passes import surfaces
 from prt_core.blender.passes.cryptomatte import name_number
 from prt_core.blender.passes.openexr import read_channels
 from prt_core.blender.passes.quantities import COLUMNS, quantities_of
@@ -564,7 +567,7 @@ def test_what_lies_in_one_plane_is_not_mixed_up():
     assert not any("did not see" in line for line in messages)
 
 
-def test_instances_are_told_apart():
+def test_instances_are_told_apart(monkeypatch):
     source = grid("source")
     material(source, base(random_object))
     collection = bpy.data.collections.new("box")
@@ -580,7 +583,16 @@ def test_instances_are_told_apart():
     assert len(meshes) == 3 and np.ptp(greys) > 0.05
     for mesh in meshes.values():
         np.testing.assert_allclose(mesh.materials.albedo, mesh.materials.albedo[:1].repeat(60, 0))
+        # One material all over takes no room.
+        assert mesh.materials.albedo.strides[0] == 0
     assert not any("did not see" in line for line in messages)
+    # As if they had too many corners to be asked for together.
+    monkeypatch.setattr(surfaces, "_TOGETHER", 1)
+    monkeypatch.setattr(surfaces, "_KEPT", OrderedDict())
+    apart, _ = read()
+    assert {name: mesh.materials.albedo[0, 0] for name, mesh in apart.items()} == dict(
+        zip(meshes, greys, strict=True)
+    )
 
 
 def test_rigid_bodies_are_looked_at_where_they_began():

@@ -26,6 +26,7 @@ from prt_core.blender.passes.quantities import (
 )
 from prt_core.reflectance import QUANTITIES
 from prt_core.reflectance.bump import bump_mean, bump_strength
+from prt_core.runtime.array_parts import held_once
 from prt_core.scene.lattice_paint import LatticePaint
 
 # Which rays see each look.
@@ -45,7 +46,7 @@ class Surface:
 
     @property
     def nbytes(self):
-        arrays = [self.corners, self.normals]
+        arrays = [self.corners if self.corners.strides[0] else self.corners[:1], self.normals]
         return sum(a.nbytes for a in arrays if a is not None) + (
             self.paint.nbytes if self.paint else 0
         )
@@ -155,7 +156,7 @@ class Evaluation:
         corners = np.tile(self._default, (len(mesh.corner_vertex), 1))
         notes = self._notes_of(index)
         if used is None or not len(used):
-            return Surface(corners, notes=notes)
+            return Surface(held_once(corners), notes=notes)
         corners[used] = values
         corners, cut = settled(corners)
         normals = self._normals(record, mesh, used, corners)
@@ -176,7 +177,9 @@ class Evaluation:
         if cut:
             most = QUANTITIES["albedo"].most
             notes.append(("line", f"{mesh.name}: albedo outside 0..{most} was cut to it"))
-        return Surface(corners, paint, normals, notes)
+        # The normals are known by now, and most meshes are of one material all over.
+        corners[:, COLUMNS["normal"]] = 0
+        return Surface(held_once(corners), paint, normals, notes)
 
     def _normals(self, record, mesh, used, corners):
         """Corner normals as materials bend them; None where none does."""

@@ -20,10 +20,13 @@ from prt_core.blender.passes.lattices import Triangles, first_levels
 from prt_core.blender.passes.quantities import COLUMNS, GLOSS, columns_of, lines_of
 from prt_core.errors import PRTError
 from prt_core.reflectance import QUANTITIES, Materials
+from prt_core.runtime.array_parts import held_once
 from prt_core.runtime.progress import Progress
 from prt_core.scene.paint import LOOKS, Look, look_of
 
 _KEPT, _MOST_BYTES = OrderedDict(), 256 << 20
+# Corners of meshes that Cycles is asked for together: what it says of each takes a hundred bytes.
+_TOGETHER = 1 << 20
 
 
 def evaluate_surfaces(uid, meshes, records, messages, pace=None, gloss=False):
@@ -60,9 +63,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None, gloss=False):
     if not meshes:
         return
     materials = _Materials(scene, gloss)
-    triangles = Triangles(meshes, records, materials.graph)
-    levels = first_levels(triangles, triangles.families(), _size_of(meshes))
-    levels = [levels[triangles.mesh == index] for index in range(len(meshes))]
+    levels = _first_levels_of(meshes, records, materials)
     surfaces = {"shown": {}}
     ask = partial(_evaluated, uid, meshes, records, materials, levels, pace)
     surfaces["shown"] = yield from ask("shown", range(len(meshes)))
@@ -83,8 +84,7 @@ def _evaluated(uid, meshes, records, materials, levels, pace, look, wanted):
     """Index -> `Surface` of some meshes, as a generator of `Progress`."""
     keys = {i: _key(meshes[i], records[i], levels[i], materials, look) for i in wanted}
     surfaces = {i: _KEPT[key] for i, key in keys.items() if key in _KEPT}
-    missing = [i for i in wanted if i not in surfaces]
-    if missing:
+    for missing in _batches([i for i in wanted if i not in surfaces], meshes):
         start = time.perf_counter()
         while pace is not None and time.perf_counter() - start < 2 * pace:
             yield Progress("materials", 0, 0)
@@ -96,6 +96,34 @@ def _evaluated(uid, meshes, records, materials, levels, pace, look, wanted):
     for index, key in keys.items():
         _keep(key, surfaces[index])
     return surfaces
+
+
+def _batches(indices, meshes):
+    """Lists of the meshes that Cycles is asked for together: of so many corners at most."""
+    batch, held = [], 0
+    for index in indices:
+        count = len(meshes[index].corner_vertex)
+        if batch and held + count > _TOGETHER:
+            yield batch
+            batch, held = [], 0
+        batch.append(index)
+        held += count
+    if batch:
+        yield batch
+
+
+def _first_levels_of(meshes, records, materials):
+    """The level of the first lattice of each triangle: (n,) int64 of each mesh; 1 is none."""
+    levels = [np.broadcast_to(np.int64(1), int(mesh.is_solid().sum())) for mesh in meshes]
+    graphs = [[materials.graph(r.slot(n)) for n in np.unique(r.slot_of_corner)] for r in records]
+    varying = [i for i, of_mesh in enumerate(graphs) if not all(graph.even for graph in of_mesh)]
+    if varying:
+        some = [meshes[i] for i in varying], [records[i] for i in varying]
+        triangles = Triangles(*some, materials.graph)
+        found = first_levels(triangles, triangles.families(), _size_of(meshes))
+        for number, index in enumerate(varying):
+            levels[index] = found[triangles.mesh == number]
+    return levels
 
 
 class _Materials:
@@ -187,7 +215,9 @@ def _materials(surface):
     for name, columns in columns_of(surface.corners.shape[1]).items():
         # Gloss that is nowhere is left out: it takes no room then.
         if name in QUANTITIES and not (name in GLOSS and _is_default(surface, name)):
-            values[name] = surface.corners[:, columns].astype(np.float64)
+            one = held_once(surface.corners[:, columns])
+            few = one[:1] if one.strides[0] == 0 else one
+            values[name] = np.broadcast_to(few.astype(np.float64), one.shape)
     return Materials(**values)
 
 

@@ -123,6 +123,28 @@ def test_what_is_asked_again_comes_by_blocks_as_well(scene, tmp_path, monkeypatc
     assert not [name for name in BakeStore(path).names() if name.startswith(("tile", "work"))]
 
 
+def test_what_is_computed_into_another_bake_is_an_error_not_for_ever_missing(
+    scene, planned, tmp_path, monkeypatch
+):
+    other = tmp_path / "other.prt"
+    run(plan_steps(scene, other, SETTINGS))
+    blocks = sys.modules["prt_core.bake.blocks"]
+    place = blocks._workplace(BakeStore(other))
+    compute(other, "visibility", 0)
+    monkeypatch.setattr(blocks, "_workplace", lambda store: place)
+    with pytest.raises(PRTError, match="block 0 of stage 'visibility' was computed and is not"):
+        finished(planned, lambda stage, missing: compute(planned, stage, missing[0]))
+
+
+def test_a_block_of_a_stage_that_was_closed_meanwhile_is_no_error(planned):
+    blocks = sys.modules["prt_core.bake.blocks"]
+    (stage,) = stages(planned)
+    late = BakeStore(planned)
+    assert not blocks._is_over(late, stage)
+    finish(planned, compute=True)
+    assert blocks._is_over(late, stage)
+
+
 def test_two_threads_give_the_same_bake(planned, whole):
     def side_by_side(stage, blocks):
         with ThreadPoolExecutor(2) as pool:

@@ -379,24 +379,21 @@ class Relighter:
         expect_offers("bake", bake, ("scene", "transport", "make_caster"), "a Bake")
         if bake is self.bake:
             return
-        if self._gloss is not None:
-            self._gloss.close()
-        self._gloss = self._sent = self._fixed = self.received = None
-        self._gloss_form.close()
-        self._gloss_form = GlossFormInUse(bake)
-        self._compressed.close()
-        self._compressed = FormInUse(bake)
+        self._let_go()
+        self._gloss_form, self._compressed = GlossFormInUse(bake), FormInUse(bake)
         self._environments.replace(bake)
         self._lamps.replace(bake)
-        self._emitted.close()
-        self._emitted = EmittedLight(bake)
-        self.bake = bake
+        self._emitted, self.received, self.bake = EmittedLight(bake), None, bake
 
     def close(self):
         """Let go of everything."""
-        if self._gloss is not None:
-            self._gloss.close()
+        self._let_go()
+        self._environments.close()
+        self._lamps.close()
+
+    def _let_go(self):
+        """Of all that belongs to one state of the bake."""
+        for part in (self._gloss, self._gloss_form, self._compressed, self._emitted):
+            if part is not None:
+                part.close()
         self._gloss = self._sent = self._fixed = None
-        parts = self._environments, self._lamps, self._emitted, self._compressed, self._gloss_form
-        for part in parts:
-            part.close()

@@ -14,5 +14,6 @@ def test_cycles_at_hand_bakes_the_golden_numbers(name):
     with quiet():
         radiance, albedo = cycles_radiance(CASES[name], 256, seed=3)
     assert albedo == pytest.approx(GOLDEN[name]["albedo"], abs=2e-3)
-    # The noise of so few samples.
+    # Noise of so few samples is 0.4 to 0.9 %. Blender 4.2 has another coat over metal: 1.5 % away
+    # at 4,096 samples, 1.7 % with this noise; the golden numbers are of 5.0.
     assert difference(CASES[name], radiance, GOLDEN[name]["radiance"]) < 0.02

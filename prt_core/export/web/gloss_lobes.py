@@ -12,8 +12,8 @@ from prt_core.reflectance.view_factors import ViewFactors
 from prt_core.relight.glossy_points import METAL, narrowest_of
 from prt_core.relight.point_lobes import PointLobes
 
-# Every so many of the nodes of `ViewFactors`, and materials that are told apart by them.
-_EVERY, _KINDS = 1, 256
+# Materials that are told apart by their `ViewFactors`.
+_KINDS = 256
 # Steps of Fresnel terms, and of the logarithm of alphas.
 _STEP, _ALPHA_STEP = 1 / 4096, 1 / 512
 # Alpha of lobes whose light the page sums up coarsely: roughness 0.35.
@@ -83,8 +83,8 @@ def pack_lobes(pack, bake, points):
     rows[:, 1:] = _STEP * np.rint(rows[:, 1:] / _STEP)
     surfaces, surface = np.unique(rows.reshape(n, -1), axis=0, return_inverse=True)
     pack.add("surface", surface.ravel().astype(np.uint32), differences=True)
-    tables = [factors.tables[name][:, ::_EVERY] for _, name in names]
-    tables = np.stack([*tables, factors.tables["diffuse"][:, ::_EVERY]], axis=2)
+    tables = [factors.tables[name] for name in (*(name for _, name in names), "diffuse")]
+    tables = np.stack(tables, axis=2)
     tables = np.pad(tables, ((0, 0), (0, 0), (0, 0), (0, 1)))
     pack.add("lobe", np.concatenate([surfaces.ravel(), tables.ravel()]).astype(np.float32))
     narrowest = min((float(each.min()) for each in alphas if len(each)), default=1.0)

@@ -1,7 +1,6 @@
 """The bake as a web page: the button, and the page in the browser afterwards."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
@@ -9,7 +8,6 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from prt_core.api import export_web_steps
 from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.errors import expect
-from prt_core.relight.light_file import write_lights
 
 from . import freshness, light_sets, live, preview, work
 from .buttons import BakeButton
@@ -59,12 +57,9 @@ class PRT_OT_web_page(_Page, LongWork, BakeButton, bpy.types.Operator):
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
         settings = {"bits": self.suns == "SHARP", "caster": self.scene.prt.caster}
-        with TemporaryDirectory() as folder:
-            if self.sets and self.scene.prt.sets:
-                path = Path(folder) / "lights.json"
-                write_lights(path, light_sets.as_values(self.scene))
-                settings["sets"] = [path]
-            return (yield from export_web_steps(held.bake, output, pace=pace, **settings))
+        if self.sets and self.scene.prt.sets:
+            settings["sets"] = light_sets.as_values(self.scene)
+        return (yield from export_web_steps(held.bake, output, pace=pace, **settings))
 
     def finish(self, context, report):
         page = Path(report["output"])

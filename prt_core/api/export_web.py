@@ -23,7 +23,7 @@ def export_web(bake, output, *, light_field=None, report=None, **settings):
         Shown on the same page beside a bake.
     report : callable(Progress), optional
     **settings
-        See `WebSettings`: one_file, bits, lights, title, lamp_samples, caster.
+        See `WebSettings`: one_file, bits, lights, sets, title, lamp_samples, caster.
 
     Returns
     -------

@@ -19,8 +19,10 @@ def add_web(commands):
         "--no-bits", action="store_true", help="small: without visibility bits; suns are soft"
     )
     web.add_argument(
-        "--light", nargs="+", metavar="IMAGE", help="what it offers (four images of its own)"
-    )
+        "--light", nargs="+", metavar="IMAGE",
+        help="images of light that the page offers (without any here or in --lights: four of its "
+        "own)",
+    )  # fmt: skip
     web.add_argument(
         "--lights", nargs="+", metavar="JSON", help="lights by name, as the add-on writes them: a "
         "button each",

@@ -46,9 +46,28 @@ def read_lights(path, bake):
         lights = json.loads(text)
     except ValueError as error:
         raise PRTError(f"{path}: is no .json file ({error})") from error
+    return lights_by_name(lights, bake, path, path.parent)
+
+
+def lights_by_name(lights, bake, where="lights", folder=None):
+    """What a file of lights holds, as `read_lights` returns it.
+
+    Parameters
+    ----------
+    lights : dict of str -> dict
+    bake : Bake
+    where : str or Path, optional
+        What messages begin with.
+    folder : Path, optional
+        From which paths of images are seen; default: the current one.
+    """
     good = isinstance(lights, dict) and lights and all(isinstance(v, dict) for v in lights.values())
-    expect(good, f'{path}: expected lights by name, as {{"day": {{"environment": "noon.exr"}}}}')
-    return [_light(path, name, values, bake) for name, values in lights.items()]
+    expect(good, f'{where}: expected lights by name, as {{"day": {{"environment": "noon.exr"}}}}')
+    where = getattr(where, "name", where)
+    return [
+        _light(f"{where}: light '{name}'", folder or Path(), name, values, bake)
+        for name, values in lights.items()
+    ]
 
 
 def write_lights(path, lights):
@@ -81,16 +100,15 @@ def write_lights(path, lights):
         part.write_text(text + "\n", encoding="utf-8")
 
 
-def _light(path, name, values, bake):
-    known = [field.name for field in fields(Lighting)]
-    values, where = dict(values), f"{path.name}: light '{name}'"
+def _light(where, folder, name, values, bake):
+    known, values = [field.name for field in fields(Lighting)], dict(values)
     weight = values.pop("weight", 1.0)
     unknown = sorted(set(values) - set(known))
     expect(not unknown, f"{where}: has no {', '.join(unknown)}; there are {', '.join(known)}, "
            "weight")  # fmt: skip
     image = values.get("environment")
     if isinstance(image, str) and image != "world":
-        values["environment"] = path.parent / image
+        values["environment"] = folder / image
     if isinstance(values.get("lamps"), dict):
         # The light of the world holds some of its suns already, on its texels.
         lamps = [lamp for lamp in bake.lamps if not (image == "world" and lamp.is_on_texels)]

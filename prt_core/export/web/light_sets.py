@@ -10,11 +10,16 @@ import numpy as np
 
 from prt_core.errors import expect, shown
 from prt_core.relight.emission import OTHERS
-from prt_core.relight.light_file import read_lights
+from prt_core.relight.light_file import lights_by_name, read_lights
 
 
-def read_sets(paths, bake):
-    """Lights of .json files, by name in the order of the files (see `read_lights`).
+def read_sets(sets, bake):
+    """Lights by name, or those of .json files in the order of the files (see `read_lights`).
+
+    Parameters
+    ----------
+    sets : dict of str -> dict, or sequence of str or Path
+    bake : Bake
 
     Returns
     -------
@@ -27,10 +32,13 @@ def read_sets(paths, bake):
         pages cannot show.
     """
     expect(
-        isinstance(paths, list | tuple) and len(paths),
-        f"sets: expected a list of .json files of lights, got {shown(paths)}",
+        isinstance(sets, list | tuple | dict) and len(sets),
+        f"sets: expected lights by name, or a list of .json files of them, got {shown(sets)}",
     )
-    lights = [light for path in paths for light in read_lights(path, bake)]
+    if isinstance(sets, dict):
+        lights = lights_by_name(sets, bake, "sets")
+    else:
+        lights = [light for path in sets for light in read_lights(path, bake)]
     names = [light.name for light in lights]
     twice = [name for name in names if names.count(name) > 1]
     expect(not twice, f"sets: two are called '{twice and twice[0]}'; give each its own name")
@@ -54,13 +62,22 @@ def read_sets(paths, bake):
     return lights
 
 
-def image_paths(lights):
-    """Paths of the images of `read_sets`, each once."""
+def image_paths(lights, own=()):
+    """Paths of the images of `read_sets`, after `own` ones; each file once.
+
+    Returns
+    -------
+    dict of Path -> path
+        As they were given, by what they are in full.
+    """
     paths = [light.lighting.environment for light in lights if light.lighting.is_image]
-    return list(dict.fromkeys(map(Path, paths)))
+    files = {}
+    for path in (*own, *paths):
+        files.setdefault(Path(path).resolve(), path)
+    return files
 
 
-def page_sets(lights, bake, sources, offset=0):
+def page_sets(lights, bake, sources, paths=()):
     """What a page is told of lights.
 
     Parameters
@@ -70,8 +87,8 @@ def page_sets(lights, bake, sources, offset=0):
     bake : Bake
     sources : list of Source
         Of the page.
-    offset : int
-        Where the images of `image_paths` begin among those of the page.
+    paths : sequence of Path
+        Of the page's images, in full.
 
     Returns
     -------
@@ -79,13 +96,14 @@ def page_sets(lights, bake, sources, offset=0):
         name; light: which image, "world" or None; turn in degrees; strength in stops; strengths
         of the sources.
     """
-    images, sets = image_paths(lights), []
+    images, sets = list(paths), []
     for light in lights:
         lighting = light.lighting
         power = lighting.strength
         shines = None
         if power > 0 and lighting.environment is not None:
-            shines = "world" if lighting.is_world else offset + images.index(lighting.environment)
+            image = lighting.environment
+            shines = "world" if lighting.is_world else images.index(Path(image).resolve())
         turn = np.degrees(np.arctan2(lighting.matrix[1, 0], lighting.matrix[0, 0]))
         sets.append({
             "name": light.name,

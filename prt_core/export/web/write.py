@@ -48,8 +48,8 @@ class WebSettings:
         The visibility bits, by which suns are sharp; without them a page is small and suns soft.
     lights : sequence of str or Path, optional
         Images that it offers, shrunk; default: four of its own.
-    sets : sequence of str or Path, optional
-        .json files of lights by name (see `relight.light_file`), each of which has a button.
+    sets : dict of str -> dict, or sequence of str or Path, optional
+        Lights by name, or .json files of them (see `relight.light_file`): each has a button.
     title : str, optional
         Default: the name of the bake.
     lamp_samples : int
@@ -134,8 +134,8 @@ def _bake_steps(bake, settings, title, pace):
     sets = [] if settings.sets is None else read_sets(settings.sets, bake)
     own = settings.lights
     own = [] if own is None else expect_all("lights", own, str | Path, "images")
-    paths = [*own, *image_paths(sets)] or settings.lights
-    images = yield from in_thread("lights", page_images, paths)
+    paths = image_paths(sets, own)
+    images = yield from in_thread("lights", page_images, list(paths.values()) or settings.lights)
     expect_images(images)
     surface = yield from in_thread("surface", surface_of, bake.scene)
     sources = yield from lamp_steps(bake, settings.caster, settings.lamp_samples, pace)
@@ -155,7 +155,7 @@ def _bake_steps(bake, settings, title, pace):
     work = _pack, pack, pack.facts, bake, surface, sources, coded, images
     notes = yield from in_thread("pack", *work)
     if sets:
-        pack.facts["sets"] = page_sets(sets, bake, sources, len(own))
+        pack.facts["sets"] = page_sets(sets, bake, sources, paths)
     report = {
         "parts": pack.sizes,
         "form": form,

@@ -9,6 +9,7 @@ import prt_core
 from prt_core.bake import BakeSettings, bake_steps, load
 from prt_core.errors import PRTError
 from prt_core.evaluate import colour_error
+from prt_core.export.web.light_sets import image_paths, page_sets, read_sets
 from prt_core.export.web.sources import shrunk
 from prt_core.export.web.surface import surface_of
 from prt_core.light import EnvironmentMap, Lamp, write_image
@@ -73,6 +74,15 @@ def test_a_button_shows_its_light_alone(bake, image, tmp_path):
         assert not browser.errors
 
 
+def test_an_image_that_is_named_twice_is_there_once(bake, image, tmp_path):
+    noon = tmp_path / "noon.exr"
+    lights = {"day": {"environment": noon}, "low": {"environment": str(noon), "strength": 0.5}}
+    sets = read_sets(lights, bake)
+    paths = image_paths(sets, [tmp_path / "x" / ".." / "noon.exr"])
+    assert list(paths) == [noon.resolve()]
+    assert [each["light"] for each in page_sets(sets, bake, [], paths)] == [0, 0]
+
+
 def test_what_a_page_cannot_show_is_said(bake, image, tmp_path):
     for values, words in (
         ({"environment": "noon.exr", "rotation": [30, 0, 0]}, "other axes than z"),
@@ -80,8 +90,10 @@ def test_what_a_page_cannot_show_is_said(bake, image, tmp_path):
         ({"environment": "world"}, "no light of its world"),
     ):
         (tmp_path / "sets.json").write_text(json.dumps({"day": values}))
-        with pytest.raises(PRTError, match=words):
-            prt_core.export_web(bake, tmp_path / "page", sets=[tmp_path / "sets.json"])
+        in_full = {"environment": tmp_path / "noon.exr"} if "rotation" in values else {}
+        for sets in ([tmp_path / "sets.json"], {"day": values | in_full}):
+            with pytest.raises(PRTError, match=words):
+                prt_core.export_web(bake, tmp_path / "page", sets=sets)
     (tmp_path / "sets.json").write_text(json.dumps({"day": {"lamps": True}}))
     twice = [tmp_path / "sets.json"] * 2
     with pytest.raises(PRTError, match="two are called 'day'"):

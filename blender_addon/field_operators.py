@@ -10,13 +10,13 @@ from prt_core.api.light_field import light_field_steps
 from prt_core.bake.light_field import LightFieldSettings
 from prt_core.bake.light_field_compress import TOLERANCE, compress_light_field_steps
 from prt_core.blender.compat import PATH_OPTIONS, custom_camera_missing
-from prt_core.blender.stand_ins import ORIGINAL
 from prt_core.errors import expect
 from prt_core.runtime.main_thread import MainThreadCalls, steps_in_thread
 from prt_core.runtime.progress import run
 
 from . import field_list, following, light_fields, live, plan, preview, saving, views, work
 from .buttons import Asks, Button
+from .shapes import chosen_names
 from .work import LongWork
 
 # A bake's surfaces look the same from all sides: as few directions as a field can have.
@@ -57,7 +57,7 @@ what was stopped goes on where it was"""
                 missing is None,
                 f"light field: {missing}, or take the field of a bake of the scene",
             )
-            objects = _chosen(context)
+            objects = chosen_names(context, "light field", "what it is to be of")
             two_sided = [name for name in plan.two_sided(scene) if name in objects]
         self.path = path = field_list.output_path(scene)
         field_list.expect_ours(scene, path)
@@ -92,16 +92,6 @@ what was stopped goes on where it was"""
             self.report({"WARNING"}, message)
         self.report({"INFO"}, text)
         work.say(text, notes=line["messages"])
-
-
-def _chosen(context):
-    """Names of the selected objects that have faces; a realised copy stands for its original."""
-    chosen = [item.get(ORIGINAL) or item for item in context.selected_objects]
-    expect(chosen, "light field: select the objects that it is to be of")
-    names = [o.name_full for o in chosen if o.type in plan.GEOMETRY or o.instance_type != "NONE"]
-    few = ", ".join(item.name for item in chosen[:3]) + (" …" if len(chosen) > 3 else "")
-    expect(names, f"light field: nothing that is selected has faces ({few}); select a mesh")
-    return list(dict.fromkeys(names))
 
 
 class PRT_OT_light_field_load(LongWork, Button, bpy.types.Operator):

@@ -23,6 +23,7 @@ from prt_core.scene import changes
 from . import bakes, naming, plan, work
 from .buttons import Asks, Button, show_in_renders
 from .request import request
+from .shapes import chosen_names
 from .work import LongWork
 
 _SUFFIX = {"PNG": ".png", "PNG16": ".png", "EXR": ".exr"}
@@ -97,8 +98,7 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
         scene = self.begin(context)
         chosen = None
         if self.selected:
-            chosen = [item.name for item in context.selected_objects]
-            expect(chosen, "lightmap: nothing is selected; select objects, or bake all")
+            chosen = chosen_names(context, "lightmap", "objects, or bake all")
         expect(
             bpy.data.filepath or not self.filepath.startswith("//"),
             "file: save the scene first, or give a full path",

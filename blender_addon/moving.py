@@ -3,10 +3,9 @@
 import bpy
 from bpy.props import BoolProperty
 
-from prt_core.errors import expect
-
 from . import bakes, plan, preview
 from .operators import Baking
+from .shapes import chosen_names
 
 
 class PRT_OT_update(Baking, bpy.types.Operator):
@@ -24,7 +23,8 @@ class PRT_OT_update(Baking, bpy.types.Operator):
     )  # fmt: skip
 
     def steps(self, context, pace):
-        self.only = selected(context) if self.selected else None
+        if self.selected:
+            self.only = chosen_names(context, "selection", "objects, or bake all")
         return (yield from super().steps(context, pace))
 
 
@@ -39,23 +39,6 @@ def has_changed(scene):
     listed = bpy.context.window_manager.prt.bakes
     item = next((b for b in listed if b.path == path and b.complete), None)
     return item is not None and bakes.state(scene, item)[1] == "ERROR"
-
-
-def selected(context):
-    """Names of the baked objects that are selected; what they hold or instance goes with them.
-
-    Raises
-    ------
-    PRTError
-        None is.
-    """
-    names = {
-        item.name_full
-        for item in context.selected_objects
-        if (item.type in plan.GEOMETRY or item.instance_type != "NONE") and not item.hide_render
-    }
-    expect(names, "selected: no object that is baked is selected; select some, or bake all")
-    return sorted(names)
 
 
 register, unregister = bpy.utils.register_classes_factory((PRT_OT_update,))

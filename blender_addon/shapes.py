@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from prt_core.blender.stand_ins import is_copy, is_kept, renders
+from prt_core.blender.stand_ins import ORIGINAL, is_copy, is_kept, renders
+from prt_core.errors import expect
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
@@ -31,6 +32,34 @@ def shape_of(scene, depsgraph=None):
         corners = len(item.data.loops) if item.type == "MESH" else 0
         shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners
     return shapes
+
+
+def chosen_names(context, where, what):
+    """Full names of the selected objects that a bake has, each once.
+
+    A realised copy or a kept object stands for the object that it was made of, which it hides.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    where, what : str
+        For messages: what asks, and for which objects.
+
+    Raises
+    ------
+    PRTError
+        Nothing is selected, or nothing that has faces and renders.
+    """
+    selected = [item.get(ORIGINAL) or item for item in context.selected_objects]
+    expect(selected, f"{where}: nothing is selected; select {what}")
+    names = [
+        item.name_full
+        for item in selected
+        if (item.type in GEOMETRY or item.instance_type != "NONE") and renders(item)
+    ]
+    few = ", ".join(item.name for item in selected[:3]) + (" …" if len(selected) > 3 else "")
+    expect(names, f"{where}: nothing that is selected has faces and renders ({few}); select {what}")
+    return list(dict.fromkeys(names))
 
 
 def groups_of(scene):

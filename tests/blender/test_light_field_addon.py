@@ -242,9 +242,9 @@ def test_an_older_blender_says_so_and_offers_the_field_of_the_bake(scene, monkey
 @needs_camera
 def test_what_cannot_be_captured_is_said(scene):
     bpy.ops.object.select_all(action="DESELECT")
-    assert "select the objects" in why_not("light_field_bake")
+    assert "nothing is selected" in why_not("light_field_bake")
     select(scene.camera)
-    assert "nothing that is selected has faces (eye)" in why_not("light_field_bake")
+    assert "nothing that is selected has faces and renders (eye)" in why_not("light_field_bake")
     select(scene.objects["ball"])
     bpy.ops.prt.bake()
     Path(preview.path_of(scene)).rename(field_list.output_path(scene))

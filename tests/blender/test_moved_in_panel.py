@@ -6,6 +6,8 @@ import pytest
 
 import prt_core
 from blender_addon import bakes, freshness, moving, plan, preview
+from blender_addon.shapes import chosen_names
+from prt_core.blender.stand_ins import ORIGINAL, is_copy
 from prt_core.cli import main
 from prt_core.runtime.progress import run
 from tests.blender.conftest import colours_on
@@ -59,11 +61,28 @@ def test_the_button_bakes_what_moved(changed, tmp_path):
     assert report["reused"]["line"].startswith("no object changed: 0 of ")
 
 
+def test_a_copy_that_is_selected_stands_for_its_object(baked_floor):
+    """What has modifiers is shown by a realised copy, and hidden itself."""
+    ball = bpy.data.objects["ball"]
+    ball.modifiers.new("Fine", "SUBSURF")
+    assert bpy.ops.prt.bake(restart=True) == {"FINISHED"}
+    (copy,) = (o for o in baked_floor.objects if is_copy(o))
+    assert ball.hide_render and copy[ORIGINAL] == ball
+    ball.location.x += 0.3
+    bpy.context.view_layer.update()
+    for item in bpy.data.objects:
+        item.select_set(item == copy)
+    chosen = chosen_names(bpy.context, "selection", "something")
+    assert chosen == ["ball"]
+    assert bpy.ops.prt.update(selected=True) == {"FINISHED"}
+    assert "of objects not selected nothing was asked" in said()
+
+
 def test_a_selection_keeps_the_colours_of_others(changed):
     floor = floor_light(changed)
     for item in bpy.data.objects:
         item.select_set(False)
-    with pytest.raises(RuntimeError, match="selected: no object that is baked is selected"):
+    with pytest.raises(RuntimeError, match="selection: nothing is selected"):
         bpy.ops.prt.update(selected=True)
     bpy.data.objects["ball"].select_set(True)
     assert bpy.ops.prt.update(selected=True) == {"FINISHED"}

@@ -36,14 +36,17 @@ class BounceError:
     of_points : (n_points,) float32
         Of the class of each point, or of all, whichever is more, in units in which that of all
         counts 1: `max(whole, class / LOCAL)`.
+    classes : (n_points,) int8
+        0 where it is open, or not seen.
     """
 
     whole: float
     enclosed: float
     of_points: np.ndarray
+    classes: np.ndarray
 
 
-def bounce_error(first, second, seen):
+def bounce_error(first, second, seen, classes=None):
     """`BounceError` of two halves.
 
     Parameters
@@ -52,17 +55,22 @@ def bounce_error(first, second, seen):
         Radiance by either half of the rays; the first light is an even sky.
     seen : (n_points,) bool
         Points that are seen; of others nothing is said, but that they take as many rays as all.
+    classes : (n_points,) int8, optional
+        As they were found before: points do not change their class while rays are added.
     """
     one, two = (half[seen].astype(np.float64) for half in (first, second))
     spread, light = (one - two) ** 2 / 4, (one + two) / 2
     mean = np.sqrt((light**2).mean(axis=0))
     lit = mean > 0
     if not lit.any():
-        return BounceError(0.0, 0.0, np.zeros(len(seen), np.float32))
+        return BounceError(0.0, 0.0, *np.zeros((2, len(seen)), np.int8))
     spread, light = spread[:, lit] / mean[lit] ** 2, light[:, lit] / mean[lit]
     whole = np.sqrt(spread.mean(axis=0)).max()
-    below = np.ceil(-np.log2(np.maximum(light[:, 0], 2.0 ** -(_DARK + 1))))
-    octave = np.clip(below, _OPEN, _DARK + 1).astype(np.int64) - _OPEN
+    if classes is None:
+        classes = np.zeros(len(seen), np.int8)
+        below = np.ceil(-np.log2(np.maximum(light[:, 0], 2.0 ** -(_DARK + 1))))
+        classes[seen] = np.clip(below, _OPEN, _DARK + 1) - _OPEN
+    octave = classes[seen]
     size = np.maximum(light, light[:, :1])
     count, errors = np.bincount(octave, minlength=_DARK + 2 - _OPEN), 0.0
     for column in range(light.shape[1]):
@@ -72,4 +80,4 @@ def bounce_error(first, second, seen):
     errors[count < _FEW * len(light)] = 0
     of_points = np.full(len(seen), whole, np.float32)
     of_points[seen] = np.maximum(whole, errors / LOCAL)[octave]
-    return BounceError(float(whole), float(errors.max()), of_points)
+    return BounceError(float(whole), float(errors.max()), of_points, classes)

@@ -127,6 +127,7 @@ def bounce_steps(
     if kept is not None:
         rounds_of[:] = np.minimum(kept.rounds_of, most)
     rounds, error, more = 0, None, np.ones(n_points, bool)
+    seen = scene.points.visible if scene.points.visible.any() else more.copy()
     while more.any() or rounds < rounds_of.max():
         stop = int(rounds_of.max())
         if more.any():
@@ -135,7 +136,8 @@ def bounce_steps(
         yield from _gather_rounds(store, work, range(rounds, stop), rounds_of, seconds, here)
         rounds, start = stop, time.perf_counter()
         with damage_as_error(store.path, f"'{GATHER}'"):
-            error = _bounce_error(work.hits, scene, rounds, probes, blocked, settings, *room)
+            halves = tuple(_halves(work.hits, scene, rounds, probes, blocked, settings, *room))
+        error = bounce_error(*halves, seen, None if error is None else error.classes)
         # Who has once left the rounds does not come back.
         more = (error.of_points > settings.tolerance) & (rounds_of >= rounds) & (rounds < most)
         yield Progress("bounces", n_points, n_points)
@@ -236,9 +238,8 @@ def _probe_light(store, scene, cube_map, parts):
     return np.concatenate(received)
 
 
-def _bounce_error(hits, scene, rounds, probes, blocked, settings, *room):
-    """`BounceError` of all bounces, from two halves of the rays."""
-    halves = []
+def _halves(hits, scene, rounds, probes, blocked, settings, *room):
+    """Radiance of all bounces under the probe lights, by two halves of the rays."""
     points = scene.points
     albedo, mean = (
         mean_of_channels(sent_of(materials, scene.opposite))
@@ -246,9 +247,5 @@ def _bounce_error(hits, scene, rounds, probes, blocked, settings, *room):
     )
     for half in (0, 1):
         operator = read_gather(hits, range(half, rounds, 2), blocked, *room)
-        halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0])
+        yield all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0]
         del operator
-    seen = scene.points.visible
-    if not seen.any():
-        seen = ~seen
-    return bounce_error(*halves, seen)

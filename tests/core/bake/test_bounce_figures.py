@@ -90,6 +90,11 @@ def test_enclosed_places_are_measured_by_their_own_light():
     # Neither what is open, nor what is dark, nor what is not seen.
     others = np.r_[0:600, 900:1000]
     np.testing.assert_allclose(error.of_points[others], error.whole, rtol=1e-6)
+    # Points keep their class, whatever more rays say of them.
+    again = bounce_error(*halves[:, ::-1], seen[::-1], error.classes[::-1])
+    np.testing.assert_array_equal(again.of_points[::-1], error.of_points)
+    moved = bounce_error(*halves, seen, np.zeros(len(seen), np.int8))
+    assert moved.enclosed == 0 and moved.whole == error.whole
     # A corner is no place.
     few = bounce_error(*halves[:, np.r_[0:600, 600:610]], np.ones(610, bool))
     assert few.enclosed == 0

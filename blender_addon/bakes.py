@@ -46,6 +46,7 @@ def refresh(scene, select=""):
         item.megabytes = n_bytes / 1e6
         item.seconds = sum((attributes.get("seconds") or {}).values())
         item.error = -1.0 if report.get("error") is None else report["error"]
+        item.error_enclosed = report.get("error_enclosed") or -1.0
         item.points = report.get("points", 0)
         item.method = report.get("method") or "exhaustive"
         item.entries = report.get("entries_percent") or 0.0

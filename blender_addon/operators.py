@@ -127,6 +127,8 @@ class Baking(LongWork, Button):
         text = f"Baked {line['points']:,} points in {seconds:.1f} s with {line['back_end']}"
         if line["error"] is not None:
             text += f", bounced light within {line['error']:.2%}"
+            if "error_enclosed" in line:
+                text += f", {line['error_enclosed']:.1%} in enclosed places"
         if "reused" in line:
             text = f"{line['reused']['line']}; {seconds:.1f} s"
         for message in line["messages"]:

@@ -68,6 +68,8 @@ def accuracy(item):
         parts.append(f"direct light within {item.visibility_error:.2%}")
     if item.error >= 0:
         parts.append(f"bounced light within {item.error:.2%}")
+    if item.error_enclosed >= 0:
+        parts.append(f"in enclosed places within {item.error_enclosed:.1%} of the light there")
     return ", ".join(parts)
 
 

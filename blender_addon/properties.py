@@ -323,6 +323,7 @@ class PRTBakeItem(bpy.types.PropertyGroup):
     method: StringProperty()
     entries: FloatProperty()
     visibility_error: FloatProperty(default=-1.0)
+    error_enclosed: FloatProperty(default=-1.0)
     back_end: StringProperty()
     rate: FloatProperty()
     gloss: BoolProperty()

@@ -37,7 +37,7 @@ class Request:
     mapped : bool
         Whether wide lobes are looked up in maps of views.
     around : bool
-        Whether colours are looked at from elsewhere too (see `viewport.from_all_sides`).
+        Whether colours are looked at from elsewhere too (see `View.above`).
     """
 
     lights: tuple
@@ -91,7 +91,8 @@ class Request:
         """The `View` by which a `Preview`'s points are seen; None where gloss is not shown."""
         if self.view is None or not self.around:
             return self.view
-        return viewport.from_all_sides(self.view, shown.bake.scene)
+        scene = shown.bake.scene
+        return self.view.above(scene.to_world(scene.points.positions), scene.points.normals)
 
     def all_around(self):
         """The same for colours that stay, and are looked at from everywhere."""

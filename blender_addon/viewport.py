@@ -66,29 +66,6 @@ def place_of(view):
     return view.position is None, tuple(place)
 
 
-def from_all_sides(view, scene):
-    """A `View` of colours that are looked at from elsewhere too.
-
-    Sides that face away from the viewer would reflect nothing, and metal there be black. They are
-    seen at the slant that they have, from above their surface.
-
-    Parameters
-    ----------
-    view : View
-    scene : prt_core.Scene
-        Of the bake whose points are seen.
-
-    Returns
-    -------
-    View
-        A direction for each point.
-    """
-    normals = scene.points.normals.astype(np.float64)
-    outgoing = view.outgoing(scene.to_world(scene.points.positions))
-    cosine = np.einsum("nx,nx->n", normals, outgoing)[:, None]
-    return View(direction=outgoing - 2 * np.minimum(cosine, 0) * normals)
-
-
 def _through(item):
     """The `View` of an object that a view looks through."""
     parallel = item.type == "CAMERA" and item.data.type == "ORTHO"

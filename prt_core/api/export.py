@@ -107,6 +107,9 @@ def export_glb_steps(
             compressed.of == "points",
             "weights: the compressed form is of the image; run 'prt compress --of points' first",
         )
+    if view is not None:
+        points = bake.scene.points
+        view = view.above(bake.scene.to_world(points.positions), points.normals)
     relighter = Relighter(shown, caster, form) if own else relighter
     try:
         radiance = yield from relighter.steps(lighting, pace, view=view)

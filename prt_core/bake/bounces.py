@@ -1,13 +1,25 @@
-"""The bounce stage of a bake: rounds of gather rays until two halves of them agree."""
+"""The bounce stage of a bake: rounds of gather rays until two halves of them agree.
+
+All points take part in the first rounds, and in later ones those that are still too far off, or
+that are in enclosed places which are (see `bounce_error`): a room behind a window takes many rays,
+what stands in the open takes few.
+"""
 
 import time
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from prt_core.bake.bounce_error import LOCAL, bounce_error
 from prt_core.bake.coarse import probe_skies
 from prt_core.bake.gather import SHIFTS, read_gather
-from prt_core.bake.gather_blocks import GATHER, GATHER_RAYS, MOST_ROUNDS, GatherBlocks
+from prt_core.bake.gather_blocks import (
+    GATHER,
+    GATHER_RAYS,
+    MOST_ROUNDS,
+    ROUNDS_OF,
+    GatherBlocks,
+)
 from prt_core.bake.stages import BlocksMissing, open_stage
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.runtime.progress import Progress
@@ -31,7 +43,8 @@ class Bounced:
         From the points; and from what they met, to see who may share it.
     rounds : int
         0 where bounces are too weak to matter.
-    error : float or None
+    error, enclosed : float or None
+        As shares of all light, and of that of enclosed places alone (see `BounceError`).
     hidden : float
         Share of the rays that met a place which sees none of its bake points.
     dark_backs : float
@@ -44,6 +57,7 @@ class Bounced:
     short_rays: int = 0
     rounds: int = 0
     error: float | None = None
+    enclosed: float | None = None
     hidden: float = 0.0
     dark_backs: float = 0.0
     skipped: dict = field(default_factory=dict)
@@ -98,7 +112,7 @@ def bounce_steps(
         bound = np.inf
     if bound <= settings.tolerance / 2:
         skipped["bounces_below"] = bound
-        for name in (GATHER, GATHER_RAYS, SHIFTS, "blocked"):
+        for name in (GATHER, GATHER_RAYS, ROUNDS_OF, SHIFTS, "blocked"):
             store.remove(name)
         store.update(rounds=0)
         return Bounced(error=bound, skipped=skipped)
@@ -108,36 +122,44 @@ def bounce_steps(
     kept = None if reuse is None else reuse.kept_rays(store, settings.seed)
     work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed, kept)
     room, most = (memory, store.path.parent), most_rounds(n_points)
-    rounds, error = 0, np.inf
-    while rounds < most and error > settings.tolerance:
-        # As many as another bake needed are there, but for what has changed.
-        least = 0 if kept is None or rounds else min(kept.rounds, most)
-        wanted = _next_rounds(rounds, error, settings.tolerance, most)
-        turns = range(rounds, max(wanted, least))
-        rounds = turns.stop
-        yield from _gather_round(store, work, turns, seconds, here)
-        start = time.perf_counter()
+    # What another bake needed is there, but for what has changed.
+    rounds_of = np.zeros(n_points, np.int16)
+    if kept is not None:
+        rounds_of[:] = np.minimum(kept.rounds_of, most)
+    rounds, error, more = 0, None, np.ones(n_points, bool)
+    seen = scene.points.visible if scene.points.visible.any() else more.copy()
+    while more.any() or rounds < rounds_of.max():
+        stop = int(rounds_of.max())
+        if more.any():
+            stop = _next_rounds(rounds, error, settings.tolerance, most)
+        rounds_of[more] = np.maximum(rounds_of[more], stop)
+        yield from _gather_rounds(store, work, range(rounds, stop), rounds_of, seconds, here)
+        rounds, start = stop, time.perf_counter()
         with damage_as_error(store.path, f"'{GATHER}'"):
-            error = _bounce_error(work.hits, scene, rounds, probes, blocked, settings, *room)
+            halves = tuple(_halves(work.hits, scene, rounds, probes, blocked, settings, *room))
+        error = bounce_error(*halves, seen, None if error is None else error.classes)
+        # Who has once left the rounds does not come back.
+        more = (error.of_points > settings.tolerance) & (rounds_of >= rounds) & (rounds < most)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
-        goes_on = rounds < most and error > settings.tolerance
-        if pictures is not None and goes_on and pictures.is_due:
+        if pictures is not None and more.any() and pictures.is_due:
             gather = read_gather(work.hits, range(rounds), blocked, *room)
-            pictures.bounced(gather, float(error))
+            pictures.bounced(gather, error.whole)
+    store.keep(ROUNDS_OF, rounds_of)
     counts = work.cut(rounds)
     store.update(rounds=rounds, seconds=seconds)
     cast, short, hidden, *backs = counts[...].sum(axis=(0, 1)).tolist()
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     share = hidden / max(cast, 1)
     dark = sum(backs) / max(cast, 1)
-    return Bounced(cast, short, rounds, float(error), share, dark, skipped)
+    return Bounced(cast, short, rounds, error.whole, error.enclosed, share, dark, skipped)
 
 
-def _gather_round(store, work, turns, seconds, here):
-    """Some rounds of rays of all points; yields `Progress`."""
+def _gather_rounds(store, work, turns, rounds_of, seconds, here):
+    """Some rounds of rays, of the points that take part in them; yields `Progress`."""
     n_points, parts = work.hits.shape[0], work.parts
     stage = stage_of(turns)
+    work.ask(rounds_of, turns)
     yield Progress("gather", 0, n_points)
     for first in range(0, len(parts), work.group):
         group = range(first, min(first + work.group, len(parts)))
@@ -175,12 +197,15 @@ def gather_so_far(store, rounds, memory=None):
 def _next_rounds(rounds, error, tolerance, most):
     """Rounds after which the error should be within the tolerance.
 
-    Errors of rays in a Sobol sequence fall with the 0.7th to 0.75th power of their number.
+    Errors of rays in a Sobol sequence fall with the 0.7th to 0.75th power of their number. Enclosed
+    places take at most twice as many as there are: fewer of them may need the rest.
     """
     if not rounds:
         return 2
-    wanted = 2 * int(np.ceil(rounds * (error / tolerance) ** (1 / 0.7) / 2))
-    return min(max(wanted, rounds + 2), most)
+    whole = error.whole > tolerance
+    worst = error.whole if whole else error.enclosed / LOCAL
+    wanted = 2 * int(np.ceil(rounds * (worst / tolerance) ** (1 / 0.7) / 2))
+    return min(max(wanted, rounds + 2), most if whole else 2 * rounds, most)
 
 
 def _most_bounced(albedo, probes, spared):
@@ -213,9 +238,8 @@ def _probe_light(store, scene, cube_map, parts):
     return np.concatenate(received)
 
 
-def _bounce_error(hits, scene, rounds, probes, blocked, settings, *room):
-    """Relative error of all bounces, from two halves of the rays, worst of the probe lights."""
-    halves = []
+def _halves(hits, scene, rounds, probes, blocked, settings, *room):
+    """Radiance of all bounces under the probe lights, by two halves of the rays."""
     points = scene.points
     albedo, mean = (
         mean_of_channels(sent_of(materials, scene.opposite))
@@ -223,12 +247,5 @@ def _bounce_error(hits, scene, rounds, probes, blocked, settings, *room):
     )
     for half in (0, 1):
         operator = read_gather(hits, range(half, rounds, 2), blocked, *room)
-        halves.append(all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0])
+        yield all_bounces(operator, albedo, probes, 1e-4, settings.bounces, mean)[0]
         del operator
-    seen = scene.points.visible
-    if not seen.any():
-        seen = ~seen
-    first, second = (half[seen].astype(np.float64) for half in halves)
-    spread = np.sqrt(((first - second) ** 2).sum(axis=0)) / 2
-    size = np.sqrt((((first + second) / 2) ** 2).sum(axis=0))
-    return float((spread / np.maximum(size, 1e-30)).max()) if size.any() else 0.0

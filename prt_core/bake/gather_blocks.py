@@ -15,6 +15,8 @@ from prt_core.transport.gather import ROUND
 MOST_ROUNDS = 64
 # Where rays ended, and what casting them came to.
 GATHER, GATHER_RAYS = "gather", "gather_rays"
+# Of each point below which number the rounds are in which it takes part.
+ROUNDS_OF = "gather_rounds"
 # Blocks worked on together for each core, where rays are cast by one thread.
 _TOGETHER = 4
 # Figures of a block and round, before those of objects: the rays, those cast from their hits, and
@@ -40,6 +42,8 @@ class GatherBlocks:
     seed : int
     kept : KeptRays, optional
         Rays that another bake has cast.
+    rounds_of : (n_points,) int16, optional
+        See `ask`.
 
     Attributes
     ----------
@@ -49,10 +53,13 @@ class GatherBlocks:
         Blocks that are best computed together.
     """
 
-    def __init__(self, hits, counts, store, scene, cube_map, caster, seed, kept=None):
+    def __init__(
+        self, hits, counts, store, scene, cube_map, caster, seed, kept=None, rounds_of=None
+    ):
         self.hits, self.parts = hits, blocks(len(scene.points))
         self._counts, self._store, self._scene = counts, store, scene
         self._caster, self._seed, self._kept = caster, seed, kept
+        self._rounds_of = rounds_of
         self._clear = _Clear(store.array("visibility"), cube_map)
         self._sharing = Sharing(scene)
         one_thread = _TOGETHER * n_cores()
@@ -68,7 +75,23 @@ class GatherBlocks:
     def opened(cls, store, scene, cube_map, caster, seed):
         """Those of a bake that another process has begun."""
         arrays = store.array(GATHER), store.array(GATHER_RAYS)
-        return cls(*arrays, store, scene, cube_map, caster, seed)
+        rounds_of = store.read(ROUNDS_OF, (len(scene.points),), "int16")
+        return cls(*arrays, store, scene, cube_map, caster, seed, rounds_of=rounds_of)
+
+    def ask(self, rounds_of, turns):
+        """Say how many rounds of rays each point takes part in, before some rounds are cast.
+
+        Points that take part in a round do so in all before it, so what was said for earlier
+        rounds stays true, and is not said again where those are there already.
+
+        Parameters
+        ----------
+        rounds_of : (n_points,) int16
+        turns : range
+        """
+        self._rounds_of = rounds_of.copy()
+        if not all(self.has(index, turns) for index in range(len(self.parts))):
+            self._store.keep(ROUNDS_OF, self._rounds_of)
 
     def is_done(self, index, turn):
         """Whether the rays of a block in a round are there."""
@@ -84,7 +107,7 @@ class GatherBlocks:
         spared = self._scene.open_points
         gathered = gather_parts(
             self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing,
-            self._kept,
+            self._kept, self._rounds_of,
         )  # fmt: skip
         on_all_cores(self._write, zip(todo, gathered, strict=True))
         return sum(one.n_rays + one.n_short for one in gathered)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from prt_core.bake.bounce_error import LOCAL
 from prt_core.rays import MOST_LAYERS
 from prt_core.runtime.cores import n_cores
 from prt_core.runtime.machine import peak_bytes
@@ -86,6 +87,8 @@ def bake_report(
     gloss = None if certified is None else certified.worst[1]
     errors = error, emitted.error, gloss
     within = [value is None or value <= settings.tolerance for value in errors]
+    enclosed = bounced.enclosed or None
+    within.append(enclosed is None or enclosed <= LOCAL * settings.tolerance)
     met = seen["tolerance_met"] and all(within)
     refined = _refined(scene)
     return {
@@ -100,6 +103,7 @@ def bake_report(
         "rays_per_second": rays / max(traced, 1e-9),
         "rays_a_point": rounds * ROUND,
         "error": error,
+        **({"error_enclosed": enclosed} if enclosed else {}),
         "tolerance": settings.tolerance,
         "tolerance_met": met,
         "hidden_hits": bounced.hidden,
@@ -169,6 +173,12 @@ def _missed(seen, emitted, bounced, certified, tolerance):
             f"tolerance of {tolerance:.2%}, with the most rays that are cast "
             f"({bounced.rounds * ROUND} a point); light reaches this scene through little of what "
             "its points see"
+        )
+    elif (bounced.enclosed or 0) > LOCAL * tolerance:
+        yield (
+            f"in enclosed places the bounces may be {bounced.enclosed:.2%} off of the light there, "
+            f"more than {LOCAL * tolerance:.2%}, with the most rays that are cast "
+            f"({bounced.rounds * ROUND} a point)"
         )
     if bounced.hidden > _MANY_HIDDEN:
         yield (

@@ -1,5 +1,7 @@
 """A bake's report in words, for people."""
 
+from prt_core.bake.bounce_error import LOCAL
+
 # Lines of a kind that are written out; of more, the gravest.
 _MOST = 8
 
@@ -79,6 +81,13 @@ def _errors(report):
         yield (
             f"{error:.2%} of relit colours, from the bounces ({rays} rays a point), "
             f"{_met(report, error)}"
+        )
+    enclosed = report.get("error_enclosed")
+    if enclosed is not None:
+        within = "within" if enclosed <= LOCAL * report["tolerance"] else "NOT within"
+        yield (
+            f"{enclosed:.2%} of the light in enclosed places, from the bounces, {within} "
+            f"{LOCAL * report['tolerance']:.2%}"
         )
 
 

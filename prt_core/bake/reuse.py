@@ -17,6 +17,7 @@ import numpy as np
 
 from prt_core.bake.earlier import Earlier, objects_called
 from prt_core.bake.gather import SHIFTS, read_shifts
+from prt_core.bake.gather_blocks import ROUNDS_OF
 from prt_core.bake.visibility import blocks
 from prt_core.sampling import Known
 from prt_core.scene import compare
@@ -120,7 +121,10 @@ class Reuse:
         store.keep(SHIFTS, shifts)
         unsure = _unsure_points(self.scene, old_of, self.changed)
         parts = before.array("gather"), old_of, n_old, shifts, unsure, self.changed
-        return KeptRays(*parts, self.dark_is_unsure, self.still)
+        # Bakes from before there was a choice have all rounds of all points.
+        chosen = ROUNDS_OF in before.attributes["arrays"]
+        rounds = before.read(ROUNDS_OF, (n_old,), "int16") if chosen else None
+        return KeptRays(*parts, self.dark_is_unsure, self.still, rounds)
 
     def of_all(self, bounced):
         """What rays of the bounces came to, as shares of all that the bake has, kept ones too.

@@ -28,8 +28,8 @@ from prt_core.transport.sharing import DARK, MISS, Sharing
 
 ROUND = 32
 # A ray that was not cast: the one in slot s of its round represents it, where its hit is
-# REPRESENTED - s.
-REPRESENTED = -4
+# REPRESENTED - s. One of a round that its point did not need is NOT_CAST, and tells nothing.
+NOT_CAST, REPRESENTED = -3, -4
 # Rays of a point that are likely to meet nothing, of which one is cast.
 _GROUP = 16
 # Blocks of points and rounds whose rays are cast in one call.
@@ -45,7 +45,7 @@ class Gathered:
     hits : (n, ROUND) int32
         Bake points, in the order of the rays; MISS where the ray left the scene, DARK where it
         met a side without light or lay below its face, REPRESENTED - s where the ray in slot s of
-        the row stands for it.
+        the row stands for it, NOT_CAST in rows of points that were asked for none.
     n_back : (n_objects,) int64
         Hits on back sides that return no light, by object.
     n_hidden : int
@@ -111,7 +111,7 @@ def gather_shift(points, count, seed, half):
 
 
 def gather_parts(
-    scene, caster, parts, seed, spared=None, clear=None, sharing=None, kept=None
+    scene, caster, parts, seed, spared=None, clear=None, sharing=None, kept=None, rounds_of=None
 ):  # fmt: skip
     """The bake points that rays of some blocks of points, in some rounds, end at.
 
@@ -132,6 +132,8 @@ def gather_parts(
         Of the scene, where it is used again and again.
     kept : KeptRays, optional
         Rays of these points that another bake has cast: those that are as they were are not cast.
+    rounds_of : (n_points,) int, optional
+        Points take part in rounds below this number; default: in all.
 
     Returns
     -------
@@ -140,7 +142,7 @@ def gather_parts(
     sharing = sharing or Sharing(scene)
 
     def prepare(part):
-        return _Rays(scene, *part, seed, spared, clear, kept)
+        return _Rays(scene, *part, seed, spared, clear, kept, rounds_of)
 
     def cast(caster, bundle):
         return _together(caster, sharing, bundle)
@@ -182,8 +184,9 @@ def _together(caster, sharing, rays):
 class _Rays:
     """The rays of a block of points in one round."""
 
-    def __init__(self, scene, points, round_index, seed, spared, clear, kept):
+    def __init__(self, scene, points, round_index, seed, spared, clear, kept, rounds_of):
         self._scene = scene
+        self._left_out = None if rounds_of is None else rounds_of[points] <= round_index
         starts = scene.ray_origins[points]
         shifts = None if kept is None else kept.shifts
         directions = gather_directions(scene, points, seed, round_index, shifts)
@@ -199,6 +202,8 @@ class _Rays:
             wanted &= again
         if spared is not None:
             wanted &= ~spared[points, None]
+        if self._left_out is not None:
+            wanted &= ~self._left_out[:, None]
         self._represented = self._representative = np.empty(0, np.int64)
         if clear is not None and new.any():
             quiet = wanted & clear(points, directions) & new[:, None]
@@ -221,6 +226,8 @@ class _Rays:
         hits.reshape(-1)[self._represented[represented]] = (
             REPRESENTED - self._representative[represented] % ROUND
         )
+        if self._left_out is not None:
+            hits[self._left_out] = NOT_CAST
         n_back = np.bincount(
             self._scene.triangle_object[met.triangle[unlit]], minlength=len(self._scene.objects)
         )

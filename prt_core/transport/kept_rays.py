@@ -38,12 +38,23 @@ class KeptRays:
         Whether rays that ended in the dark may end elsewhere now.
     still : (n_points,) bool
         Points whose rays go on as if nothing had.
+    rounds_of_old : (n_old,) int, optional
+        Rounds of each point of the other bake; default: all that there are.
+
+    Attributes
+    ----------
+    rounds_of : (n_points,) int
+        Rounds of which the rays of each point are known.
     """
 
-    def __init__(self, hits, old_of, n_old, shifts, unsure, changed, dark, still):
+    def __init__(
+        self, hits, old_of, n_old, shifts, unsure, changed, dark, still, rounds_of_old=None
+    ):
         self._hits, self._old_of, self.shifts = hits, old_of, shifts
         self._unsure, self._changed, self._dark, self._still = unsure, changed, dark, still
-        self.rounds = hits.shape[1] // ROUND
+        rounds = np.full(n_old, hits.shape[1] // ROUND)
+        rounds = rounds if rounds_of_old is None else np.minimum(rounds_of_old, rounds)
+        self.rounds_of = np.where(old_of >= 0, rounds[old_of], 0)
         # Blocks that follow each other have points of the same chunks.
         self._chunk = lru_cache(_CHUNKS)(self._read)
         # One more, for what is no point.
@@ -74,7 +85,7 @@ class KeptRays:
             Points of which nothing is known.
         """
         old = self._old_of[points]
-        known = np.flatnonzero(old >= 0) if round_index < self.rounds else np.zeros(0, int)
+        known = np.flatnonzero(self.rounds_of[points] > round_index)
         new = np.ones(len(old), bool)
         new[known] = False
         hits = np.full((len(old), ROUND), DARK, np.int32)

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from prt_core.errors import expect, expect_array, expect_whole
-from prt_core.transport.gather import REPRESENTED, ROUND
+from prt_core.transport.gather import NOT_CAST, REPRESENTED, ROUND
 from prt_core.transport.sharing import DARK, MISS
 
 # Rays of a row that should meet something, at least, for the row to be scaled.
@@ -29,7 +29,7 @@ def ray_ends(hits):
     Returns
     -------
     (n, n_rounds * ROUND) int32
-        Bake points, MISS or DARK.
+        Bake points, MISS, DARK or NOT_CAST.
 
     Raises
     ------
@@ -45,15 +45,24 @@ def ray_ends(hits):
         good = hits.min() > REPRESENTED - ROUND and hits.shape[1] % ROUND == 0
         hits = np.take_along_axis(hits, representative, axis=1) if good else hits
     expect(
-        not hits.size or hits.min() >= DARK,
-        f"hits: expected points, {MISS}, {DARK}, or {REPRESENTED} and less for the slot of a ray "
-        f"of the same {ROUND} that was cast, got something else",
+        not hits.size or hits.min() >= DARK or _whole_rounds(hits),
+        f"hits: expected points, {MISS}, {DARK}, {NOT_CAST} in all {ROUND} slots of a round, or "
+        f"{REPRESENTED} and less for the slot of a ray of the same {ROUND} that was cast, got "
+        "something else",
     )
     return hits
 
 
+def _whole_rounds(ends):
+    """Whether of rays that end nowhere none of a round was cast."""
+    if ends.min() < NOT_CAST or ends.shape[1] % ROUND:
+        return False
+    left = (ends == NOT_CAST).reshape(len(ends), -1, ROUND)
+    return bool((left.any(axis=2) == left.all(axis=2)).all())
+
+
 def gather_operator(hits, n_points, blocked=None, weights=None):
-    """K from hits: (n, n_points) CSR float32, each row sums to the share of rays that hit.
+    """K from hits: (n, n_points) CSR float32, each row sums to the share of its rays that hit.
 
     With `weights`, K of another term of the reflectance than the diffuse one: what a ray brings
     counts by its weight,
@@ -99,6 +108,11 @@ def gather_operator(hits, n_points, blocked=None, weights=None):
         most = 1 if weights is None else _MOST
         blocked = expect_array("blocked", blocked, (n,), np.float32, 0, most)
     hits = ray_ends(hits)
+    cast = hits != NOT_CAST
+    n_cast = np.count_nonzero(cast, axis=1)
+    expect(n_cast.all(), "hits: expected at least one ray of every point that was cast")
+    if weights is not None and n_cast.min() < n_rays:
+        weights = np.where(cast, weights, 0)
     if weights is None:
         hits = np.sort(hits, axis=1)
     else:
@@ -115,10 +129,10 @@ def gather_operator(hits, n_points, blocked=None, weights=None):
     kept = (columns >= 0) & (sums > 0)
     row = start[kept] // n_rays
     pointer = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))]).astype(np.int64)
-    data = (sums[kept] / n_rays).astype(np.float32)
+    data = (sums[kept] / n_cast[row]).astype(np.float32)
     if blocked is not None:
         with np.errstate(over="ignore"):
-            data *= _scale(hits, weights, blocked)[row].astype(np.float32)
+            data *= _scale(hits, n_cast, weights, blocked)[row].astype(np.float32)
         expect(
             np.isfinite(data).all(),
             "blocked: expected what the weights add up to where something is in the way, "
@@ -127,7 +141,7 @@ def gather_operator(hits, n_points, blocked=None, weights=None):
     return sp.csr_matrix((data, columns[kept], pointer), shape=(n, n_points))
 
 
-def _scale(hits, weights, blocked):
+def _scale(hits, n_cast, weights, blocked):
     """(n,) float64: what makes each row meet as much as is blocked.
 
     A ratio estimate (Cochran 1977, section 6): of n rays with weights w those that met something
@@ -141,15 +155,15 @@ def _scale(hits, weights, blocked):
     sum(w)^2 / sum(w^2) (Kish 1965), of which the share blocked / (sum(w) / n), or all of them,
     should meet something: blocked * n * sum(w) / sum(w^2).
     """
-    n_rays, met = hits.shape[1], hits != MISS
+    met = (hits != MISS) & (hits != NOT_CAST)
     if weights is None:
-        telling = blocked * n_rays
-        met = np.maximum(np.count_nonzero(met, axis=1), 1) / n_rays
+        telling = blocked * n_cast
+        met = np.maximum(np.count_nonzero(met, axis=1), 1) / n_cast
     else:
         weights = weights.astype(np.float64, copy=False)
         total, squares = weights.sum(axis=1), (weights**2).sum(axis=1)
         part = total / np.maximum(squares, np.finfo(np.float64).tiny)
-        telling = np.minimum(blocked * n_rays * part, total * part)
-        met = np.where(met, weights, 0).sum(axis=1) / n_rays
+        telling = np.minimum(blocked * n_cast * part, total * part)
+        met = np.where(met, weights, 0).sum(axis=1) / n_cast
         met[met == 0] = 1
     return np.where(telling >= _ENOUGH, blocked / met, 1)

@@ -22,6 +22,7 @@ from prt_core.reflectance.harmonic import HarmonicReflectance
 from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import FACES, CubeMap, tangent_frames
+from prt_core.transport.gather import NOT_CAST
 from prt_core.transport.operator import ray_ends
 from prt_core.transport.transport import Transport
 from prt_core.transport.visibility import UNIT, expect_bits, unpack
@@ -128,7 +129,8 @@ def interreflected_transfer(transport, hits, directions, points, order=5, sent=N
     def one(first):
         part = slice(first, first + 64)
         local = np.einsum("nri,nji->nrj", directions[part], frames[part])
-        weight = np.pi / np.maximum(local[..., 2], _FLAT) / ends.shape[1]
+        cast = np.count_nonzero(ends[part] != NOT_CAST, axis=1)[:, None]
+        weight = np.pi / np.maximum(local[..., 2], _FLAT) / np.maximum(cast, 1)
         weight = np.where(ends[part] >= 0, weight, 0)
         arriving = (harmonics(local, order) * weight[..., None]).astype(np.float32)
         for channel in range(3):

@@ -82,3 +82,24 @@ class View:
         length = np.linalg.norm(ways, axis=1, keepdims=True)
         expect((length > 0).all(), "view: position: is that of a point; step back from the surface")
         return ways / length
+
+    def above(self, points, normals):
+        """The view of colours that stay, and are looked at from elsewhere too.
+
+        Sides that face away from the viewer would reflect nothing, and metal there be black. They
+        are seen at the slant that they have, from above their surface.
+
+        Parameters
+        ----------
+        points, normals : (n_points, 3) float
+            In the world (see `outgoing`).
+
+        Returns
+        -------
+        View
+            A direction for each point.
+        """
+        outgoing = self.outgoing(points)
+        normals = expect_array("normals", normals, outgoing.shape, np.float64)
+        cosine = np.einsum("nx,nx->n", normals, outgoing)[:, None]
+        return View(direction=outgoing - 2 * np.minimum(cosine, 0) * normals)

@@ -50,11 +50,15 @@ def look_from(place):
     bpy.context.view_layer.update()
 
 
+def above(view, bake):
+    return view.above(bake.scene.to_world(bake.scene.points.positions), bake.scene.points.normals)
+
+
 def wanted(scene, view):
     """Colours of the ball by the core alone, from the disk."""
     bake = load(plan.output_path(scene))
     if view is not None and scene.prt.seen_from == "CAMERA":
-        view = viewport.from_all_sides(view, bake.scene)
+        view = above(view, bake)
     relighter = Relighter(bake, "blender")
     try:
         return bake.colours(relighter.radiance(request(scene).lighting, view=view))["ball"]
@@ -98,7 +102,7 @@ def test_colours_are_those_of_the_api_and_follow_the_view_alone(scene, monkeypat
 def test_metal_is_not_black_from_elsewhere(scene):
     bake = preview.held(scene).bake
     view = View(position=EYE)
-    around = viewport.from_all_sides(view, bake.scene)
+    around = above(view, bake)
     normals = bake.scene.points.normals
     places = bake.scene.to_world(bake.scene.points.positions)
     plain, bent = view.outgoing(places), around.outgoing(places)

@@ -30,6 +30,18 @@ def test_each_point_may_have_a_direction_of_its_own():
         View(direction=given).outgoing(POINTS[:4])
 
 
+def test_what_faces_away_is_seen_from_above_at_its_slant():
+    normals = np.tile([0.0, 0.6, 0.8], (5, 1))
+    view = View([2.0, -1.0, 0.0])
+    plain, above = view.outgoing(POINTS), view.above(POINTS, normals).outgoing(POINTS)
+    cosine, lifted = plain @ normals[0], above @ normals[0]
+    assert (cosine < 0).any() and (cosine > 0).any()
+    np.testing.assert_allclose(lifted, np.abs(cosine), atol=1e-12)
+    np.testing.assert_allclose(above[cosine > 0], plain[cosine > 0], atol=1e-12)
+    with pytest.raises(PRTError, match="normals"):
+        view.above(POINTS, normals[:4])
+
+
 def test_a_camera_looks_from_where_it_stands():
     scene = Scene.from_meshes([plane(3)], max_hidden=0)
     matrix = np.eye(4)

@@ -7,7 +7,7 @@ from prt_core.errors import PRTError
 from prt_core.scene import Scene
 from prt_core.sphere import CubeMap
 from prt_core.transport import gather_directions, gather_hits, gather_operator, ray_ends
-from prt_core.transport.gather import DARK, MISS, REPRESENTED, ROUND
+from prt_core.transport.gather import DARK, MISS, NOT_CAST, REPRESENTED, ROUND
 from tests.meshes import caster_of, plane, wall
 
 N_POINTS, N_RAYS = 7, 3 * ROUND
@@ -197,3 +197,18 @@ def test_bad_weights_are_said_in_one_line(weights, message):
     with pytest.raises(PRTError, match=message) as caught:
         gather_operator(hits, N_POINTS, np.full(5, 0.5, np.float32), weights)
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("blocked", [None, np.array([0.5, 1, 0.01, 0.3, 0.2], np.float32)])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_rounds_in_which_a_point_takes_no_part_change_nothing(blocked, weighted):
+    hits, _, rng = rays()
+    weights = rng.random(hits.shape) if weighted else None
+    short = None if weights is None else weights[:, : 2 * ROUND]
+    wanted = gather_operator(hits[:, : 2 * ROUND], N_POINTS, blocked, short)
+    hits[:, 2 * ROUND :] = NOT_CAST
+    result = gather_operator(hits, N_POINTS, blocked, weights)
+    np.testing.assert_allclose(result.toarray(), wanted.toarray(), rtol=1e-6)
+    hits[3] = NOT_CAST
+    with pytest.raises(PRTError, match="at least one ray of every point"):
+        gather_operator(hits, N_POINTS, blocked, weights)

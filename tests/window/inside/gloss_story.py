@@ -77,11 +77,8 @@ def from_api(hand):
     view = View(position=np.array(matrix.translation)) if scene.prt.show_gloss else None
     loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))
     if view is not None and scene.prt.seen_from == "CAMERA":
-        # Sides that face away are seen at the same slant.
-        normals = loaded.scene.points.normals.astype(float)
-        outgoing = view.outgoing(loaded.scene.to_world(loaded.scene.points.positions))
-        behind = np.minimum(np.einsum("nx,nx->n", normals, outgoing), 0)[:, None]
-        view = View(direction=outgoing - 2 * behind * normals)
+        points = loaded.scene.points
+        view = view.above(loaded.scene.to_world(points.positions), points.normals)
     relighter = Relighter(loaded, scene.prt.caster)
     try:
         return loaded.colours(

@@ -20,9 +20,6 @@ def story(hand, report):
     began = time.monotonic()
     yield from hand.click("prt.bake")
     yield Until("the bake has begun", lambda: status().running, 10)
-    report["height_baking"] = yield from height(hand)
-    hand.picture("baking")
-    report["was_baking"] = status().running
     yield Until("the bake is done", lambda: not status().running, 300)
     report["seconds_to_picture"] = time.monotonic() - began
     hand.picture("baked")
@@ -32,6 +29,24 @@ def story(hand, report):
     report["material"] = yield from seen(hand, "material preview", "MATERIAL")
     report["height_baked"] = yield from height(hand)
     yield from own_materials(hand, report)
+    yield from while_baking(hand, report)
+
+
+def while_baking(hand, report):
+    """The height during a bake that takes longer than looking does."""
+    scene = bpy.context.scene
+    scene.prt.name, scene.prt.quality = "Long", "CUSTOM"
+    scene.prt.resolution, scene.prt.tolerance = "64", 0.001
+    yield 1.0
+    yield from hand.click("prt.bake")
+    yield Until("the bake has begun", lambda: status().running, 10)
+    yield Until("colours are shown", lambda: bool(part("showing").delays), 120)
+    report["height_baking"] = yield from height(hand)
+    report["was_baking"] = status().running
+    hand.picture("baking")
+    yield from hand.to_view()
+    yield from hand.key("ESC")
+    yield Until("it has stopped", lambda: not status().running, 60)
 
 
 def build(hand, report):

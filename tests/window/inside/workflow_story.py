@@ -140,6 +140,9 @@ def rendered(name, engine, samples):
     if engine == "CYCLES":
         scene.cycles.device, scene.cycles.samples = "CPU", samples
         scene.cycles.use_denoising = False  # not every build has it
+        # All bounces, as a bake has them: by itself Cycles ends after four.
+        scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 64
+        scene.cycles.sample_clamp_indirect = 0
     scene.render.resolution_x, scene.render.resolution_y = _SIZE
     scene.render.resolution_percentage, scene.render.film_transparent = 100, True
     settings = scene.render.image_settings

@@ -56,19 +56,21 @@ def killed(process, has_begun):
     return process.returncode == -signal.SIGKILL
 
 
-def light_field(folder):
+def light_field(folder, counts=(2, 4)):
     """Lines on shares of a light field."""
     line = ["lightfield", "bake", BLEND, *FLAGS, "--quiet", "-o"]
-    ended(prt(*line, folder / "alone.slf"))
+    if not (folder / "alone.slf").exists():
+        ended(prt(*line, folder / "alone.slf"))
     alone = BakeStore(folder / "alone.slf").attributes
-    for count in (2, 4):
+    for count in counts:
         path = folder / f"{count}.slf"
         planned = ended(prt(*line, path, "--plan"))[0]
         shares = [[*line, path, "--share", f"{number}/{count}"] for number in range(count)]
         begun = [prt(*share) for share in shares]
         kills = 0
         if count == 4:
-            kills += killed(begun.pop(0), lambda path=path: any(path.glob("noisy/c/0/0/**/0")))
+            # When the first block is written, by whomever: the others are being rendered.
+            kills += killed(begun.pop(0), lambda path=path: any(path.glob("noisy/c/0/*/**/0")))
             begun.append(prt(*shares[0]))
         said = "; ".join(text.rsplit(": ", 1)[-1].split(";")[0] for text in ended(*begun))
         # All is there by now: the pilot is shot again, and the light field closed.

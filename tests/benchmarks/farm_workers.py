@@ -4,7 +4,8 @@
     python -m tests.benchmarks.farm_workers --kills   # ten at random moments, digests compared
     python -m tests.benchmarks.farm_workers --digests # four workers, and an array of four in bash
 
-Floors: equal digests; two workers of one thread 1.7 times one; scheduling 5 % of blocks of 2,048 points.
+Floors: equal digests; two workers of one thread 1.7 times one; scheduling 5 % of blocks of 2,048
+points.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -74,9 +76,9 @@ def _ready(path):
     blocks._workplace(BakeStore(path))
 
 
-def kills(folder, n_kills, seed=0, n_workers=2):
+def kills(folder, n_kills, seed=0, n_workers=2, side=160):
     """Whether a bake during which workers are killed has the digests of one process."""
-    built, settings = scene(160), BakeSettings(resolution=16, bounces=2, method="exhaustive")
+    built, settings = scene(side), BakeSettings(resolution=16, bounces=2, method="exhaustive")
     alone, path = Path(folder) / "alone.prt", Path(folder) / "killed.prt"
     run(bake_steps(built, alone, settings))
     run(plan_steps(built, path, settings))
@@ -112,32 +114,41 @@ done
 """
 
 
-def digests(folder):
+def digests(folder, side=60):
     """(who, whether its bake has the digests of one process of one thread) of each way."""
-    built, settings = scene(160), BakeSettings(resolution=16, bounces=2, method="exhaustive")
-    folder, plan = Path(folder), lambda path: run(plan_steps(built, path, settings))
-    os.environ["PRT_THREADS"] = "1"
-    run(bake_steps(built, folder / "alone.prt", settings))
-    os.environ["PRT_THREADS"] = "2"
-    run(bake_steps(built, folder / "threads.prt", settings))
-    del os.environ["PRT_THREADS"]
-    plan(folder / "array.prt")
-    command = {**os.environ, "PRT": f"{sys.executable} -m prt_core"}
-    done = subprocess.run(
-        ["bash", "-c", _ARRAY, "array", folder / "array.prt"],
-        env=command, capture_output=True, text=True,
-    )  # fmt: skip
-    if done.returncode:
-        sys.exit(
-            f"farm_workers: the array ended with {done.returncode}\n{done.stdout}{done.stderr}"
-        )
-    plan(folder / "dask.prt")
+    built, settings = scene(side), BakeSettings(resolution=8, bounces=2, method="exhaustive")
+    folder = Path(folder)
+
+    def digests_of(name):
+        return BakeStore(folder / name).attributes["arrays"]
+
+    with _threads(1):
+        run(bake_steps(built, folder / "alone.prt", settings))
+    alone = digests_of("alone.prt")
+    run(plan_steps(built, folder / "dask.prt", settings))
     with cluster_client("local:4") as client:
         run(distribute_steps(folder / "dask.prt", client))
-    wanted = BakeStore(folder / "alone.prt").attributes["arrays"]
-    for name, who in (("threads", "two threads"), ("array", "an array of four in bash"),
-                      ("dask", "four workers of Dask")):  # fmt: skip
-        yield who, BakeStore(folder / f"{name}.prt").attributes["arrays"] == wanted
+    yield "four workers of Dask", digests_of("dask.prt") == alone
+    run(plan_steps(built, folder / "array.prt", settings))
+    done = subprocess.run(
+        ["bash", "-c", _ARRAY, "array", folder / "array.prt"],
+        env={**os.environ, "PRT": f"{sys.executable} -m prt_core"}, capture_output=True, text=True,
+    )  # fmt: skip
+    if done.returncode:
+        sys.exit(f"farm_workers: the array ended badly\n{done.stdout}{done.stderr}")
+    yield "an array of four in bash", digests_of("array.prt") == alone
+    with _threads(2):
+        run(bake_steps(built, folder / "threads.prt", settings))
+    yield "two threads", digests_of("threads.prt") == alone
+
+
+@contextmanager
+def _threads(count):
+    os.environ["PRT_THREADS"] = str(count)
+    try:
+        yield
+    finally:
+        del os.environ["PRT_THREADS"]
 
 
 def speed(side=200, resolution=24):

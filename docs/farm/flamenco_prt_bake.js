@@ -2,7 +2,7 @@
 //
 // Put this file into the folder "scripts" beside Flamenco's Manager. The workers need prt-core; the
 // one that plans needs Blender's module as well (see the page on farms). The store lies where all
-// workers see it.
+// workers see it. Light fields and sequences are not of this job type.
 
 const JOB_TYPE = {
     label: "PRT Bake",

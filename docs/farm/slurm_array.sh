@@ -9,6 +9,7 @@
 #
 # The store lies where all nodes see it: a shared folder or s3://BUCKET/NAME.prt. What is killed or
 # runs out of time is done by the next array; the whole script may be run again at any time.
+# Light fields and sequences have no stages: they are one array each, without this script.
 set -uo pipefail
 store=${1:?usage: slurm_array.sh NAME.prt [JOBS]}
 jobs=${2:-16}

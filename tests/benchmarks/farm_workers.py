@@ -2,17 +2,22 @@
 
     python -m tests.benchmarks.farm_workers           # the first two; nothing else must run
     python -m tests.benchmarks.farm_workers --kills   # ten at random moments, digests compared
+    python -m tests.benchmarks.farm_workers --digests # four workers, and an array of four in bash
 
-Floors: two workers of one thread 1.7 times one; scheduling 5 % of blocks of 2,048 points.
+Floors: equal digests; two workers of one thread 1.7 times one; scheduling 5 % of blocks of 2,048
+points.
 """
 
 import argparse
 import os
 import random
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
 import time
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -71,14 +76,14 @@ def _ready(path):
     blocks._workplace(BakeStore(path))
 
 
-def kills(folder, n_kills, seed=0):
+def kills(folder, n_kills, seed=0, n_workers=2, side=160):
     """Whether a bake during which workers are killed has the digests of one process."""
-    built, settings = scene(160), BakeSettings(resolution=16, bounces=2, method="exhaustive")
+    built, settings = scene(side), BakeSettings(resolution=16, bounces=2, method="exhaustive")
     alone, path = Path(folder) / "alone.prt", Path(folder) / "killed.prt"
     run(bake_steps(built, alone, settings))
     run(plan_steps(built, path, settings))
     rng, done, ended = random.Random(seed), [], threading.Event()
-    with cluster_client("local:2") as client:
+    with cluster_client(f"local:{n_workers}") as client:
 
         def kill():
             while len(done) < n_kills and not ended.is_set():
@@ -98,6 +103,54 @@ def kills(folder, n_kills, seed=0):
     return same, len(done), time.perf_counter() - begun
 
 
+# Four jobs at once for each stage, until nothing is missing.
+_ARRAY = """
+while true; do
+    $PRT bake --finish "$1" --quiet; code=$?
+    [ $code -eq 3 ] || exit $code
+    for i in 0 1 2 3; do PRT_THREADS=1 $PRT bake-blocks "$1" --quiet --share $i/4 & done
+    wait
+done
+"""
+
+
+def digests(folder, side=60):
+    """(who, whether its bake has the digests of one process of one thread) of each way."""
+    built, settings = scene(side), BakeSettings(resolution=8, bounces=2, method="exhaustive")
+    folder = Path(folder)
+
+    def digests_of(name):
+        return BakeStore(folder / name).attributes["arrays"]
+
+    with _threads(1):
+        run(bake_steps(built, folder / "alone.prt", settings))
+    alone = digests_of("alone.prt")
+    run(plan_steps(built, folder / "dask.prt", settings))
+    with cluster_client("local:4") as client:
+        run(distribute_steps(folder / "dask.prt", client))
+    yield "four workers of Dask", digests_of("dask.prt") == alone
+    run(plan_steps(built, folder / "array.prt", settings))
+    done = subprocess.run(
+        ["bash", "-c", _ARRAY, "array", folder / "array.prt"],
+        env={**os.environ, "PRT": f"{sys.executable} -m prt_core"}, capture_output=True, text=True,
+    )  # fmt: skip
+    if done.returncode:
+        sys.exit(f"farm_workers: the array ended badly\n{done.stdout}{done.stderr}")
+    yield "an array of four in bash", digests_of("array.prt") == alone
+    with _threads(2):
+        run(bake_steps(built, folder / "threads.prt", settings))
+    yield "two threads", digests_of("threads.prt") == alone
+
+
+@contextmanager
+def _threads(count):
+    os.environ["PRT_THREADS"] = str(count)
+    try:
+        yield
+    finally:
+        del os.environ["PRT_THREADS"]
+
+
 def speed(side=200, resolution=24):
     """(points, seconds of one worker, of two, of the blocks alone)."""
     os.environ["PRT_THREADS"] = "1"
@@ -109,10 +162,10 @@ def speed(side=200, resolution=24):
     return len(built.points), one, two, alone
 
 
-def killed(n_kills=10):
+def killed(n_kills=10, n_workers=2):
     """(number of kills, whether the digests are equal, seconds)."""
     with tempfile.TemporaryDirectory() as folder:
-        same, count, seconds = kills(folder, n_kills)
+        same, count, seconds = kills(folder, n_kills, n_workers=n_workers)
     return count, same, seconds
 
 
@@ -145,12 +198,19 @@ def main():
     """Measure what is asked for, and print it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", action="store_true")
+    parser.add_argument("--workers", type=int, default=2, help="of which some are killed")
+    parser.add_argument("--digests", action="store_true")
     parser.add_argument("--side", type=int, default=200, help="vertices along the floor")
     parser.add_argument("--resolution", type=int, default=24)
     options = parser.parse_args()
     print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores", flush=True)
+    if options.digests:
+        with tempfile.TemporaryDirectory() as folder:
+            for who, same in digests(folder):
+                print(f"{who}: digests {'equal' if same else 'DIFFER'}", flush=True)
+        return
     if options.kills:
-        count, same, seconds = killed()
+        count, same, seconds = killed(n_workers=options.workers)
         print(f"{count} kills in {seconds:.0f} s: digests {'equal' if same else 'DIFFER'}")
         return
     points, one, two, alone = speed(options.side, options.resolution)

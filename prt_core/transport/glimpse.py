@@ -104,7 +104,9 @@ class Glimpses:
         entries : (m,) int
             Ascending.
         which : (m,) int
-            Whose radiance each sends, of `n`.
+            Whose radiance each sends.
+        n : int
+            Of how many.
 
         Returns
         -------

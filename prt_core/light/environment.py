@@ -5,7 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from prt_core.errors import expect, expect_array, expect_kind, expect_number, expect_path, shown
+from prt_core.errors import (
+    expect,
+    expect_array,
+    expect_kind,
+    expect_number,
+    expect_path,
+    expect_whole,
+    shown,
+)
 from prt_core.light.images import read_picture, told
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import CubeMap, rotation_matrix
@@ -13,6 +21,8 @@ from prt_core.sphere import CubeMap, rotation_matrix
 # Parts of pixels a texel is averaged over, at least: what is even, and what is bright. With these
 # relit colours are 0.02 % from those of fifty times as many.
 _EVEN_SAMPLES, _BRIGHT_SAMPLES = 80, 4000
+# With fewer than these the small texels at corners of faces may get no part of any pixel.
+_LEAST_SAMPLES = 10
 _EVEN_HEIGHT = 256
 _BAND = 1 << 16
 # Light beyond this overflows float32 where it is squared, or summed over the sphere.
@@ -104,7 +114,7 @@ class EnvironmentMap:
             pixels = np.maximum(pixels, 0)
         return cls(pixels, str(path), tuple(notes))
 
-    def to_cube_map(self, cube_map, rotation=None, strength=1.0):
+    def to_cube_map(self, cube_map, rotation=None, strength=1.0, finer=1):
         """The mean radiance of every texel; no pixel's energy is lost or counted twice.
 
         Each pixel is cut into equal-area parts and each part goes to the texel it falls into.
@@ -118,22 +128,27 @@ class EnvironmentMap:
         rotation : see `rotation_matrix`
             Turns the light.
         strength : float
+        finer : int
+            How many texels along an edge make up one that is to be right by itself: pixels are cut
+            for those. Of light that only has more detail than the texels of a bake.
 
         Returns
         -------
         (n_directions, 3) float32
         """
         expect_kind("cube_map", cube_map, CubeMap)
+        parts = expect_whole("finer", finer, 1) ** 2
         expect_strength(self.name, self.pixels, strength)
         matrix = rotation_matrix(rotation)
         if self.pixels.shape[:2] == (1, 1):
             light = np.repeat(self.pixels[0].astype(np.float64), cube_map.n_directions, axis=0)
             return (light * strength).astype(np.float32)
         even, bright = self.layers
-        light, covered = sums_on_texels(cube_map, matrix, *even, _EVEN_SAMPLES)
+        samples = max(_EVEN_SAMPLES / parts, _LEAST_SAMPLES)
+        light, covered = sums_on_texels(cube_map, matrix, *even, samples)
         light /= np.maximum(covered, 1e-30)[:, None]
         if bright is not None:
-            sums, _ = sums_on_texels(cube_map, matrix, *bright, _BRIGHT_SAMPLES)
+            sums, _ = sums_on_texels(cube_map, matrix, *bright, _BRIGHT_SAMPLES / parts)
             light += sums / cube_map.solid_angles[:, None]
         return (light * strength).astype(np.float32)
 

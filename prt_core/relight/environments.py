@@ -171,15 +171,16 @@ class Environments:
         light = self.read(lighting)
         if light is None:
             return None
-        if without_sun and isinstance(light, EnvironmentMap):
-            light = split_sun(light, lighting.matrix)[0]
         if finer > 1:
             if not isinstance(light, EnvironmentMap):
                 return None
+            if without_sun:
+                light = split_sun(light, lighting.matrix)[0]
             fine = CubeMap(finer * self._bake.cube_map.resolution)
-            texels = light.to_cube_map(fine, lighting.matrix)
-            return texels * np.float32(lighting.strength)
-        return self._on_texels(light, lighting.matrix) * np.float32(lighting.strength)
+            texels = light.to_cube_map(fine, lighting.matrix, finer=finer)
+        else:
+            texels, _ = self._placed(light, lighting.matrix, without_sun)
+        return texels * np.float32(lighting.strength)
 
     def _on_texels(self, light, matrix):
         image = isinstance(light, EnvironmentMap)

@@ -60,7 +60,7 @@ class Gloss:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
         self._metal = self._light = self._sky = self._maps = None
-        self._glimpses, self._coarse = [], {}
+        self._glimpses, self._again, self._coarse = [], None, {}
         self._pixels = GlossyPixels(
             bake.scene, self._parts, self.lobes, lambda: bake.make_caster(caster, "diffuse")
         )
@@ -77,8 +77,10 @@ class Gloss:
     @property
     def nbytes(self):
         """Of the fields, of maps of views, and of what is kept for metal that metal sees."""
-        glimpses = sum(one.nbytes for _, one in self._glimpses)
-        return sum(part.nbytes for part in self._parts) + glimpses
+        kept = sum(one.nbytes for _, one in self._glimpses)
+        for each in (matrix for matrices in self._again or () for matrix in matrices):
+            kept += each.data.nbytes + each.indices.nbytes + each.indptr.nbytes
+        return sum(part.nbytes for part in self._parts) + kept
 
     @property
     def mirror_rays(self):
@@ -108,28 +110,30 @@ class Gloss:
         if key == self._light:
             return
         self._light = self._maps = None
-        for part in self._parts:
-            part.light(texels, sent, sky, detailed)
         seen = self._seen_metal()
+        for part in self._parts:
+            part.light(texels, sent, sky, detailed, settled=seen is None)
         if seen is not None:
-            # What stood in for it until now.
-            before = np.zeros((len(seen), 3), np.float32)
-            for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
-                who = part.points[seen.row[mine]]
-                before[mine] = sent[who] - even[who]
-                glimpses.light()
-        for _ in range(_SWEEPS if seen is not None else 0):
-            reflected = self._of_seen(seen)
-            change = reflected - before
+            change = self._change_of_seen(seen, sent - even, tolerance)
             for part, (entries, which) in zip(self._parts, seen.entries, strict=True):
                 part.resend(entries, which, change)
-            if np.abs(change).sum() <= tolerance * np.abs(reflected).sum():
-                break
-            before = reflected
-        if seen is not None:
-            for part in self._parts:
                 part.settle()
         self._light = key
+
+    def _change_of_seen(self, seen, standing, tolerance):
+        """(k, 3) radiance of what is seen beyond what stood in for it, (n_points, 3)."""
+        before = np.zeros((len(seen), 3), np.float32)
+        for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
+            before[mine] = standing[part.points[seen.row[mine]]]
+            glimpses.light()
+        stood, once = before, self._of_seen(seen)
+        reflected = once
+        for _ in range(_SWEEPS - 1):
+            if np.abs(reflected - before).sum() <= tolerance * np.abs(reflected).sum():
+                break
+            before = reflected
+            reflected = np.maximum(once + self._seen_again(seen, before - stood), 0)
+        return reflected - stood
 
     def _seen_metal(self):
         """Where reflections see what reflects as much as metals do, and from where; or None."""
@@ -146,6 +150,19 @@ class Gloss:
         result = np.zeros((len(seen), 3), np.float32)
         for mine, glimpses in self._glimpses:
             result[mine] = glimpses.reflected()
+        return result
+
+    def _seen_again(self, seen, change):
+        """(k, 3): what is seen in what is seen, where that sends more by `change` (k, 3)."""
+        if self._again is None:
+            self._again = [
+                glimpses.returned(*entries, len(seen))
+                for (_, glimpses), entries in zip(self._glimpses, seen.entries, strict=True)
+            ]
+        result = np.zeros((len(seen), 3), np.float32)
+        for (mine, _), matrices in zip(self._glimpses, self._again, strict=True):
+            for channel, matrix in enumerate(matrices):
+                result[mine, channel] = matrix @ change[:, channel]
         return result
 
     @property

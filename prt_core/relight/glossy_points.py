@@ -54,10 +54,10 @@ class GlossyPoints:
         self._is_wide = reflections.blocks.side <= _WIDE
         self._map = None
 
-    def light(self, texels, sent, sky=None, detailed=None):
+    def light(self, texels, sent, sky=None, detailed=None, settled=True):
         """Take in a light, as `IncomingField.update` and `Mirror.update` do."""
         self._map = None
-        self.field.update(texels, sent, None if self._is_wide else detailed)
+        self.field.update(texels, sent, None if self._is_wide else detailed, settled)
         self._mirror.update(texels, sent, sky)
 
     def resend(self, entries, which, change):

@@ -50,30 +50,26 @@ class FieldNodes:
 
     @cached_property
     def _shares(self):
-        """(n_blocks / 6, n_larger / 6) float32: of each block in larger ones, on any face."""
-        n = self.sides[0] ** 2
-        angles = self.solid_angles[:n]
-        sums, every = np.diag(angles)[:, None].repeat(6, axis=1).reshape(n, 6 * n), []
-        for side in self.sides[1:]:
-            sums = _fours(sums, side)
-            every.append(sums[:, : side * side])
-        shares = np.concatenate(every, axis=1) if every else np.zeros((n, 0), np.float32)
-        return shares / np.maximum(shares.sum(axis=0), 1e-30)
+        """Of each size but the largest: (6 side^2,) float32 parts of blocks in the next larger."""
+        shares = []
+        for side, begin, end in zip(self.sides[1:], self.first, self.first[1:], strict=False):
+            own = self.solid_angles[begin:end].astype(np.float64)
+            whole = _fours(own, side).reshape(6, side, 1, side, 1)
+            parts = own.reshape(6, side, 2, side, 2) / whole
+            shares.append(parts.reshape(-1).astype(np.float32))
+        return shares
 
     def means(self, values):
         """Of values of the smallest blocks (..., n_blocks): of all (..., n_nodes), float32."""
-        values = np.ascontiguousarray(values, np.float32)
-        result = np.empty((*values.shape[:-1], len(self)), np.float32)
-        result[..., : self.first[1]] = values
-        # All faces are alike, so one product serves them.
-        larger = values.reshape(-1, self.sides[0] ** 2) @ self._shares
-        start = 0
-        for side, begin in zip(self.sides[1:], self.first[1:], strict=False):
-            part = larger[:, start : start + side * side]
-            shape = *values.shape[:-1], 6 * side * side
-            result[..., begin : begin + 6 * side * side] = part.reshape(shape)
-            start += side * side
-        return result
+        return np.concatenate([values, self.larger(values)], axis=-1)
+
+    def larger(self, values):
+        """Of values of the smallest blocks (..., n_blocks) float32: of all that are larger."""
+        means, every = values, [values[..., :0]]
+        for side, share in zip(self.sides[1:], self._shares, strict=True):
+            means = _fours(means * share, side)
+            every.append(means)
+        return np.concatenate(every, axis=-1)
 
     def placed(self, cube_map, weights):
         """Where light comes from.

@@ -6,6 +6,7 @@ facets would find one, are exact.
 """
 
 import numpy as np
+import scipy.sparse as sp
 
 from prt_core.reflectance.fresnel_powers import powers_at, powers_used
 from prt_core.runtime.halves import halves, wholes
@@ -54,14 +55,15 @@ class Glimpses:
     def light(self):
         """Take in the bright texels of the light that the field is filled in for."""
         apart = self._field.merged
-        ways = np.ascontiguousarray(apart.directions.T)
+        ways, lit = np.ascontiguousarray(apart.directions.T), apart.values.any(axis=(1, 2))
 
         def one(first):
             part = slice(first, first + _MANY)
-            rows, total = self._rows[part], np.zeros((len(self._rows[part]), 3), np.float32)
+            mine = first + np.flatnonzero(lit.take(self._rows[part]))
+            rows, total = self._rows[mine], np.zeros((len(mine), 3), np.float32)
             normals, light = self._normals.take(rows, axis=0), wholes(apart.values.take(rows, 0))
-            outgoing = _lifted(self._outgoing[part], normals)
-            for alpha, powers in self._lobes_at(np.arange(first, first + len(rows))):
+            outgoing = _lifted(self._outgoing[mine], normals)
+            for alpha, powers in self._lobes_at(mine):
                 some = np.flatnonzero(powers.any(axis=(1, 2)))
                 if not len(some):
                     continue
@@ -70,12 +72,11 @@ class Glimpses:
                 for power, lobe in enumerate(lobes):
                     brought = np.matmul(light[some], lobe[:, :, None])[..., 0]
                     total[some] += brought * powers[some, power]
-            self._bright[part] = total
+            self._bright[mine] = total
 
+        self._bright[:] = 0
         if ways.size:
             on_all_cores(one, range(0, len(self._rows), _MANY))
-        else:
-            self._bright[:] = 0
 
     def reflected(self):
         """(k, 3) float32: what is sent of the field as it is, and of the bright texels."""
@@ -85,12 +86,7 @@ class Glimpses:
         def one(first):
             part = slice(first, first + _MANY)
             start = self._rows[part] * (3 * n_nodes)
-            facets = self._kept.get(first)
-            if facets is None:
-                facets = self._facets_of(first)
-                if self._keeps:
-                    self._kept[first] = facets
-            for some, block, factor in facets:
+            for some, block, factor in self._facets_at(first):
                 index = start[some] + block
                 for channel in range(3):
                     light = wholes(factor[channel])
@@ -99,6 +95,61 @@ class Glimpses:
 
         on_all_cores(one, range(0, len(self._rows), _MANY))
         return result
+
+    def returned(self, entries, which, n):
+        """What glimpses show of what some entries of the reflections send, as matrices.
+
+        Parameters
+        ----------
+        entries : (m,) int
+            Ascending.
+        which : (m,) int
+            Whose radiance each sends.
+        n : int
+            Of how many.
+
+        Returns
+        -------
+        list of (k, n) scipy.sparse.csr_matrix, float32
+            Of each channel: times their radiance (n,) this is what is seen of it.
+        """
+        reflections = self._field.reflections
+        n_blocks = len(reflections.blocks)
+        row = np.searchsorted(reflections.start, entries, side="right") - 1
+        keys, share = row * n_blocks + reflections.block[entries], reflections.share[entries]
+
+        def one(first):
+            places = []
+            for some, block, factor in self._facets_at(first):
+                wanted = self._rows[first + some] * n_blocks + block
+                place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+                facet, lobe = np.nonzero(keys[place] == wanted)
+                place = place[facet, lobe]
+                weight = share[place] * np.float32(1 / 255)
+                values = [wholes(each[facet, lobe]) * weight for each in factor]
+                places.append((first + some[lobe].astype(np.int32), which[place], values))
+            return places
+
+        chunks = range(0, len(self._rows) if len(keys) else 0, _MANY)
+        every = [place for places in on_all_cores(one, chunks) for place in places]
+        shape = len(self._rows), n
+        if not every:
+            return [sp.csr_matrix(shape, dtype=np.float32)] * 3
+        rows, columns, values = zip(*every, strict=True)
+        rows, columns = np.concatenate(rows), np.concatenate(columns)
+        return [
+            sp.csr_matrix((np.concatenate([each[c] for each in values]), (rows, columns)), shape)
+            for c in range(3)
+        ]
+
+    def _facets_at(self, first):
+        """`_facets_of`, kept."""
+        facets = self._kept.get(first)
+        if facets is None:
+            facets = self._facets_of(first)
+            if self._keeps:
+                self._kept[first] = facets
+        return facets
 
     def _facets_of(self, first):
         """Of some of the glimpses, for each roughness: which have lobes (m,), the blocks that

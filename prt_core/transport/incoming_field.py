@@ -30,8 +30,8 @@ _WIDE, _NARROW, _NARROW_BELOW = 8, 16, 0.4
 _MERGED = 16
 # Texels of light in detail, along the edge of one of the bake's.
 FINER = 4
-# Points worked on at once.
-_PART = 1024
+# Points worked on at once: what belongs to them stays in the cache.
+_PART = 128
 
 
 class IncomingField:
@@ -100,7 +100,7 @@ class IncomingField:
         """Bits of some of the points, block by block: quicker to make than they are large."""
         return self.reflections.blocks.patterns(self._bits[self.reflections.points[part]])
 
-    def update(self, light, sent, detailed=None):
+    def update(self, light, sent, detailed=None, settled=True):
         """Fill the field in for a light.
 
         Parameters
@@ -111,6 +111,8 @@ class IncomingField:
             What bake points send out to all sides.
         detailed : (n_texels, 3) float32, optional
             The sky on a cube map `FINER` times as fine as the bake's, for narrow lobes.
+        settled : bool
+            Leave larger blocks to `settle`, which comes later, where not.
         """
         blocks, reflections = self.reflections.blocks, self.reflections
         cube_map = blocks.cube_map
@@ -135,30 +137,37 @@ class IncomingField:
         texels = Blocks(self.light_map, cube_map.resolution)
         angles = self.light_map.solid_angles[:, None]
         areas = np.repeat(blocks.solid_angles, 256)[:, None]
+        n_blocks = len(blocks)
         weighted = texels.sums(self.rest * angles)
         tables = (blocks.pattern_tables(weighted) / areas).astype(np.float32)
-        base = 256 * np.arange(len(blocks), dtype=np.int32)
+        tables = np.ascontiguousarray(tables.swapaxes(1, 2))
+        base = 256 * np.arange(n_blocks)
         # Two rows at the end, which negative indices count from, are of what returns no light.
-        shining = np.zeros((len(sent) + 2, 3), np.float32)
-        np.multiply(sent, np.float32(1 / 255), out=shining[:-2])
+        shining = np.zeros((3, len(sent) + 2), np.float32)
+        np.multiply(sent.T, np.float32(1 / 255), out=shining[:, :-2])
 
         def one(part):
             patterns = self._patterns(part)
-            total = np.zeros((patterns.shape[0] * len(blocks), 3), np.float32)
+            total = np.zeros((len(patterns), 3, n_blocks), np.float32)
             for byte, table in enumerate(tables):
-                index = (base + patterns[..., byte]).ravel()
-                some = np.flatnonzero(patterns[..., byte].ravel())
-                total[some] += table.take(index[some], axis=0)
-            places, entries = reflections.places(part)
-            share = reflections.share[entries, None]
-            total[places] += shining[reflections.met[entries]] * share
-            total = np.ascontiguousarray(total.reshape(-1, len(blocks), 3).swapaxes(1, 2))
-            self.values[part] = halves(self.nodes.means(total))
+                index = base + patterns[..., byte]
+                for channel in range(3):
+                    # No index is out of bounds; where that need not be seen to it is quicker.
+                    total[:, channel] += table[channel].take(index, mode="wrap")
+            places, entries = reflections.places(part, 3 * n_blocks)
+            met, share = reflections.met[entries], reflections.share[entries]
+            flat = total.reshape(-1)
+            for channel in range(3):
+                flat[places] += shining[channel].take(met) * share
+                places += n_blocks
+            self.values[part, :, :n_blocks] = halves(total)
+            if settled:
+                self.values[part, :, n_blocks:] = halves(self.nodes.larger(total))
             seen = bits_of(self._bits[reflections.points[part]], bright_texel)
             seen = seen.astype(np.float32)
             for light, brought in apart:
                 light.values[part] = halves(seen @ brought).reshape(len(seen), 3, -1)
-            return total.reshape(-1, len(blocks)).sum(axis=0).astype(np.float64)
+            return total.reshape(-1, n_blocks).sum(axis=0).astype(np.float64)
 
         self._lights = [light for light, _ in apart]
         self.apart, self.merged = self._lights[0], self._lights[-1]
@@ -179,16 +188,13 @@ class IncomingField:
         change : (k, 3) float32
             Of radiance towards the points that see it.
         """
-        reflections, values = self.reflections, self.values.reshape(-1)
-        start, n_nodes = reflections.start, len(self.nodes)
+        reflections, n_nodes = self.reflections, len(self.nodes)
 
         def one(part):
-            first, last = np.searchsorted(entries, start[[part.start, part.stop]])
-            some = entries[first:last]
-            rows = np.repeat(
-                np.arange(part.start, part.stop), np.diff(start[part.start : part.stop + 1])
-            )[some - start[part.start]]
-            places = rows * (3 * n_nodes) + reflections.block[some]
+            own = reflections.start[[part.start, part.stop]]
+            first, last = np.searchsorted(entries, own)
+            some, values = entries[first:last], self.values[part].reshape(-1)
+            places = reflections.places(part, 3 * n_nodes)[0][some - own[0]]
             more = change[which[first:last]]
             more *= reflections.share[some, None] * np.float32(1 / 255)
             for channel in more.T:
@@ -205,7 +211,7 @@ class IncomingField:
 
         def one(part):
             smallest = wholes(self.values[part, :, : self.nodes.first[1]])
-            self.values[part] = halves(self.nodes.means(smallest))
+            self.values[part, :, self.nodes.first[1] :] = halves(self.nodes.larger(smallest))
 
         on_all_cores(one, self._parts)
 

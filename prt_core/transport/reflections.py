@@ -82,8 +82,14 @@ class Reflections:
     def __len__(self):
         return len(self.points)
 
-    def places(self, part):
-        """(k,) int64: where entries of a slice of the points are in a table (len(part), n_blocks).
+    def places(self, part, width=None):
+        """Where entries of a slice of the points are in a table (len(part), width).
+
+        Parameters
+        ----------
+        part : slice
+        width : int, optional
+            Default: the number of blocks.
 
         Returns
         -------
@@ -93,7 +99,7 @@ class Reflections:
         entries = slice(int(self.start[part.start]), int(self.start[part.stop]))
         counts = np.diff(self.start[part.start : part.stop + 1])
         row = np.repeat(np.arange(len(counts)), counts)
-        return row * len(self.blocks) + self.block[entries], entries
+        return row * (width or len(self.blocks)) + self.block[entries], entries
 
     @property
     def nbytes(self):

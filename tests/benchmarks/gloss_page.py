@@ -57,9 +57,9 @@ def speed_lines(rows):
     lines = [
         f"`prt bench gloss {SCENE}.prt -o FOLDER {' '.join(BENCH)}`, baked with `--bounces 0 "
         f"--method exhaustive`: {max(row['points'] for row in rows):,} points, "
-        f"{max(row['facing'] for row in rows):,} of them seen. Microseconds are of wall time, "
-        "which other work on the machine shared, for each seen point of a view; milliseconds are "
-        "of a light, for all points; seconds are of what is prepared once. Errors are relative L2 "
+        f"{max(row['facing'] for row in rows):,} of them seen. All times are of the processor, "
+        "both cores together: microseconds for each seen point of a view, milliseconds of a light, "
+        "for all points, seconds of what is prepared once. Errors are relative L2 "
         "against the dense sum at some 500 seen points, mean and worst over three of Blender's "
         "images. 'Texels apart' are the brightest of the light, summed from their own bits; the "
         "default does that by itself. The factor for shadows of reflection maps is exact, and as "
@@ -120,8 +120,8 @@ def sampled_lines(rows, together, errors):
     worst = [max(error[i] for error in errors.values()) for i in (0, 1)]
     lines = [
         "Figure 20 of Huang and Ramamoorthi 2010: four in-out terms of Phong 10, half diffuse, on "
-        f"{SCENE}, `huang` on the rows of each (F_k times visibility), Embree, wall seconds of a "
-        "shared machine. Per cent: of points that are dense, of the directions traced there, and "
+        f"{SCENE}, `huang` on the rows of each (F_k times visibility), Embree, seconds of the "
+        "processor. Per cent: of points that are dense, of the directions traced there, and "
         "of all entries of the object. The paper has 11.1 to 11.4 % in all, 0.2 of the time.",
         "",
         "| term | object | points | dense points % | angular % | dense % | sparse % | total % "
@@ -159,4 +159,15 @@ def sampled_lines(rows, together, errors):
     return lines
 
 
-SECTIONS = {"Speed and error": speed_and_error, "Terms sampled sparsely": sampled_terms}
+def views_and_lights():
+    """Views that are evaluated and looked up, and what a light takes, bounces and all."""
+    from tests.benchmarks.gloss_views import section
+
+    return section()
+
+
+SECTIONS = {
+    "Speed and error": speed_and_error,
+    "Views that are looked up": views_and_lights,
+    "Terms sampled sparsely": sampled_terms,
+}

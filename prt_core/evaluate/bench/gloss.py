@@ -34,8 +34,8 @@ _COLUMNS = [
     ("worst_light", ""), ("negative", ".1%"), ("facing", ",d"), ("points", ",d"), ("warning", ""),
 ]  # fmt: skip
 _LABELS = {
-    "view_us": "microseconds a seen point and view",
-    "light_ms": "milliseconds a light, all points",
+    "view_us": "CPU microseconds a seen point and view",
+    "light_ms": "CPU milliseconds a light, all points",
     "error": "error, %",
 }
 

@@ -83,18 +83,19 @@ def measured_steps(task, name, label, form, seconds, sample_only=False):
     Returns
     -------
     dict
-        form, reflectance, points, facing, bytes, seconds, light_ms, view_ms (medians over the
-        lights), l2_mean, l2_worst, worst_light, negative (largest share of points).
+        form, reflectance, points, facing, bytes, seconds, light_ms, view_ms (of the processor, all
+        cores; medians over the lights), l2_mean, l2_worst, worst_light, negative (largest share of
+        points).
     """
     outgoing = task.outgoing[task.sample] if sample_only else task.outgoing
     errors, light_ms, view_ms, negative = {}, [], [], []
     for index, (light, radiance) in enumerate(task.lights.items()):
         wanted = task.truth(name, light)
-        begun = time.perf_counter()
+        begun = time.process_time()
         form.set_light(radiance)
-        lit = time.perf_counter()
+        lit = time.process_time()
         result = form.toward(outgoing)
-        done = time.perf_counter()
+        done = time.process_time()
         light_ms.append(1e3 * (lit - begun))
         view_ms.append(1e3 * (done - lit))
         result = result if sample_only else result[task.sample]

@@ -35,19 +35,19 @@ def in_out_steps(task, n_terms=(4, 20, 48), n_clustered=(4,), n_bright=(16,), co
     rows, transport = [], task.transport
     parts = transport.bits, task.normals, transport.cube_map
     for name, reflectance in task.reflectances.items():
-        begun = time.perf_counter()
+        begun = time.process_time()
         factors = in_out_factors(reflectance, max(n_terms))
-        made = time.perf_counter() - begun
+        made = time.process_time() - begun
         for count in n_terms:
             exact = InOutTransport(*parts, factors.first(count))
             forms = [(f"in-out terms, {count}", exact, made)]
             if count in n_clustered:
-                begun = time.perf_counter()
+                begun = time.process_time()
                 clusters = max(1, transport.n_points // _CLUSTER)
                 form = yield from fit_terms_steps(
                     exact, lambda clusters=clusters: ClusteredPCA(clusters, components)
                 )
-                spent = made + time.perf_counter() - begun
+                spent = made + time.process_time() - begun
                 forms.append((f"in-out terms, {count}, clustered", form, spent))
             for label, form, spent in forms:
                 for bright in n_bright:

@@ -136,8 +136,8 @@ def incoming_steps(task):
             wide = sides_of(reflectance.roughness, 16) == sides_of(1, 16)
             for label, kind in ((LABEL, FieldOfSky), (MAPPED, MappedFieldOfSky)):
                 if kind is FieldOfSky or wide.all():
-                    begun = time.perf_counter()
+                    begun = time.process_time()
                     form = kind(task.transport, reflectance)
-                    seconds = time.perf_counter() - begun
+                    seconds = time.process_time() - begun
                     rows.append((yield from measured_steps(task, name, label, form, seconds)))
     return rows

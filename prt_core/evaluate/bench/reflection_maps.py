@@ -57,11 +57,11 @@ def reflection_map_steps(task):
             continue
         form = _OfMap(reflectance, transport.cube_map, task.normals)
         rows.append((yield from measured_steps(task, name, "reflection map", form, 0.0)))
-        begun = time.perf_counter()
+        begun = time.process_time()
         parts = transport.bits[task.sample], task.normals[task.sample], transport.cube_map
         share = lobe_visibility(*parts, reflectance.eval, task.outgoing[task.sample])
         form = _OfMap(reflectance, transport.cube_map, parts[1], share)
-        seconds = time.perf_counter() - begun
+        seconds = time.process_time() - begun
         label = "reflection map, factor for shadows"
         rows.append((yield from measured_steps(task, name, label, form, seconds, True)))
     return rows

@@ -55,23 +55,23 @@ def term_sampling_steps(scene, cube_map, caster, factors, lights, outgoing, sett
     rows, sparse = [], []
     for k in range(factors.n_terms):
         factor = TermFactor(factors, k, normals, cube_map)
-        begun = time.perf_counter()
+        begun = time.process_time()
         sampled = yield from sample_huang(scene, cube_map, caster, settings, factor=factor)
-        spent = time.perf_counter() - begun
-        begun = time.perf_counter()
+        spent = time.process_time() - begun
+        begun = time.process_time()
         whole = []
         for first in range(0, n_points, _BLOCK):
             part = slice(first, min(first + _BLOCK, n_points))
             whole.append(visibility_bits(scene, cube_map, caster, part))
             yield Progress("every entry", part.stop, n_points)
-        seconds = {"seconds": spent, "whole_seconds": time.perf_counter() - begun}
+        seconds = {"seconds": spent, "whole_seconds": time.process_time() - begun}
         sparse.append(sampled.bits)
         rows += [{"term": k, **row, **seconds} for row in _by_object(scene, cube_map, sampled)]
-    begun = time.perf_counter()
+    begun = time.process_time()
     shared = yield from sample_agreement(scene, cube_map, caster)
     together = {
         "entries": 100 * shared.rays / (n_points * cube_map.n_directions),
-        "seconds": time.perf_counter() - begun,
+        "seconds": time.process_time() - begun,
     }
     parts = normals, cube_map
     truth = InOutTransport(np.concatenate(whole), *parts, factors)

@@ -33,21 +33,21 @@ def transfer_steps(task, order=5, n_components=(16,), n_bright=(0, 16)):
     """
     rows, transport = [], task.transport
     parts = transport.bits, task.normals, transport.cube_map
-    begun = time.perf_counter()
+    begun = time.process_time()
     matrices = shadowed_transfer(*parts, order)
-    made = time.perf_counter() - begun
+    made = time.process_time() - begun
     clustered = {}
     for name, reflectance in task.reflectances.items():
-        begun = time.perf_counter()
+        begun = time.process_time()
         harmonic = HarmonicReflectance(reflectance.eval, order)
         whole = TransferMatrices(matrices, task.normals, transport.cube_map, harmonic)
-        seconds = made + time.perf_counter() - begun
+        seconds = made + time.process_time() - begun
         forms = [(f"{order**2} x {order**2} matrices", whole, seconds)]
         for rank in n_components:
             if rank not in clustered:
-                begun = time.perf_counter()
+                begun = time.process_time()
                 model = ClusteredPCA(max(1, transport.n_points // _CLUSTER), rank)
-                clustered[rank] = CompressedTransfer(whole, model), time.perf_counter() - begun
+                clustered[rank] = CompressedTransfer(whole, model), time.process_time() - begun
             form, spent = clustered[rank]
             form.reflectance = harmonic
             forms.append((f"{rank} components a cluster", form, seconds + spent))

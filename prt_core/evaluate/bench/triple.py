@@ -28,16 +28,16 @@ def triple_steps(task, kept=0.01, n_bright=(32,), **table):
     rows, transport = [], task.transport
     count = kept_wavelets(kept, transport.n_directions)
     for name, reflectance in task.reflectances.items():
-        begun = time.perf_counter()
+        begun = time.process_time()
         lobes = LobeTable(reflectance.eval, count, **table)
-        made = time.perf_counter() - begun
+        made = time.process_time() - begun
         for bright in n_bright:
-            begun = time.perf_counter()
+            begun = time.process_time()
             form = TripleProducts(
                 transport.bits, task.normals, transport.cube_map, lobes, reflectance.eval,
                 kept, bright,
             )  # fmt: skip
-            seconds = made + time.perf_counter() - begun
+            seconds = made + time.process_time() - begun
             label = f"triple product, {100 * kept:g} %, {bright} texels apart"
             rows.append((yield from measured_steps(task, name, label, form, seconds)))
     return rows

@@ -277,6 +277,36 @@ def test_facets_that_are_kept_serve_other_lights_and_changes_of_the_field(case, 
     assert many.nbytes == results[1].nbytes
 
 
+def test_what_is_seen_again_is_what_a_field_that_took_it_in_shows(case):
+    reflections = case.field.reflections
+    entries = np.flatnonzero(reflections.met >= 0)[::2]
+    who, which = np.unique(reflections.met[entries], return_inverse=True)
+    rows = np.repeat(np.flatnonzero(case.scene.points.object_index == 0), 4)
+    outgoing = np.random.default_rng(2).normal(size=(len(rows), 3)) * 0.5 + [0, 0, 1]
+    outgoing = (outgoing / np.linalg.norm(outgoing, axis=1, keepdims=True)).astype(np.float32)
+    alpha, powers = np.full(len(rows), 0.4), white(len(rows), 2)
+    about = Glimpses(
+        case.field, case.normals, rows, outgoing, lambda some: [(alpha[some], powers[some])]
+    )
+    case.field.update(case.light, case.sent, settled=False)
+    about.light()
+    before = about.reflected()
+    change = np.random.default_rng(3).uniform(0.5, 2, (len(who), 3)).astype(np.float32)
+    case.field.resend(entries, which, change)
+    brought = about.reflected() - before
+    matrices = about.returned(entries, which, len(who))
+    seen = [matrix @ values for matrix, values in zip(matrices, change.T, strict=True)]
+    # The field has 8 bits for each value.
+    assert relative(np.stack(seen, axis=1), brought) < 0.02 and brought.max() > 0.1
+    assert not any(matrix.nnz for matrix in about.returned(entries[:0], which[:0], 5))
+    case.field.settle()
+    settled = case.field.values.copy()
+    case.field.update(case.light, case.sent)
+    case.field.resend(entries, which, change)
+    case.field.settle()
+    np.testing.assert_array_equal(case.field.values, settled)
+
+
 def test_a_glimpse_from_below_a_smooth_normal_is_light_all_the_same(case):
     case.field.update(case.light, case.sent)
     rows = np.flatnonzero(case.scene.points.object_index == 0)

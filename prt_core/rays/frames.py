@@ -50,7 +50,7 @@ class Frames:
         return Frames(self.centres[used], frame.astype(np.int32), self.coarse[triangles])
 
     def local(self, vertices, triangles, part=slice(None)):
-        """(n, 3, 3) float64: corners of a part of the triangles, each in its own frame."""
+        """(n, 3, 3) float64: corners of a part of the triangles of vertices, each in its frame."""
         return vertices[triangles[part]] - self.centres[self.of_triangle[part]][:, None]
 
 

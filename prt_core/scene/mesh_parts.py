@@ -37,8 +37,8 @@ def parts_of_meshes(meshes, stack, as_int32):
     ----------
     meshes : sequence of Mesh
     stack : Stack
-    as_int32 : callable(array) -> int32 array
-        The same one for the same array: instances share theirs.
+    as_int32 : callable(values)
+        Gives them in int32, the same ones for the same ones: instances share theirs.
 
     Returns
     -------

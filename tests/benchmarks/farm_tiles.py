@@ -1,7 +1,7 @@
 """What bakes cost as they grow: `python -m tests.benchmarks.farm_tiles [POINTS ...]`.
 
-Sixteen balls over a floor, ever finer. Each bake runs in a process of its own; seconds are those of
-all its cores together, memory is the most that it held at once.
+Sixteen balls, instances of one, over a floor, ever finer. Each bake runs in a process of its own;
+seconds are those of all its cores together, memory is the most that it held at once.
 
     --tile N    sample in tiles of so many points, however large the scene is
     --worker    what a process holds that computes blocks of such a bake
@@ -142,8 +142,8 @@ def growth(rows=None):
     """Lines of the table of what bakes cost as they grow."""
     rows = rows or [_apart(n_points) for n_points in POINTS]
     lines = [
-        "Sixteen balls over a floor, ever finer; 6,144 directions, all bounces, tolerance 1 %, "
-        "Embree. `python -m tests.benchmarks.farm_tiles`: each bake in a process of its own; "
+        "Sixteen balls, instances of one, over a floor, ever finer; 6,144 directions, all bounces, "
+        "tolerance 1 %, Embree. `python -m tests.benchmarks.farm_tiles`: each bake in a process; "
         "seconds are those of the processor, all threads together; memory is the most that was "
         "held at once, the interpreter's 90 MB with it: while the scene is built of its meshes, "
         "and while it is baked.",

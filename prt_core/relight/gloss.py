@@ -11,7 +11,7 @@ import numpy as np
 from prt_core.errors import expect
 from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
-from prt_core.relight.glossy_points import GlossyPoints, SeenMetal
+from prt_core.relight.glossy_points import METAL, GlossyPoints, SeenMetal
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import Progress
@@ -138,7 +138,9 @@ class Gloss:
     def _seen_metal(self):
         """Where reflections see what reflects as much as metals do, and from where; or None."""
         if self._metal is None:
-            seen = self._metal = SeenMetal(self._parts, len(self._world))
+            reflections = [part.field.reflections for part in self._parts]
+            strong = [part.strength() > METAL for part in self._parts]
+            seen = self._metal = SeenMetal(reflections, strong, len(self._world))
             for index, part in enumerate(self._parts):
                 mine = np.flatnonzero(seen.part == index)
                 glimpses = part.glimpses(seen.row[mine], seen.outgoing[mine])

@@ -273,11 +273,16 @@ class SeenMetal:
 
     Parameters
     ----------
-    parts : list of GlossyPoints
+    reflections : list of Reflections
+    strong : list of (n,) bool
+        Which of the points of each reflect as much as metals do.
     n_points : int
 
     Attributes
     ----------
+    keys : (k,) int64
+        Ascending: ((part n_points + row) n_blocks + block) of what is seen, where blocks of each of
+        the reflections follow those of the one before.
     part, row : (k,) int
         Whose points they are, and which.
     outgoing : (k, 3) float32
@@ -286,27 +291,26 @@ class SeenMetal:
         Of each part the entries of its reflections that see one, and which these are.
     """
 
-    def __init__(self, parts, n_points):
+    def __init__(self, reflections, strong, n_points):
         owner = np.full(n_points + 2, -1, np.int32)
         row = np.zeros(n_points + 2, np.int64)
-        for index, part in enumerate(parts):
-            strong = np.flatnonzero(part.strength() > METAL)
-            owner[part.points[strong]], row[part.points[strong]] = index, strong
-        directions = [part.field.reflections.blocks.directions for part in parts]
+        for index, (part, mine) in enumerate(zip(reflections, strong, strict=True)):
+            owner[part.points[mine]], row[part.points[mine]] = index, np.flatnonzero(mine)
+        directions = [part.blocks.directions for part in reflections]
         first = np.cumsum([0, *map(len, directions)])
         keys, chosen = [], []
-        for index, part in enumerate(parts):
-            reflections = part.field.reflections
+        for index, part in enumerate(reflections):
             # Negative numbers, of what returns no light, count from the end: of no part.
-            entries = np.flatnonzero(owner[reflections.met] >= 0)
-            met = reflections.met[entries]
+            entries = np.flatnonzero(owner[part.met] >= 0)
+            met = part.met[entries]
             seen = owner[met] * np.int64(n_points) + row[met]
-            keys.append(seen * first[-1] + first[index] + reflections.block[entries])
+            keys.append(seen * first[-1] + first[index] + part.block[entries])
             chosen.append(entries)
         keys, which = np.unique(np.concatenate(keys), return_inverse=True)
         which = which.astype(np.int32)
         ends = np.cumsum([len(entries) for entries in chosen])[:-1]
         self.entries = list(zip(chosen, np.split(which, ends), strict=True))
+        self.keys = keys
         seen, direction = np.divmod(keys, first[-1])
         self.part, self.row = np.divmod(seen, n_points)
         self.outgoing = -np.concatenate(directions).astype(np.float32)[direction]

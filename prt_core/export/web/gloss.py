@@ -1,9 +1,10 @@
 """What a page needs to show gloss: who sees what in reflections, and how surfaces reflect.
 
 For each light the page fills a field of incoming light in, as `transport.incoming_field` does, from
-its visibility bits and from what its points send. What is in the way of a block of directions is a
-*patch*, a run of points along the page's curve: few numbers, which deflate well. Blocks lie in the
-order of their tree, each before the quarters of the next.
+its visibility bits and from what its points send. What is in the way of a block of directions, or
+of a quarter of one where lobes are narrow, is a *patch*: a point, or a run of points along the
+page's curve where there are more than have a number. Blocks lie in the order of their tree, each
+before the quarters of the next.
 """
 
 from dataclasses import dataclass
@@ -14,16 +15,16 @@ from scipy.spatial import cKDTree
 from prt_core.errors import expect
 from prt_core.export.web.gloss_lobes import pack_lobes
 from prt_core.export.web.pack import shared_exponent
+from prt_core.relight.glossy_points import METAL, SeenMetal
+from prt_core.relight.point_lobes import PointLobes
 from prt_core.sphere import Blocks
 from prt_core.transport.incoming_field import FINER, divisor
 from prt_core.transport.lobe_cuts import parts_along
 
 # Blocks along an edge of a face, at most; and parts of a block that have a bit.
 _SIDE, _CELLS = 8, (4, 2, 1)
-# A page's patches, which 14 bits number, and those of metal, which take longer; the least cosine
-# between the normals of a patch.
-_MOST_PATCHES, _MOST_METAL = 16383, 1024
-_ALIKE = 0.7
+# A page's patches, which 14 bits number, and the least cosine between the normals of one.
+_MOST_PATCHES, _ALIKE = 16383, 0.7
 # Texels of the field, at most.
 _MOST_FIELD = 1 << 25
 _PART = 1024
@@ -61,15 +62,19 @@ class Tree:
         cells = next(n for n in _CELLS if step % n == 0)
         return cls(Blocks(cube_map, side), top, levels, cells)
 
-    def order(self):
-        """(n_blocks,) int: which block of `blocks` each one in the order of the tree is."""
-        index = np.arange(len(self.blocks))
-        face, rest = np.divmod(index >> 2 * (self.levels - 1), self.top**2)
+    def order(self, more=0):
+        """(n_blocks,) int: which block of `blocks` each one in the order of the tree is.
+
+        With `more` of those that are so many times halved.
+        """
+        deep, side = self.levels - 1 + more, self.blocks.side << more
+        index = np.arange(6 * side**2)
+        face, rest = np.divmod(index >> 2 * deep, self.top**2)
         row, column = np.divmod(rest, self.top)
-        for level in range(self.levels - 2, -1, -1):
+        for level in range(deep - 1, -1, -1):
             quarter = index >> 2 * level & 3
             row, column = 2 * row + (quarter >> 1), 2 * column + (quarter & 1)
-        return (face * self.blocks.side + row) * self.blocks.side + column
+        return (face * side + row) * side + column
 
     def n_nodes(self, more=0):
         """Blocks of all sizes, and of so many smaller ones."""
@@ -98,30 +103,34 @@ def pack_gloss(pack, bake, points):
     number = np.full(len(bake.scene.points), -1)
     number[points] = np.arange(len(points))
     lobes, facts = pack_lobes(pack, bake, points)
-    start, metal = _patches(bake.scene, points, lobes.strong)
+    start = _patches(bake.scene, points)
     patch = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    metal, place = _metal(bake, points[start[:-1]], lobes.strong[start[:-1]])
     pack.add("patch", start.astype(np.uint32), differences=True)
-    pack.add("metal", metal.astype(np.uint16), differences=True)
-    number_of = np.full(len(start), -1)
-    number_of[metal + 1] = np.arange(len(metal))
+    pack.add("metal", metal.astype(np.uint16))
     rows, n_wide, row_of = _rows(bake, tree, points, number)
     pack.add("gloss_row", row_of.astype(np.uint32), differences=True)
     pack.add("gloss_point", rows.astype(np.uint32), differences=True)
     # Two more, which negative numbers count from the end, of what returns no light.
     patch_of = np.append(patch[_in_page(bake.scene, points)] + 1, [0, 0])
-    met, hidden, gathered = _in_the_way(bake, tree, points[rows], patch_of)
-    order = tree.order()
-    # Block by block: neighbours along the curve are alike in each.
-    met = met[:, order]
-    pack.add("met", met.T)
-    # From where metal is seen: blocks of directions in which others have it.
-    seen = number_of[met]
-    row, block = np.nonzero(seen >= 0)
-    glimpses = np.unique(seen[row, block] * len(order) + block)
-    pack.add("glimpse", glimpses.astype(np.uint32), differences=True)
-    pack.add("hidden", hidden[:, order].T)
-    pack.add("gloss_met", gathered[order].astype(np.float32))
-    pack.add("gloss_open", _mean_visibility(bake, points[rows]))
+    # Wide lobes have what is in the way by blocks, narrow ones by their quarters.
+    number_of, seen = np.full(len(start), -1), []
+    number_of[metal + 1] = np.arange(len(metal))
+    for more, name, some in ((0, "wide", rows[:n_wide]), (1, "narrow", rows[n_wide:])):
+        if len(some):
+            blocks = Blocks(bake.cube_map, tree.blocks.side << more)
+            met, hidden, gathered = _in_the_way(bake, blocks, points[some], patch_of)
+            order = tree.order(more)
+            # Block by block: neighbours along the curve are alike in each.
+            pack.add(f"{name}_met", met[:, order].T)
+            pack.add(f"{name}_hidden", hidden[:, order].T)
+            pack.add(f"{name}_gathered", gathered[order].astype(np.float32))
+            pack.add(f"{name}_open", _mean_visibility(bake, points[some]))
+            patch, block = number_of[met], np.broadcast_to(np.arange(len(blocks)), met.shape)
+            there = np.zeros((len(metal), len(blocks)), bool)
+            there[patch[patch >= 0], block[patch >= 0]] = True
+            seen.append((more, there))
+    pack.add("dice", _numbers(bake, tree, seen, place).astype(np.uint32), differences=True)
     # Blocks are cut into parts where lobes are narrower than these.
     fine = FINER * bake.cube_map.resolution if n_wide < len(rows) else bake.cube_map.resolution
     parts = parts_along(2 * tree.blocks.side, facts["narrowest"], fine)
@@ -213,34 +222,87 @@ def _nearest(points, which, every):
     return cKDTree(key[::every]).query(key)[1]
 
 
-def _patches(scene, points, strong):
-    """Runs of points along the page's curve, of one object each and alike in normal.
+def _patches(scene, points):
+    """(n_patches + 1,) int: where runs of points along the page's curve begin, and the end.
+
+    Those of a run are of one object and alike in normal.
+    """
+    run, normals, group = 1, scene.points.normals[points], scene.points.object_index[points]
+    start = np.arange(len(points) + 1)
+    while len(start) > _MOST_PATCHES + 1 and run < len(points):
+        start, first, run = [0], 0, 2 * run
+        for i in range(1, len(points)):
+            same = group[i] == group[first] and normals[i] @ normals[first] > _ALIKE
+            if not same or i - first >= run:
+                first = i
+                start.append(i)
+        start = np.array([*start, len(points)])
+    return start
+
+
+def _metal(bake, starts, strong):
+    """Patches of metal in the order of `SeenMetal`, and where in it each of their points is.
+
+    Parameters
+    ----------
+    bake : Bake
+    starts : (n_patches,) int
+        Of the bake, a point of each patch.
+    strong : (n_patches,) bool
+        Those that are metal.
 
     Returns
     -------
-    start : (n_patches + 1,) int
-        Where each begins, and the end.
     metal : (m,) int
-        Those of metal.
+    place : (m,) int
+        Part of the reflections times the number of the bake's points, and row.
     """
-    run = metal_run = 1
-    normals, group = scene.points.normals[points], scene.points.object_index[points]
-    kind = 2 * group + strong
-    while True:
-        start, first, count = [0], 0, 0
-        for i in range(1, len(points)):
-            count += 1
-            same = kind[i] == kind[first] and normals[i] @ normals[first] > _ALIKE
-            if not same or count >= (metal_run if strong[first] else run):
-                first, count = i, 0
-                start.append(i)
-        metal = np.flatnonzero(strong[start])
-        if len(metal) > _MOST_METAL and metal_run < len(points):
-            metal_run *= 2
-        elif len(start) > _MOST_PATCHES and run < len(points):
-            run, metal_run = 2 * run, 2 * metal_run
-        else:
-            return np.array([*start, len(points)]), metal[:_MOST_METAL]
+    where, metal, place = np.full(len(bake.scene.points), -1), [np.zeros(0, int)], []
+    where[starts[strong]] = np.flatnonzero(strong)
+    for index, part in enumerate(bake.reflections):
+        rows = np.flatnonzero(where[part.points] >= 0)
+        metal.append(where[part.points[rows]])
+        place.append(index * len(where) + rows)
+    return np.concatenate(metal), np.concatenate(place)
+
+
+def _numbers(bake, tree, seen, place):
+    """Of what metal sends to who sees it the number that a `Relighter` has for it.
+
+    Both throw the dice by it, so that what few facets miss is the same (see `transport.glimpse`).
+
+    Parameters
+    ----------
+    bake : Bake
+    tree : Tree
+    seen : list of (int, (m, n_blocks) bool)
+        In which blocks of the tree, or so many times halved ones, patches of metal are seen.
+    place : (m,) int
+        Of these patches, see `_metal`.
+
+    Returns
+    -------
+    (k,) int
+        Patch by patch, of blocks and then of quarters.
+    """
+    points = bake.scene.points
+    glossy = np.concatenate([part.points for part in bake.reflections])
+    strong = PointLobes(points.materials[glossy], points.normals[glossy]).strength() > METAL
+    strong = np.split(strong, np.cumsum([len(part) for part in bake.reflections])[:-1])
+    keys = SeenMetal(bake.reflections, strong, len(points)).keys
+    sides = [part.blocks.side for part in bake.reflections]
+    total = sum(6 * side**2 for side in sides)
+    # Each part of the reflections numbers its own.
+    begin = np.searchsorted(keys, np.arange(len(sides)) * len(points) * total)
+    numbers = []
+    for more, there in seen:
+        side = tree.blocks.side << more
+        first = sum(6 * each**2 for each in sides[: sides.index(side)]) if side in sides else 0
+        patch, block = np.nonzero(there)
+        own = np.searchsorted(keys, place[patch] * total + first + block)
+        numbers.append((patch, own - begin[place[patch] // len(points)]))
+    patch, number = (np.concatenate(each) for each in zip(*numbers, strict=True))
+    return number[np.argsort(patch, kind="stable")]
 
 
 def _in_page(scene, points):
@@ -255,7 +317,7 @@ def _in_page(scene, points):
     return number
 
 
-def _in_the_way(bake, tree, rows, patch_of):
+def _in_the_way(bake, blocks, rows, patch_of):
     """What stands in the way of blocks, and how much of what is not open it hides.
 
     Returns
@@ -267,7 +329,7 @@ def _in_the_way(bake, tree, rows, patch_of):
     gathered : (n_blocks,) float
         Light that all rows see there in the mean, under an even sky of 1.
     """
-    n_blocks, n_points = len(tree.blocks), len(patch_of) - 2
+    n_blocks, n_points = len(blocks), len(patch_of) - 2
     met = np.zeros((len(rows), n_blocks), np.uint16)
     hidden = np.zeros((len(rows), n_blocks), np.uint8)
     even = bake.transport.radiance(np.ones((bake.cube_map.n_directions, 3), np.float32))
@@ -278,15 +340,15 @@ def _in_the_way(bake, tree, rows, patch_of):
     angles = bake.cube_map.solid_angles
     for part in bake.reflections:
         # Blocks of this part that share texels with each block of the tree.
-        owner = part.blocks.of_texel[tree.blocks.texels]
+        owner = part.blocks.of_texel[blocks.texels]
         around = [np.unique(each) for each in owner]
         most = max(map(len, around))
         around = np.stack([np.pad(each, (0, most - len(each)), "edge") for each in around])
         area = np.zeros((n_blocks, len(part.blocks)))
-        np.add.at(area, (tree.blocks.of_texel, part.blocks.of_texel), angles)
+        np.add.at(area, (blocks.of_texel, part.blocks.of_texel), angles)
         area = area[np.arange(n_blocks)[:, None], around]
         area[:, 1:][np.diff(around, axis=1) == 0] = 0
-        area /= tree.blocks.solid_angles[:, None]
+        area /= blocks.solid_angles[:, None]
         for first in range(0, len(part), _PART):
             some = slice(first, min(first + _PART, len(part)))
             where = place[part.points[some]]
@@ -302,8 +364,8 @@ def _in_the_way(bake, tree, rows, patch_of):
             table = np.take_along_axis(table, chosen, axis=2)[..., 0]
             share = share.sum(axis=2)
             bits = bake.transport.bits[part.points[some]]
-            seen = tree.blocks.pattern_sums(tree.blocks.patterns(bits), angles)
-            rest = 1 - seen / tree.blocks.solid_angles
+            seen = blocks.pattern_sums(blocks.patterns(bits), angles)
+            rest = 1 - seen / blocks.solid_angles
             ratio = np.clip(share / np.maximum(rest, 1e-6), 0, 1)
             mine = where >= 0
             patch = np.where(share > 0, patch_of[table], 0)

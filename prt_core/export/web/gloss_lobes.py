@@ -16,8 +16,6 @@ from prt_core.relight.point_lobes import PointLobes
 _KINDS = 256
 # Steps of Fresnel terms, and of the logarithm of alphas.
 _STEP, _ALPHA_STEP = 1 / 4096, 1 / 512
-# Alpha of lobes whose light the page sums up coarsely: roughness 0.35.
-_NARROW = 0.35**2
 # Objects that a note names.
 _NAMED = 5
 
@@ -64,14 +62,13 @@ def pack_lobes(pack, bake, points):
     least = narrowest_of(bake.cube_map)
     names = [(index, name) for index, (_, each) in enumerate(groups) for name in each]
     rows = np.zeros((n, 2 + N_POWERS * len(names), 4), np.float32)
-    (mirrors, brushed, narrow), alphas = np.zeros((3, n), bool), []
+    (mirrors, brushed), alphas = np.zeros((2, n), bool), []
     for index, (alpha, each) in enumerate(groups):
         there = sum(powers[:-1].any(axis=(1, 2)) for powers in each.values()) > 0
         mirrors |= there & (alpha.max(axis=1) < least)
         brushed |= there & (alpha[:, 0] != alpha[:, 1]) & ~mirrors
         # As wide as a round lobe of the same area of facets.
         width = np.maximum(np.sqrt(alpha.prod(axis=1)), least)
-        narrow |= there & (width < 0.99 * _NARROW) & ~mirrors
         rows[:, 0, index] = np.exp(_ALPHA_STEP * np.rint(np.log(width) / _ALPHA_STEP))
         alphas.append(width[there])
     factors = ViewFactors(materials, _KINDS)
@@ -90,7 +87,6 @@ def pack_lobes(pack, bake, points):
     narrowest = min((float(each.min()) for each in alphas if len(each)), default=1.0)
     notes = (
         (mirrors, f"sharp mirrors are shown as rough as {np.sqrt(least):.2f}"),
-        (narrow, "gloss below a roughness of 0.35 may be up to a fifth darker than it is relit"),
         (brushed, "brushed metal is shown as rough to all sides"),
         (lobes.rough[:-1] > 0, "rough diffuse surfaces are shown as even to all sides"),
     )

@@ -22,9 +22,9 @@ from tests.chromium import Browser, chromium_or_skip
 from tests.meshes import caster_of, plane, sphere
 from tests.web.pages import eye_on, radiance_on, said_on
 
-GOLD = {"metal": (0.9, 0.6, 0.25), "stand_in": (0.9, 0.6, 0.25), "roughness": 0.35}
+GOLD = {"metal": (0.9, 0.6, 0.25), "stand_in": (0.9, 0.6, 0.25), "roughness": 0.3}
 FLOOR = {"dielectric": 1.0, "roughness": 0.5}
-LACQUER = {"coat": 1.0, "coat_roughness": 0.25, "coat_ior": 1.5, "dielectric": 1.0,
+LACQUER = {"coat": 1.0, "coat_roughness": 0.2, "coat_ior": 1.5, "dielectric": 1.0,
            "roughness": 0.6}  # fmt: skip
 MIRROR = {"metal": (1.0, 1.0, 1.0), "stand_in": (1.0, 1.0, 1.0), "roughness": 0.02}
 
@@ -61,8 +61,7 @@ def shown(bake, tmp_path_factory):
     page = tmp_path_factory.mktemp("page") / "page"
     report = prt_core.export_web(bake, page, lamp_samples=64)
     assert "gloss.js" in report["files"]
-    (note,) = report["notes"]
-    assert note.startswith("lacquer: gloss below a roughness of 0.35"), "its coat"
+    assert not report["notes"]
     with Browser(480, 270) as browser:
         browser.open(page / "index.html")
         assert said_on(browser) == "" and not browser.errors
@@ -95,9 +94,8 @@ def test_gloss_under_images_from_two_sides(bake, shown):
             near, plain = error(bake, shown, image, rotation=turn)
             assert near < 0.5 * plain, (name, turn, near)
             errors.append(near)
-    # A sun that the coat mirrors at two of its points is all that is further off.
-    *rest, worst = sorted(errors)
-    assert max(rest) < 0.02 and worst < 0.1
+    print(errors)
+    assert max(errors) < 0.02
     assert not browser.errors
 
 

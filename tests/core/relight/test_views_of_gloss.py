@@ -11,7 +11,7 @@ from prt_core.rays.caster import known_casters
 from prt_core.relight import relighter as module
 from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.gloss import Gloss
-from prt_core.relight.glossy_points import SeenMetal
+from prt_core.relight.glossy_points import METAL, SeenMetal
 from prt_core.relight.lighting import Lighting
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.relight.relighter import Relighter
@@ -117,7 +117,9 @@ def test_few_points_of_an_object_are_evaluated_themselves(bake):
 def test_what_is_seen_from_several_points_along_one_direction_is_there_once(bake):
     gloss = Gloss(bake, CASTER)
     parts, points = gloss._parts, bake.scene.points
-    seen = SeenMetal(parts, len(points))
+    strong = [part.strength() > METAL for part in parts]
+    seen = SeenMetal([part.field.reflections for part in parts], strong, len(points))
+    assert (np.diff(seen.keys) > 0).all()
     sights = np.column_stack([seen.part, seen.row, seen.outgoing])
     assert 0 < len(np.unique(sights, axis=0)) == len(seen)
     assert len(seen) < sum(len(entries) for entries, _ in seen.entries)

@@ -30,7 +30,7 @@ const nodesOf = (top, sizes) => 2 * top ** 2 * (4 ** sizes - 1);
 // A light as lobes of one width take it, on texels along `fine` of an edge: nodes of the tree, each
 // where its light is; parts of the smallest; the brightest texels; what bits of blocks let through.
 class GlossLight {
-  constructor({top, levels, cells, n, met, open, blocks, side}, fine, sizes, parts) {
+  constructor({top, levels, cells, n, blocks, side}, met, open, fine, sizes, parts) {
     Object.assign(this, {top, levels, cells, n, met, open, blocks, side, fine, sizes, parts});
     this.lay();
   }
@@ -68,7 +68,7 @@ class GlossLight {
 
   // The brightest texels, each with what it has more than the mean of the others of its block.
   glints(light) {
-    const {fine, angles, place, deep, levels} = this, n = light.length / 3, value = floats(n), far = 2 * (deep - levels);
+    const {fine, angles, place, deep, sizes} = this, n = light.length / 3, value = floats(n), far = 2 * (deep - sizes);
     let mean = 0;
     for (let i = 0; i < n; i++) {
       value[i] = max(light[3 * i], light[3 * i + 1], light[3 * i + 2]);
@@ -107,7 +107,7 @@ class GlossLight {
     this.mean = mean;
     // Of every part: its light, how much of it is met in the mean and where that comes from.
     let sums = new Float64Array(8 * 6 * (top << deep - 1) ** 2);
-    const far = 2 * (deep - levels);
+    const far = 2 * (deep - sizes);
     for (let i = 0; i < place.length; i++) {
       const at = 8 * place[i], angle = angles[i % (fine * fine)], face = i / (fine * fine) | 0;
       const texel = (face * n + (i / fine % fine / step | 0)) * n + (i % fine / step | 0);
@@ -156,38 +156,34 @@ class GlossLight {
 class Gloss {
   constructor(gpu, arrays) {
     const {gl, facts} = gpu, {top, levels, cells, wide, rows, parts, lobes, surfaces, nodes, patches} = facts.gloss;
-    Object.assign(this, {gpu, ...facts.gloss, n: facts.resolution, met: arrays.gloss_met, open: arrays.gloss_open});
+    Object.assign(this, {gpu, ...facts.gloss, n: facts.resolution});
     this.side = top << levels - 1;
     this.blocks = 6 * this.side ** 2;
-    const narrow = rows > wide, {head} = gpu;
+    const narrow = rows > wide, {head} = gpu, near = this.near(arrays);
     gpu.head += Object.entries({TOP: 6 * top * top, LEVELS: levels, CELLS: cells, QUADS: max(1, cells * cells / 4), WIDE_ROWS: wide,
-      ROWS: rows, PARTS: parts, MOST_GLINTS, LOBES: lobes.length, GROUPS: lobes.join(), KNOTS: nodes,
+      ROWS: rows, PATCHES: patches, SIDE: this.side, TOPS: top, PARTS: parts, MOST_GLINTS, LOBES: lobes.length, GROUPS: lobes.join(), KNOTS: nodes,
       SURFACES: surfaces}).map(([name, value]) => `#define ${name} ${value}\n`).join("");
-    this.patchMeans = gpu.program(PATCHES, null);
+    this.patchMeans = gpu.program(PATCH, null);
     this.field = gpu.program(CORNER, FIELD);
-    this.glimpses = gpu.program(GLIMPSES, null);
+    this.glimpses = gpu.program(FACETS, null);
     this.glossed = gpu.program(GLOSSED, null);
     gpu.head = head;
-    const lights = this.lights = [[facts.resolution, levels, 0], [facts.gloss.fine, levels + 1, parts]].slice(0, narrow ? 2 : 1)
-      .map(each => new GlossLight(this, ...each));
+    const lights = this.lights = [["wide", facts.resolution, levels, 0], ["narrow", facts.gloss.fine, levels + 1, parts]].slice(0, narrow ? 2 : 1)
+      .map(([kind, ...each]) => new GlossLight(this, arrays[kind + "_gathered"] || floats(this.blocks),
+        arrays[kind + "_open"] || floats(6 * facts.resolution ** 2), ...each));
     const {data} = gpu, lamps = facts.sources, n = gpu.n, bits = gpu.bits, width = arrays.bits.shape[1];
-    const metals = new Uint32Array(patches), middles = new Uint32Array(max(1, this.metal));
-    arrays.metal.forEach((patch, k) => {
-      metals[patch] = k + 1;
-      middles[k] = arrays.patch[patch] + arrays.patch[patch + 1] - 1 >> 1;
-    });
-    const views = new Uint32Array(max(1, this.metal) * this.blocks);
-    arrays.glimpse.forEach((code, k) => { views[code] = k; });
+    const middles = new Uint32Array(max(1, this.metal));
+    arrays.metal.forEach((patch, k) => { middles[k] = arrays.patch[patch] + arrays.patch[patch + 1] - 1 >> 1; });
     const direct = new Uint32Array(lamps.length * n || 1), count = (rows - wide) * nodesOf(top, levels + 1) + wide * nodesOf(top, levels);
     lamps.forEach(({lamp}, k) => { if (lamp) direct.set(arrays["direct" + k], k * n); });
-    if (ceil(max(count, this.blocks * rows) / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+    if (ceil(max(count, near.length) / WIDE) > gl.getParameter(gl.MAX_TEXTURE_SIZE))
       fail("This device's graphics hold no tables as large as the gloss of this bake needs.");
     Object.assign(data, {
-      codes: gpu.table("u32", this.codes(arrays, bits, width), this.blocks * rows), field: gpu.table("u32", null, count),
-      patches: gpu.table("u32", arrays.patch, patches + 1), metals: gpu.table("u32", metals, patches),
-      middles: gpu.table("u32", middles, middles.length), sends: gpu.target(patches), glossed: gpu.target(n),
-      views: gpu.table("u32", views, views.length), glimpses: gpu.table("u32", arrays.glimpse, arrays.glimpse.length),
-      glimpsed: gpu.target(max(1, arrays.glimpse.length)), glossRow: gpu.table("u32", arrays.gloss_row, n),
+      codes: gpu.table("u16", this.codes(arrays, bits, width), this.blocks * rows), field: gpu.table("u32", null, count),
+      near: gpu.table("u32", near, near.length), patches: gpu.table("u32", arrays.patch, patches + 1),
+      metals: gpu.table("u32", Uint32Array.from(arrays.metal), max(1, this.metal)), middles: gpu.table("u32", middles, middles.length), sends: gpu.target(patches), glossed: gpu.target(n),
+      glimpses: gpu.table("u32", this.seen, this.seen.length), glimpsed: gpu.target(max(1, this.seen.length)),
+      dice: gpu.table("u32", arrays.dice, arrays.dice.length), glossRow: gpu.table("u32", arrays.gloss_row, n),
       surfaces: gpu.table("u32", arrays.surface, n), matter: gpu.table("f32x4", arrays.lobe, arrays.lobe.length / 4),
       light: gpu.table("f32x4", null, lights.reduce((sum, {table}) => sum + table.length / 4, 0)),
       brightBits: gpu.table("u8", null, 2 * MOST_GLINTS * width),
@@ -199,14 +195,31 @@ class Gloss {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, data.field.texture, 0);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.rowBytes = width;
-    this.glimpsed = arrays.glimpse.length;
   }
 
-  // Bits of the cells of each block, what is in its way, and how much of that hides light.
-  codes({met, hidden, gloss_point: points}, bits, width) {
-    const {top, levels, cells, rows, n, side} = this, many = cells * cells, out = new Uint32Array(this.blocks * rows);
+  // Of each row what is in the way of its blocks, or of their quarters where lobes are narrow: how much
+  // of that hides light; the number of a patch from 1 on, or beyond those of what metal sends there.
+  near({metal, wide_met, wide_hidden, narrow_met, narrow_hidden}) {
+    const {blocks, top, levels, patches} = this, all = 5 * blocks, of = new Uint32Array(patches + 1), marks = new Uint32Array(all * metal.length);
+    const kinds = [[0, wide_met, wide_hidden], [1, narrow_met, narrow_hidden]].filter(each => each[1]);
+    const out = new Uint32Array(kinds.reduce((sum, [, met]) => sum + met.length, 0)), codes = [];
+    metal.forEach((patch, k) => { of[patch + 1] = k + 1; });
+    const each = todo => kinds.reduce((first, [more, met, hidden]) => {
+      const order = treeOrder(top, levels + more), rows = met.length / order.length;
+      met.forEach((patch, i) => todo(patch, of[patch] && (of[patch] - 1) * all + more * blocks + order[i / rows | 0], hidden[i], first + i));
+      return first + met.length;
+    }, 0);
+    each((patch, view) => { if (of[patch]) marks[view] = 1; });
+    marks.forEach((mark, view) => { if (mark) marks[view] = codes.push(view); });
+    each((patch, view, hidden, i) => { out[i] = hidden << 30 | (of[patch] ? patches + marks[view] : patch); });
+    this.seen = Uint32Array.from(codes);
+    return out;
+  }
+
+  // Bits of the cells of each block.
+  codes({gloss_point: points}, bits, width) {
+    const {top, levels, cells, rows, n, side} = this, many = cells * cells, out = new Uint16Array(this.blocks * rows);
     const order = treeOrder(top, levels + Math.log2(cells)), edge = side * cells, step = n / edge;
-    for (let i = 0; i < out.length; i++) out[i] = met[i] << 16 | hidden[i] << 30;
     for (let c = 0; c < order.length; c++) {
       const face = order[c] / (edge * edge) | 0, row = order[c] / edge % edge | 0, half = step >> 1;
       const texel = (face * n + row * step + half) * n + order[c] % edge * step + half;
@@ -259,20 +272,20 @@ class Gloss {
     });
     this.more = {strengths: ["1fv", own], lit: ["1fv", shine], lamps: ["4fv", lamps], nLamps: ["1i", strengths.length]};
     gpu.run(this.patchMeans, ["radiance", "patches"], {}, "sends");
-    this.fill(0);
-    for (let sweep = 0; sweep < 2 && this.glimpsed; sweep++) {
-      gpu.run(this.glimpses, [...LOBE_TABLES, "middles", "glimpses"], numbers, "glimpsed");
-      this.fill(1);
+    const sweeps = this.seen.length ? 3 : 0, tables = [...LOBE_TABLES, "middles", "glimpses", "dice", "metals", "sends"];
+    for (let sweep = 0; sweep <= sweeps; sweep++) {
+      if (sweeps) gpu.run(this.glimpses, tables, {...numbers, sweep: ["1i", sweep]}, "glimpsed");
+      this.fill();
     }
   }
 
-  fill(again) {
+  fill() {
     const {gpu} = this, {gl, data} = gpu;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     gl.viewport(0, 0, WIDE, data.field.high);
     gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.CULL_FACE);
-    gpu.use(this.field, ["codes", "metals", "views", "light", "sends", "glimpsed"], {...this.numbers, again: ["1i", again]});
+    gpu.use(this.field, ["codes", "near", "light", "sends", "glimpsed"], this.numbers);
     gl.bindVertexArray(gpu.nothing);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);

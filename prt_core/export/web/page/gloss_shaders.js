@@ -29,7 +29,7 @@ vec3 whole(uint c) { return vec3(c & 511u, c >> 9 & 511u, c >> 18 & 511u) * exp2
 `;
 
 // The mean of what the points of a patch send.
-const PATCHES = `uniform sampler2D radiance; uniform usampler2D patches; out vec4 value;
+const PATCH = `uniform sampler2D radiance; uniform usampler2D patches; out vec4 value;
 void main() {
   int i = int(get(patches, ID).r), end = int(get(patches, ID + 1).r);
   vec3 sum = vec3(0);
@@ -40,18 +40,20 @@ void main() {
 // The field: of each node of a row the mean of the light from there, of the sky by the bits of four
 // texels or cells of a block at once, and of what is in the way.
 const CORNER = `void main() { gl_Position = vec4(ID == 1 ? 3 : -1, ID == 2 ? 3 : -1, 0, 1); }`;
-const FIELD = TREE + SHARED + `uniform usampler2D codes, metals, views; uniform sampler2D light, sends, glimpsed;
-uniform float environment, scale; uniform bool again; out uint value;
+const FIELD = TREE + SHARED + `uniform usampler2D codes, near; uniform sampler2D light, sends, glimpsed;
+uniform float environment, scale; out uint value;
 vec3 sky(int block, int quad, uint bits) { return get(light, OWN(tables) + (block * QUADS + quad) * 16 + int(bits)).rgb * environment; }
-vec3 behind(uint code, int block) {
-  int patch_ = int(code >> 16 & 16383u);
-  if (patch_ == 0) return vec3(0);
-  int metal = again ? int(get(metals, patch_ - 1).r) : 0;
-  if (metal > 0) return get(glimpsed, int(get(views, (metal - 1) * BLOCKS + block).r)).rgb;
-  return get(sends, patch_ - 1).rgb;
+// What is in the way of a block, or of a quarter of it, in parts of what is not open.
+vec3 behind(int block, int k, int row) {
+  int narrow = ROWS - WIDE_ROWS;
+  uint code = get(near, W == 0 ? block * WIDE_ROWS + row : BLOCKS * WIDE_ROWS + (4 * block + k) * narrow + row - WIDE_ROWS).r;
+  int i = int(code & 0x3fffffffu) - 1;
+  vec3 from = i < 0 ? vec3(0) : i < PATCHES ? get(sends, i).rgb : get(glimpsed, i - PATCHES).rgb;
+  return from * float(code >> 30) / 3.;
 }
-float hidden(uint code) { return float(code >> 30) / 3.; }
 float open(uint bits) { return float((bits & 1u) + (bits >> 1 & 1u) + (bits >> 2 & 1u) + (bits >> 3 & 1u)) / 4.; }
+// The bits of a quarter: four of its own, or one of the block's four.
+uint quarter(uint code, int k) { return QUADS == 4 ? code >> uint(4 * k) & 15u : (code >> uint(k) & 1u) * 15u; }
 float solid(int node) { return get(light, NODE(node) + 1).w; }
 void main() {
   int e = int(gl_FragCoord.y) * ${WIDE} + int(gl_FragCoord.x), wide = WIDE_ROWS * NODES, row, node;
@@ -61,33 +63,33 @@ void main() {
   if (row >= ROWS) return;
   W = row < WIDE_ROWS ? 0 : 1;
   vec3 sum = vec3(0);
+  int level = 0;
   if (node >= NODES) {
     int q = node - NODES, block = q >> 2, k = q & 3;
-    uint code = get(codes, block * ROWS + row).r, bits;
-    int quad = QUADS == 4 ? k : 0;
-    bits = QUADS == 4 ? code >> uint(4 * k) & 15u : code & uint(1 << k);
+    uint bits = quarter(get(codes, block * ROWS + row).r, k);
     // The table has the light of a block's part over the area of the block.
-    sum = sky(block, quad, bits) * solid(first(DEEP) + block) / solid(node)
-      + (1. - (QUADS == 4 ? open(bits) : bits > 0u ? 1. : 0.)) * hidden(code) * behind(code, block);
+    sum = sky(block, QUADS == 4 ? k : 0, QUADS == 4 ? bits : bits & uint(1 << k)) * solid(first(DEEP) + block) / solid(node)
+      + (1. - open(bits)) * behind(block, k, row);
     value = coded(sum * scale);
     return;
   }
-  int level = 0;
   while (node >= first(level + 1)) level++;
   int shift = 2 * (DEEP - level), block = (node - first(level)) << shift, n = 1 << shift;
   float area = 0.;
   for (int b = block; b < block + n; b++) {
     uint code = get(codes, b * ROWS + row).r;
-    vec3 here = vec3(0);
-    float seen = 0.;
+    float angle = solid(first(DEEP) + b), seen = 0.;
+    vec3 here = vec3(0), hid = vec3(0);
     for (int q = 0; q < QUADS; q++) {
       uint bits = code >> uint(4 * q) & 15u;
       here += sky(b, q, bits);
       seen += CELLS == 1 ? float(bits & 1u) : open(bits) / float(QUADS);
     }
-    if (seen < 1.) here += (1. - seen) * hidden(code) * behind(code, b);
-    float angle = solid(first(DEEP) + b);
-    sum += angle * here;
+    if (seen < 1.) {
+      if (W == 0) here += (1. - seen) * behind(b, 0, row);
+      else for (int k = 0; k < 4; k++) hid += (1. - open(quarter(code, k))) * solid(NODES + 4 * b + k) * behind(b, k, row);
+    }
+    sum += angle * here + hid;
     area += angle;
   }
   value = coded(sum / area * scale);
@@ -98,18 +100,34 @@ const LOBES_OVER = TREE + SHARED + `uniform usampler2D codes, field, glossRow, n
 uniform sampler2D light, matter, radiance, received; uniform float environment, scale;
 uniform int rowBytes;
 vec3 N, O, P[4]; float H, own, A;
+// Of the cosine between light and facet.
+vec3 fresnel(float facet) {
+  float rest = max(1. - facet, 0.), third = rest * rest * rest, fifth = third * rest * rest;
+  return P[0] + fifth * P[1] + third * P[2] + facet * rest * fifth * P[3];
+}
 vec3 lobe(vec3 way, float spread) {
   float c = dot(N, way);
   if (c <= 0.) return vec3(0);
   float s = max(2. * dot(O, way) + 2., 1e-6), sum = c + H, q = max(sum * sum * (A - 1.) + s, 1e-12) / s;
-  float reach = min(spread * (1. + 4. / s), A), facet = 0.5 * sqrt(s), rest = max(1. - facet, 0.);
-  float value = c * A / (6.2831853 * (q * (q - reach) + 1.5 * A * reach) * (c * own + H * sqrt(c * c * (1. - A) + A)));
-  float third = rest * rest * rest, fifth = third * rest * rest;
-  return value * (P[0] + fifth * P[1] + third * P[2] + facet * rest * fifth * P[3]);
+  float reach = min(spread * (1. + 4. / s), A);
+  return fresnel(0.5 * sqrt(s)) * c * A / (6.2831853 * (q * (q - reach) + 1.5 * A * reach) * (c * own + H * sqrt(c * c * (1. - A) + A)));
 }
-vec3 over(int i, int row, float alpha) {
+void widen(float alpha) {
   A = alpha * alpha;
   own = sqrt(A + (1. - A) * H * H);
+}
+// Of the brightest texels.
+vec3 glints(int i) {
+  vec3 sum = vec3(0);
+  for (int b = 0; b < OWN(nBright); b++) {
+    uint byte = get(brightBits, (MOST_GLINTS * W + b) * rowBytes + i / 8).r;
+    if ((byte >> uint(i & 7) & 1u) == 1u)
+      sum += lobe(get(light, OWN(brights) + 2 * b).xyz, 0.) * get(light, OWN(brights) + 2 * b + 1).rgb * environment;
+  }
+  return sum;
+}
+vec3 over(int i, int row, float alpha) {
+  widen(alpha);
   vec3 mirror = 2. * H * N - O, sum = vec3(0);
   float width = min(2. * alpha, 0.5) * (H < 0.2 ? 0.35 : H < 0.45 ? 0.7 : 1.), square = width * width;
   bool narrow = row >= WIDE_ROWS;
@@ -144,12 +162,7 @@ vec3 over(int i, int row, float alpha) {
     vec4 way = get(light, NODE(node));
     sum += lobe(way.xyz, way.w) * middle.w * here;
   }
-  for (int b = 0; b < OWN(nBright); b++) {
-    uint byte = get(brightBits, (MOST_GLINTS * W + b) * rowBytes + i / 8).r;
-    if ((byte >> uint(i & 7) & 1u) == 1u)
-      sum += lobe(get(light, OWN(brights) + 2 * b).xyz, 0.) * get(light, OWN(brights) + 2 * b + 1).rgb * environment;
-  }
-  return max(sum, 0.);
+  return max(sum + glints(i), 0.);
 }
 #define SURFACE (2 + 4 * LOBES)
 const int GROUP[LOBES] = int[](GROUPS);
@@ -175,27 +188,77 @@ void powers(int group) {
     for (int k = 0; k < 4; k++) P[k] += f * get(matter, surface + 2 + 4 * l + k).rgb;
   }
 }
-vec3 reflected(int i, int row, float least) {
-  vec3 sum = vec3(0);
-  for (int g = 0; g < 2; g++) {
-    powers(g);
-    if (P[0] + P[1] + P[2] + P[3] != vec3(0)) sum += over(i, row, max(get(matter, surface)[g], least));
-  }
-  return sum;
+bool has(int group) {
+  powers(group);
+  return P[0] + P[1] + P[2] + P[3] != vec3(0);
 }
 // What is sent evenly to all sides, without the colour that stands in for gloss.
 vec3 even(int i) { return get(radiance, i).rgb - get(matter, surface + 1).rgb * get(received, i).rgb; }
 `;
 
-// What metal sends to each block of directions from which others see it.
-const GLIMPSES = LOBES_OVER + `uniform usampler2D middles, glimpses; out vec4 value;
+// What metal sends to each block of directions from which others see it: four facets of each lobe
+// mirror what they face, and the brightest texels. See prt_core/transport/glimpse.py.
+const FACETS = LOBES_OVER + `uniform usampler2D middles, glimpses, dice, metals; uniform sampler2D sends; uniform int sweep;
+out vec4 value;
+vec3 middleOf(int block, int side) {
+  vec2 p = (vec2(block % side, block / side % side) + 0.5) / float(side) * 2. - 1.;
+  int face = block / (side * side);
+  float s = (face & 1) == 0 ? 1. : -1.;
+  return normalize(face < 2 ? vec3(s, s * p.x, p.y) : face < 4 ? vec3(-s * p.x, s, p.y) : vec3(p.x, s * p.y, s));
+}
+// The smallest node of a row in a direction.
+int nodeAlong(vec3 d) {
+  vec3 a = abs(d);
+  int deep = DEEP + W, side = SIDE << W, face, node;
+  vec2 p;
+  if (a.x >= a.y && a.x >= a.z) { face = d.x < 0. ? 1 : 0; p = vec2(d.y / d.x, d.z / a.x); }
+  else if (a.z > a.x && a.z > a.y) { face = d.z < 0. ? 5 : 4; p = vec2(d.x / a.z, d.y / d.z); }
+  else { face = d.y < 0. ? 3 : 2; p = vec2(-d.x / d.y, d.z / a.y); }
+  ivec2 place = clamp(ivec2((p * 0.5 + 0.5) * float(side)), 0, side - 1);
+  node = (face * TOPS + (place.y >> deep)) * TOPS + (place.x >> deep);
+  for (int l = deep - 1; l >= 0; l--) node = 4 * node + 2 * (place.y >> l & 1) + (place.x >> l & 1);
+  return first(deep) + node;
+}
+const vec2 PLACES[4] = vec2[](vec2(0), vec2(0.5), vec2(0.75, 0.25), vec2(0.25, 0.75));
+// What a lobe reflects of a field by facets that are seen from `view`, in the frame of the point.
+vec3 mirrored(int row, mat3 frame, vec3 view, vec2 shift) {
+  float a = sqrt(A);
+  vec3 sum = vec3(0), wide = normalize(view * vec3(a, a, 1));
+  for (int k = 0; k < 4; k++) {
+    float up = 1. - fract(PLACES[k].x + shift.x) * (1. + wide.z), turn = 6.2831853 * (PLACES[k].y + shift.y);
+    vec3 facet = vec3(a * (wide.xy + sqrt(max(1. - up * up, 0.)) * vec2(cos(turn), sin(turn))), max(up + wide.z, 1e-6));
+    facet = normalize(facet);
+    vec3 way = 2. * dot(view, facet) * facet - view;
+    if (way.z <= 0.) continue;
+    vec2 z = max(vec2(view.z, way.z), 1e-3), masked = sqrt(1. - A + A / (z * z));
+    float weight = (1. + masked.x) / (masked.x + masked.y) / 4.;
+    sum += weight * fresnel(dot(view, facet)) * whole(get(field, startOf(row) + nodeAlong(frame * way)).r) / scale;
+  }
+  return sum;
+}
 void main() {
-  int code = int(get(glimpses, ID).r), i = int(get(middles, code / BLOCKS).r), row = int(get(glossRow, i).r) - 1;
+  int code = int(get(glimpses, ID).r), metal = code / (5 * BLOCKS), block = code % (5 * BLOCKS);
+  if (sweep == 0) {
+    value = get(sends, int(get(metals, metal).r));
+    return;
+  }
+  int i = int(get(middles, metal).r), row = int(get(glossRow, i).r) - 1;
   prepare(i);
   W = row < WIDE_ROWS ? 0 : 1;
-  vec3 way = -get(light, NODE(first(DEEP) + code % BLOCKS) + 1).xyz;
-  look(normalize(way + max(0.05 - dot(way, N), 0.) * N));
-  value = vec4(max(even(i) + reflected(i, row, 0.1), 0.), 0);
+  vec3 way = -(block < BLOCKS ? middleOf(block, SIDE) : middleOf(block - BLOCKS, 2 * SIDE));
+  look(way);
+  O = normalize(way + max(0.05 - H, 0.) * N);
+  H = dot(N, O);
+  float s = N.z >= 0. ? 1. : -1., a = -1. / (s + N.z), b = N.x * N.y * a;
+  mat3 frame = mat3(1. + s * N.x * N.x * a, s * b, -s * N.x, b, s + N.y * N.y * a, -N.y, N);
+  // Steps of the golden ratio's kin, one for each.
+  vec2 shift = vec2(get(dice, ID).r * uvec2(3242174889u, 2447445414u) >> 8) / 16777216.;
+  vec3 sum = even(i);
+  for (int g = 0; g < 2; g++) if (has(g)) {
+    widen(max(get(matter, surface)[g], 0.1));
+    sum += mirrored(row, frame, O * frame, shift) + glints(i);
+  }
+  value = vec4(max(sum, 0.), 0);
 }`;
 
 // What each point shows to the eye. Lamps: where they are and how wide, their axis.
@@ -236,6 +299,7 @@ void main() {
 #endif
   value.rgb = plain;
   if (H <= 0.) return;
-  value.rgb = (plain - shining) * factor(LOBES) + shining + reflected(i, row, 0.);
+  value.rgb = (plain - shining) * factor(LOBES) + shining;
+  for (int g = 0; g < 2; g++) if (has(g)) value.rgb += over(i, row, get(matter, surface)[g]);
   for (int l = 0; l < nLamps; l++) value.rgb += highlight(i, l);
 }`;

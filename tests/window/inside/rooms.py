@@ -5,7 +5,6 @@ import time
 import bpy
 from hand import FOLDER, Until
 
-
 # Seconds within which a button's work has begun.
 _BEGINS = 3.0
 

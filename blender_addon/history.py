@@ -17,6 +17,7 @@ from . import (
     naming,
     plan,
     preview,
+    reflections,
     rendering,
     saving,
     views,
@@ -40,6 +41,7 @@ def _after_file(*_):
     following.another_file()
     gloss.another_file()
     rendering.another_file()
+    reflections.another_file()
     naming.another_file()
     work.forget()
     casters.remove_left_over()

@@ -13,6 +13,7 @@ import bpy
 from prt_core import PRTError
 
 from .request import image_of
+from .views import of_windows
 
 # Of screens: what their views reflected before, by the number of their area.
 _KEPT = "prt_reflections_before"
@@ -20,8 +21,13 @@ _NAMES = (
     "use_scene_world", "use_scene_lights", "studio_light", "studiolight_rotate_z",
     "studiolight_intensity",
 )  # fmt: skip
-# What each view was last told, so that what a person changes afterwards stays.
+# What each view of this file was last told, so that what a person changes afterwards stays.
 _TOLD = {}
+
+
+def another_file():
+    """Forget what the views of the file before were told."""
+    _TOLD.clear()
 
 
 def follow(scene):
@@ -29,7 +35,7 @@ def follow(scene):
     if scene.prt.look != "MATERIALS" or not scene.prt.loaded:
         restore()
         return
-    for screen, key, shading in _views():
+    for screen, key, shading in of_windows():
         if shading.type != "MATERIAL":
             continue
         wanted = _wanted(scene)
@@ -46,7 +52,7 @@ def follow(scene):
 
 def restore():
     """Give the views back what they reflected; those that are in another mode wait for theirs."""
-    for screen, key, shading in _views():
+    for screen, key, shading in of_windows():
         kept = screen[_KEPT].to_dict() if _KEPT in screen else {}
         if key in kept and shading.type == "MATERIAL":
             _tell(shading, kept.pop(key))
@@ -55,13 +61,6 @@ def restore():
                 screen[_KEPT] = kept
             else:
                 del screen[_KEPT]
-
-
-def _views():
-    for window in bpy.context.window_manager.windows:
-        for index, area in enumerate(window.screen.areas):
-            if area.type == "VIEW_3D":
-                yield window.screen, str(index), area.spaces.active.shading
 
 
 def _wanted(scene):

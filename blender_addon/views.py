@@ -10,7 +10,8 @@ _SHOWS = {
 }  # fmt: skip
 
 
-def _solid_views():
+def of_windows():
+    """(screen, number of the area as text, shading) of all 3D views."""
     for window in bpy.context.window_manager.windows:
         for index, area in enumerate(window.screen.areas):
             if area.type == "VIEW_3D":
@@ -20,7 +21,7 @@ def _solid_views():
 def show():
     """Let Solid mode show vertex colours as they are; how many views changed."""
     changed = 0
-    for screen, key, shading in _solid_views():
+    for screen, key, shading in of_windows():
         before = {name: getattr(shading, name) for name in _SHOWS}
         if before == _SHOWS:
             continue
@@ -36,7 +37,7 @@ def show():
 def restore():
     """Give the views back what `show` took; how many changed."""
     changed = 0
-    for screen, key, shading in _solid_views():
+    for screen, key, shading in of_windows():
         before = screen[_KEPT].get(key) if _KEPT in screen else None
         if before is not None:
             for name, value in _named(before).items():
@@ -55,7 +56,7 @@ def _named(before):
 
 def in_solid():
     """Whether a view is in Solid mode, which knows no view transform."""
-    return any(shading.type in {"SOLID", "WIREFRAME"} for *_, shading in _solid_views())
+    return any(shading.type in {"SOLID", "WIREFRAME"} for *_, shading in of_windows())
 
 
 def shown():

@@ -79,7 +79,7 @@ def push(message):
 
 
 def views_show():
-    kinds = {(s.color_type, s.light) for *_, s in views._solid_views()}
+    kinds = {(s.color_type, s.light) for *_, s in views.of_windows()}
     assert len(kinds) == 1, "one window, all its views alike"
     return kinds == {("VERTEX", "FLAT")}
 

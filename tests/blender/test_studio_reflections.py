@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon import reflections
+from blender_addon import reflections, views
 
 pytestmark = pytest.mark.usefixtures("addon")
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("addon")
 @pytest.fixture
 def shading():
     """Of the one view, in Material Preview."""
-    (view,) = {key: shading for _, key, shading in reflections._views()}.values()
+    (view,) = {key: shading for _, key, shading in views.of_windows()}.values()
     before = view.type
     view.type = "MATERIAL"
     view.use_scene_world, view.use_scene_lights = False, False
@@ -45,6 +45,10 @@ def test_views_reflect_the_light_of_the_panel_and_get_theirs_back(baked_floor, s
     shading.studiolight_intensity = 1
     reflections.follow(baked_floor)
     assert shading.studiolight_intensity == 1
+    # Another file's views are told anew, though their screens have the same names.
+    reflections.another_file()
+    reflections.follow(baked_floor)
+    assert shading.studiolight_intensity == pytest.approx(2.0)
     shading.type = "SOLID"
     chosen.look = "COLOURS"
     reflections.follow(baked_floor)

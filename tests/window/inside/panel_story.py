@@ -28,25 +28,28 @@ def story(hand, report):
     report["solid"] = yield from seen(hand, "solid", "SOLID")
     report["material"] = yield from seen(hand, "material preview", "MATERIAL")
     report["height_baked"] = yield from height(hand)
-    yield from own_materials(hand, report)
     yield from while_baking(hand, report)
+    yield from own_materials(hand, report)
 
 
 def while_baking(hand, report):
     """The height during a bake that takes longer than looking does."""
     scene = bpy.context.scene
+    before = {name: getattr(scene.prt, name) for name in ("name", "quality")}
     scene.prt.name, scene.prt.quality = "Long", "CUSTOM"
     scene.prt.resolution, scene.prt.tolerance = "64", 0.001
     yield 1.0
     yield from hand.click("prt.bake")
     yield Until("the bake has begun", lambda: status().running, 10)
-    yield Until("colours are shown", lambda: bool(part("showing").delays), 120)
     report["height_baking"] = yield from height(hand)
     report["was_baking"] = status().running
     hand.picture("baking")
     yield from hand.to_view()
     yield from hand.key("ESC")
     yield Until("it has stopped", lambda: not status().running, 60)
+    for name, value in before.items():
+        setattr(scene.prt, name, value)
+    yield Until("the preview has settled", settled, 120)
 
 
 def build(hand, report):

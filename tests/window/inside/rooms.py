@@ -1,7 +1,12 @@
 """Scenes that the stories build, and the way to the add-on's panel."""
 
+import time
+
 import bpy
 from hand import FOLDER, Until
+
+# Seconds within which a button's work has begun.
+_BEGINS = 3.0
 
 
 def mesh_of(name, size, cells=1):
@@ -72,17 +77,27 @@ def to_panel(hand):
 
 def press(hand, button, status, at=0.45, seconds=120):
     """Press a button and wait until its work is done; after so many seconds it is an error."""
+    before = status().message
     yield from hand.click(button, at)
-    yield 0.3
-    yield Until(f"{button} is done", lambda: not status().running, seconds)
-    yield 0.5
+    yield from _done(button, status, before, seconds)
 
 
 def confirm(hand, button, status, at=0.45, seconds=120):
     """Press a button that asks in a dialog, take what it proposes, and wait until it is done."""
+    before = status().message
     yield from hand.click(button, at)
     yield 1.0
     yield from hand.key("RET")
-    yield 0.5
+    yield from _done(button, status, before, seconds)
+
+
+def _done(button, status, before, seconds):
+    """Wait until a button's work has begun, or has been done meanwhile, and until it is done."""
+    pressed = time.monotonic()
+    while not status().running and status().message == before:
+        # On a busy machine the window takes its time; some buttons say nothing.
+        if time.monotonic() - pressed > _BEGINS:
+            break
+        yield 0.05
     yield Until(f"{button} is done", lambda: not status().running, seconds)
     yield 0.5

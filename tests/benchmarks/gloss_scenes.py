@@ -67,8 +67,31 @@ MATERIALS = {
 }
 
 
+def grazing():
+    """Metal and lacquer on a glossy floor, most of which is seen at 12 to 20 degrees."""
+    build.clear()
+    gold = principled("gold", (0.9, 0.6, 0.25), Metallic=1, Roughness=0.3)
+    build.suzanne("model", gold, 1, 1.4).location.x = -0.6
+    lacquer = principled(
+        "lacquer", (0.5, 0.03, 0.03), Roughness=0.5, Coat_Weight=1, Coat_Roughness=0.1
+    )
+    bpy.ops.mesh.primitive_uv_sphere_add(
+        segments=32, ring_count=16, radius=0.55, location=(0.9, -0.3, 0.554)
+    )
+    build.added("ball", lacquer, smooth=True)
+    build.grid("ground", 61, -2, 2, principled("floor", (0.25, 0.3, 0.35), Roughness=0.3))
+    build.camera((0.3, -4.6, 1.15), (0, 0, 0.4), 45)
+    bpy.context.view_layer.update()
+
+
 def scene_of(name, levels=2, side=81):
-    """Suzanne of a material on diffuse ground, or both of it where the name begins with ground."""
+    """Suzanne of a material on diffuse ground, or both of it where the name begins with ground.
+
+    Or `grazing`.
+    """
+    if name == "grazing":
+        grazing()
+        return
     build.clear()
     made = MATERIALS[name.removeprefix("ground_")]()
     build.suzanne("model", made, levels, 1.6)
@@ -159,7 +182,7 @@ def measured(name, light, samples):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", default=list(MATERIALS))
+    parser.add_argument("names", nargs="*", default=[*MATERIALS, "grazing"])
     parser.add_argument("--light", nargs="+", default=["city", "courtyard", "interior"])
     parser.add_argument("--samples", type=int, default=256)
     options = parser.parse_args()

@@ -41,7 +41,7 @@ _BOUNCES = 3
 _APART, _HIDDEN_APART = 1.0, 0.25
 # More of them than this share of the points, or so many, are not made.
 _MOST, _LEAST_MOST = 0.15, 1500
-# Rays cast together, about.
+# Rays cast together, about, and places whose light is found together.
 _RAYS = 1 << 16
 
 
@@ -300,8 +300,17 @@ def _light(scene, ends, ambient):
     """(n_points,) received light where all that is open brings some, with a few bounces."""
     received = ambient
     for _ in range(_BOUNCES):
-        received = ambient + _sent(scene, received)[np.maximum(ends, -1)].mean(axis=1)
+        received = ambient + _arriving(_sent(scene, received), ends)
     return received
+
+
+def _arriving(sent, ends):
+    """(n,) mean of what is sent from where rays ended, (n, count); of some places at a time."""
+    result = np.empty(len(ends))
+    for first in range(0, len(ends), _RAYS):
+        part = slice(first, first + _RAYS)
+        result[part] = sent[np.maximum(ends[part], -1)].mean(axis=1)
+    return result
 
 
 def _sent(scene, received):

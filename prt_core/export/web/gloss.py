@@ -90,7 +90,7 @@ def pack_gloss(pack, bake, points):
     bake : Bake
         Baked with gloss.
     points : (n,) int
-        Of the bake, in the page's order.
+        Of the bake, in the page's order; all `mirrored_points` are among them.
 
     Returns
     -------
@@ -112,7 +112,8 @@ def pack_gloss(pack, bake, points):
     pack.add("gloss_row", row_of.astype(np.uint32), differences=True)
     pack.add("gloss_point", rows.astype(np.uint32), differences=True)
     # Two more, which negative numbers count from the end, of what returns no light.
-    patch_of = np.append(patch[_in_page(bake.scene, points)] + 1, [0, 0])
+    patch_of = np.zeros(len(bake.scene.points) + 2, np.int64)
+    patch_of[points] = patch + 1
     # Wide lobes have what is in the way by blocks, narrow ones by their quarters.
     number_of, seen = np.full(len(start), -1), []
     number_of[metal + 1] = np.arange(len(metal))
@@ -145,6 +146,12 @@ def pack_gloss(pack, bake, points):
         "fine": fine,
         "parts": parts if n_wide < len(rows) else 0,
     }
+
+
+def mirrored_points(bake):
+    """(m,) int: points that glossy ones see, which a page needs whether cameras see them or not."""
+    met = [part.met[part.met >= 0] for part in bake.reflections]
+    return np.unique(np.concatenate([np.zeros(0, np.int32), *met]))
 
 
 def pack_highlight(pack, index, source, scene, points):
@@ -303,18 +310,6 @@ def _numbers(bake, tree, seen, place):
         numbers.append((patch, own - begin[place[patch] // len(points)]))
     patch, number = (np.concatenate(each) for each in zip(*numbers, strict=True))
     return number[np.argsort(patch, kind="stable")]
-
-
-def _in_page(scene, points):
-    """(n_points,) int: of every point of the bake the page's point that stands for it."""
-    number = np.full(len(scene.points), -1)
-    number[points] = np.arange(len(points))
-    others = np.flatnonzero(number < 0)
-    if len(others):
-        # What cameras do not see is the colour of what is nearest, where it is mirrored.
-        everything = np.concatenate([scene.points.positions, 0.1 * scene.points.normals], axis=1)
-        number[others] = cKDTree(everything[points]).query(everything[others])[1]
-    return number
 
 
 def _in_the_way(bake, blocks, rows, patch_of):

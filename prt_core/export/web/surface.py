@@ -17,7 +17,8 @@ from prt_core.scene.pieces import pieces_of
 
 # Pieces of triangles that let light pass, at most.
 _MOST_PIECES = 1 << 17
-_CODES, _FULL = 4095, 65535
+# Steps of the roots of shares, of normals, which narrow lobes ask for, and of places.
+_CODES, _WAYS, _FULL = 4095, 16383, 65535
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,15 @@ class Surface:
     places: np.ndarray
 
 
-def surface_of(scene):
-    """The `Surface` that cameras see of a scene."""
+def surface_of(scene, more=()):
+    """The `Surface` that cameras see of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    more : (m,) int, optional
+        Points that it holds as well: those that are seen in reflections.
+    """
     seen = np.array([item.camera_rays for item in scene.objects], bool)[scene.triangle_object]
     passing = np.zeros_like(seen)
     if scene.opacity is not None:
@@ -61,6 +69,7 @@ def surface_of(scene):
     parts = [single.ravel(), front.ravel(), back.ravel(), pieces[0].ravel()]
     used = np.unique(np.concatenate(parts))
     expect(len(used), "bake: cameras see nothing of its scene; there is nothing to show")
+    used = np.union1d(used, np.asarray(more, used.dtype))
     if scene.points.materials.through.any():
         behind = scene.opposite[used]
         used = np.union1d(used, behind[behind >= 0])
@@ -168,11 +177,11 @@ def _in_box(positions):
 
 
 def octahedral(normals):
-    """(n, 2) uint16, of 12 bits: unit vectors (n, 3) on an unfolded octahedron."""
+    """(n, 2) uint16, of 14 bits: unit vectors (n, 3) on an unfolded octahedron."""
     x, y, z = (normals / np.abs(normals).sum(axis=1, keepdims=True)).T
     folded = (1 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0, 1, -1)
     square = np.where(z < 0, folded, [x, y]).T
-    return np.rint((square + 1) / 2 * _CODES).astype(np.uint16)
+    return np.rint((square + 1) / 2 * _WAYS).astype(np.uint16)
 
 
 def pack_share(pack, name, shares):

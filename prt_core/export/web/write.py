@@ -17,7 +17,7 @@ from prt_core.errors import (
 from prt_core.export.web.error import error_steps
 from prt_core.export.web.files import DATA, FIELD_DATA, expect_place, page_files, write_page
 from prt_core.export.web.form import coded_form, form_steps, pack_bits, pack_form
-from prt_core.export.web.gloss import pack_gloss, pack_highlight
+from prt_core.export.web.gloss import mirrored_points, pack_gloss, pack_highlight
 from prt_core.export.web.light_field import pack_light_field_steps
 from prt_core.export.web.light_sets import image_paths, page_sets, read_sets
 from prt_core.export.web.pack import Pack, shared_exponent
@@ -137,7 +137,8 @@ def _bake_steps(bake, settings, title, pace):
     paths = image_paths(sets, own)
     images = yield from in_thread("lights", page_images, list(paths.values()) or settings.lights)
     expect_images(images)
-    surface = yield from in_thread("surface", surface_of, bake.scene)
+    mirrored = mirrored_points(bake) if settings.bits else ()
+    surface = yield from in_thread("surface", surface_of, bake.scene, mirrored)
     sources = yield from lamp_steps(bake, settings.caster, settings.lamp_samples, pace)
     sources += yield from emitter_steps(bake)
     steps = form_steps(bake)

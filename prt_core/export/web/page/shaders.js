@@ -9,7 +9,7 @@ ivec2 at(int i) { return ivec2(i & ${WIDE - 1}, i / ${WIDE}); }
 #define ID gl_VertexID
 #define get(table, i) texelFetch(table, at(i), 0)
 vec3 unfolded(uvec2 code) {
-  vec2 p = vec2(code) / 4095. * 2. - 1.;
+  vec2 p = vec2(code) / 16383. * 2. - 1.;
   vec3 n = vec3(p, 1. - abs(p.x) - abs(p.y));
   if (n.z < 0.) n.xy = (1. - abs(n.yx)) * vec2(n.x < 0. ? -1. : 1., n.y < 0. ? -1. : 1.);
   return normalize(n);

@@ -24,6 +24,7 @@ class Mirror:
         row = np.repeat(np.arange(len(reflections)), counts)
         self._keys = row * len(reflections.blocks) + reflections.block
         self._texels = self._sent = self._sky = None
+        self._resent = []
 
     def update(self, texels, sent, sky=None):
         """Take in a light, as `IncomingField.update` does.
@@ -39,12 +40,13 @@ class Mirror:
         if texels is None:
             texels = np.zeros((n_directions, 3), np.float32)
         self._texels = expect_array("texels", texels, (n_directions, 3), np.float32)
-        sent = np.concatenate([sent, np.zeros((2, 3), np.float32)])
-        self._sent, self._sky = sent[self._field.reflections.met], sky
+        self._sent, self._sky = np.concatenate([sent, np.zeros((2, 3), np.float32)]), sky
+        self._resent = []
 
     def resend(self, entries, which, change):
         """Take in what some entries send beyond what they did, as `IncomingField.resend` does."""
-        self._sent[entries] += change[which]
+        if len(entries):
+            self._resent.append((entries, which, change))
 
     def reflected(self, rows, normals, outgoing, powers):
         """Radiance that mirrors send towards a viewer.
@@ -81,7 +83,16 @@ class Mirror:
             key = rows[shut] * len(reflections.blocks) + reflections.blocks.of_texel[texel[shut]]
             place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
             known = self._keys[place] == key
-            result[shut[known]] = self._sent[place[known]]
+            result[shut[known]] = self._sent_by(place[known])
+        return result
+
+    def _sent_by(self, entries):
+        """(k, 3) float32: what entries of the reflections send."""
+        result = self._sent[self._field.reflections.met[entries]]
+        for changed, which, change in self._resent:
+            place = np.minimum(np.searchsorted(changed, entries), len(changed) - 1)
+            hit = changed[place] == entries
+            result[hit] += change[which[place[hit]]]
         return result
 
 

@@ -213,6 +213,17 @@ def test_mirrors_show_the_sky_or_what_is_met(case):
     right = mirror.seen(floor, np.tile([0.98, 0.0, 0.199], (len(floor), 1)))
     # The wall's colours are of its own points, between 0.2 and 0.4.
     assert ((right > 0.19) & (right < 0.41)).all(axis=1).mean() > 0.5
+    # Every other entry sends more by 10, and shows it where it is met.
+    met = case.field.reflections.met
+    entries = np.flatnonzero(met >= 0)[::2]
+    mirror.resend(entries[:0], entries[:0], np.zeros((0, 3), np.float32))
+    mirror.resend(entries, np.zeros(len(entries), int), np.full((1, 3), 10, np.float32))
+    more = mirror.seen(floor, np.tile([0.98, 0.0, 0.199], (len(floor), 1))) - right
+    brought = np.isclose(more, 10, atol=1e-5).all(axis=1)
+    assert ((more == 0).all(axis=1) | brought).all() and 0.2 < brought.mean() < 0.8
+    mirror.update(case.light, case.sent)
+    again = mirror.seen(floor, np.tile([0.98, 0.0, 0.199], (len(floor), 1)))
+    np.testing.assert_array_equal(again, right)
     reflected = mirror.reflected(np.arange(n), case.normals, up, white(n))
     assert np.isfinite(reflected).all()
 

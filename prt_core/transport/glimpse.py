@@ -121,13 +121,14 @@ class Glimpses:
         def one(first):
             places = []
             for some, block, factor in self._facets_at(first):
-                wanted = self._rows[first + some] * n_blocks + block
+                mine = first + some.astype(np.int64)
+                wanted = self._rows[mine] * n_blocks + block
                 place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
                 facet, lobe = np.nonzero(keys[place] == wanted)
                 place = place[facet, lobe]
                 weight = share[place] * np.float32(1 / 255)
                 values = [wholes(each[facet, lobe]) * weight for each in factor]
-                places.append((first + some[lobe].astype(np.int32), which[place], values))
+                places.append((mine[lobe], which[place], values))
             return places
 
         chunks = range(0, len(self._rows) if len(keys) else 0, _MANY)

@@ -310,6 +310,14 @@ def test_what_is_seen_again_is_what_a_field_that_took_it_in_shows(case):
     # The field has 8 bits for each value.
     assert relative(np.stack(seen, axis=1), brought) < 0.02 and brought.max() > 0.1
     assert not any(matrix.nnz for matrix in about.returned(entries[:0], which[:0], 5))
+    many = np.tile(np.arange(len(rows)), (1 << 16) // len(rows) + 2)
+    lobes = [(alpha[:1], powers[:1])]
+    about = Glimpses(
+        case.field, case.normals, rows[many], outgoing[many],
+        lambda some: [(each.repeat(len(some), axis=0) for each in lobes[0])],
+    )  # fmt: skip
+    (matrix, *_) = about.returned(entries, which, len(who))
+    assert matrix[1 << 16 :].nnz
     case.field.settle()
     settled = case.field.values.copy()
     case.field.update(case.light, case.sent)

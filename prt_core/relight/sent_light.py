@@ -35,7 +35,9 @@ class SentLight:
         """(n_points, 3) float32 radiance towards a view (see `Relighter.view_steps`)."""
         how = pace, every, mapped
         reflected, share = yield from self.gloss.toward_steps(view, self.lamps, *how)
-        radiance = (self.even - self.own) * share + self.own + reflected
+        radiance = (self.even - self.own) * share
+        radiance += self.own
+        radiance += reflected
         return exposed(radiance, self.lighting)
 
     def of_pixels(self, rays):

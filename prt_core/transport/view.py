@@ -79,9 +79,10 @@ class View:
             direction = expect_array("view: direction", self.direction, shape)
             return np.broadcast_to(direction, points.shape)
         ways = self.position - points
-        length = np.linalg.norm(ways, axis=1, keepdims=True)
+        length = np.sqrt(np.einsum("nx,nx->n", ways, ways))[:, None]
         expect((length > 0).all(), "view: position: is that of a point; step back from the surface")
-        return ways / length
+        ways /= length
+        return ways
 
     def above(self, points, normals):
         """The view of colours that stay, and are looked at from elsewhere too.

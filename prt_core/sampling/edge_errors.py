@@ -16,7 +16,7 @@ import numpy as np
 
 from prt_core.scene import BakePoints, surface_points
 from prt_core.scene.paint import centroids
-from prt_core.scene.points import NORMAL_STEP
+from prt_core.scene.points_of_meshes import NORMAL_STEP
 
 # Places inside of all triangles together: so many for each, and at least so many; of one at most.
 _FOR_EACH, _LEAST, _MOST_ALONG = 1, 20_000, 24

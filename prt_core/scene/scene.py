@@ -31,7 +31,8 @@ from prt_core.scene.opacity import Opacity, dimming, opacities_of
 from prt_core.scene.open_sky import open_points
 from prt_core.scene.own_faces import OwnFaces
 from prt_core.scene.paint import Surfaces, surfaces_of
-from prt_core.scene.points import BakePoints, make_points
+from prt_core.scene.points import BakePoints
+from prt_core.scene.points_of_meshes import make_points
 from prt_core.scene.ray_casters import caster_of
 from prt_core.scene.ray_offset import ray_lifts
 from prt_core.scene.scene_object import objects_of_meshes

@@ -6,13 +6,17 @@ from prt_core.compress.linalg import principal_rows
 from prt_core.runtime.parallel import in_parallel
 from prt_core.runtime.progress import Progress
 
+# Squared distances that differ by less than so much of a row's own square are equal: in float32
+# that is what rounding leaves of them.
+_EQUAL = 1e-6
+
 
 def lbg_steps(coordinates, labels, rank, rounds=2, ranks=None, last_rounds=4):
     """Refine clusters for an affine model of `rank` components; a generator of `Progress`.
 
     Each round fits mean and components of every cluster and hands each row to the cluster whose
-    affine space is nearest. Components are added one by one, with rounds in between, so that
-    clusters do not settle on the first local minimum.
+    affine space is nearest, or leaves it where that is as near. Components are added one by one,
+    with rounds in between, so that clusters do not settle on the first local minimum.
 
     Parameters
     ----------
@@ -39,7 +43,7 @@ def lbg_steps(coordinates, labels, rank, rounds=2, ranks=None, last_rounds=4):
     for step, components in enumerate(ranks):
         for _ in range(last_rounds if components == ranks[-1] else rounds):
             models = _models(coordinates, labels, n_clusters, components)
-            assigned, _ = assign(coordinates, models)
+            assigned, _ = assign(coordinates, models, labels)
             changed = int((assigned != labels).sum())
             labels = assigned
             yield Progress("clusters", step, len(ranks))
@@ -48,7 +52,7 @@ def lbg_steps(coordinates, labels, rank, rounds=2, ranks=None, last_rounds=4):
     return labels
 
 
-def assign(coordinates, models):
+def assign(coordinates, models, stay=None):
     """The nearest affine space of each row.
 
     Parameters
@@ -56,6 +60,9 @@ def assign(coordinates, models):
     coordinates : (n, m) float32
     models : list of (mean, basis) or None
         None: an empty cluster, never chosen.
+    stay : (n,) int32, optional
+        Labels of clusters that have rows: each keeps its own where no other is nearer by more
+        than rounding.
 
     Returns
     -------
@@ -72,17 +79,24 @@ def assign(coordinates, models):
     offsets = np.concatenate([models[c][1] @ models[c][0] for c in used])
     lengths = (means**2).sum(axis=1)
     full = np.flatnonzero(ends > starts)
+    place = np.zeros(len(models), np.int64)
+    place[used] = np.arange(len(used))
 
     def nearest(part):
         rows = coordinates[part]
-        distances = (rows**2).sum(axis=1)[:, None] - 2 * (rows @ means.T) + lengths
+        squares = (rows**2).sum(axis=1)
+        distances = squares[:, None] - 2 * (rows @ means.T) + lengths
         if len(full):
             inside = rows @ basis.T
             inside -= offsets
             inside *= inside
             distances[:, full] -= np.add.reduceat(inside, starts[full], axis=1)
-        best = distances.argmin(axis=1)
-        return best, np.take_along_axis(distances, best[:, None], axis=1)[:, 0]
+        every, best = np.arange(len(rows)), distances.argmin(axis=1)
+        if stay is not None:
+            own = place[stay[part]]
+            best = np.where(distances[every, own] - distances[every, best] <= _EQUAL * squares,
+                            own, best)  # fmt: skip
+        return best, distances[every, best]
 
     parts = [slice(first, first + 1024) for first in range(0, len(coordinates), 1024)]
     results = list(in_parallel(nearest, parts))

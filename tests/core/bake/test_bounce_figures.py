@@ -120,7 +120,8 @@ def test_a_cave_takes_more_rays_than_what_stands_in_the_open(tmp_path):
     rounds, hits = store.read("gather_rounds"), store.array("gather")[...]
     inside = load(tmp_path / "a.prt").scene.points.object_index == 1
     assert report["error"] <= 0.008 and 0 < report["error_enclosed"] <= LOCAL * 0.008
-    assert rounds[inside].mean() > 1.5 * rounds[~inside].mean()
+    # About half of its points see so much of the sky that they are not enclosed.
+    assert rounds[inside].mean() > 1.3 * rounds[~inside].mean()
     np.testing.assert_array_equal(
         (hits == NOT_CAST).reshape(len(hits), -1, 32).all(axis=2).sum(axis=1),
         hits.shape[1] // 32 - rounds,

@@ -56,6 +56,18 @@ def test_each_row_goes_to_the_affine_space_that_is_nearest():
     assert len(np.unique(labels)) == 4 and 2 not in labels
 
 
+def test_rows_that_two_clusters_hold_exactly_stay_where_they_are():
+    """So that none loses all of its rows to rounding, and is no more there for others."""
+    rows = (1e3 * np.random.default_rng(2).standard_normal((8, 12))).astype(np.float32)
+    labels = np.arange(8, dtype=np.int32) % 2
+    inside = np.linalg.qr(rows.T)[0].T.astype(np.float32)
+    models = [(rows[label], inside) for label in (0, 1)]
+    np.testing.assert_array_equal(assign(rows, models, labels)[0], labels)
+    np.testing.assert_array_equal(assign(rows, models, 1 - labels)[0], 1 - labels)
+    moved = [(rows[0], inside[:3]), (rows[1], inside)]
+    assert (assign(rows, moved, 0 * labels)[0][3:] == 1).all()
+
+
 def test_spaces_that_cross_are_found_by_projected_distance_alone():
     errors = []
     for seed in range(6):

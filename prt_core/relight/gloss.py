@@ -78,8 +78,10 @@ class Gloss:
     def nbytes(self):
         """Of the fields, of maps of views, and of what is kept for metal that metal sees."""
         kept = sum(one.nbytes for _, one in self._glimpses)
-        for each in (matrix for matrices in self._again or () for matrix in matrices):
-            kept += each.data.nbytes + each.indices.nbytes + each.indptr.nbytes
+        for matrices in self._again or ():
+            # The three have their indices in common.
+            kept += sum(matrix.data.nbytes for matrix in matrices)
+            kept += matrices[0].indices.nbytes + matrices[0].indptr.nbytes
         return sum(part.nbytes for part in self._parts) + kept
 
     @property

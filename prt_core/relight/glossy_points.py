@@ -80,18 +80,13 @@ class GlossyPoints:
     def view_map(self):
         """The `ViewMap` of the light, of wide lobes; planned when first asked for."""
         if self._map is None:
-            kinds, first, least = self._lobes.kinds()
-            mine = slice(self._first, self._first + len(self.points))
-            mapped = (least[mine] > _LEAST_MAPPED - 1e-4) & self._is_wide
-            own = np.full(len(self.points), -1, np.int32)
-            used, own[mapped] = np.unique(kinds[mine][mapped], return_inverse=True)
-            first = first[used]
+            least = self._lobes.kinds()[2][self._first : self._first + len(self.points)]
+            kinds, lobes_at = self._lobes_by_kind((least > _LEAST_MAPPED - 1e-4) & self._is_wide)
 
             def lobes_of(kind, cosine):
-                groups, _ = self._lobes.at(first[kind], cosine)
-                return [(alpha[:, 0], powers) for alpha, powers in groups]
+                return [(alpha[:, 0], powers) for alpha, powers in lobes_at(kind, cosine)]
 
-            self._map = ViewMap(self.field, self._normals, own, lobes_of)
+            self._map = ViewMap(self.field, self._normals, kinds, lobes_of)
         return self._map
 
     @property
@@ -155,12 +150,17 @@ class GlossyPoints:
 
     def glimpses(self, rows, outgoing):
         """`Glimpses` of points by `rows` (k,) from where `outgoing` (k, 3) leads."""
-        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
+        kinds, lobes_of = self._lobes_by_kind(np.ones(len(self.points), bool))
+        return Glimpses(self.field, self._normals, rows, outgoing, kinds, lobes_of)
 
-        def lobes_at(some):
-            return self._lobes.at(self._first + rows[some], cosine[some])[0]
-
-        return Glimpses(self.field, self._normals, rows, outgoing, lobes_at)
+    def _lobes_by_kind(self, some):
+        """Kinds (n,) of some of the points, -1 of others, and a function of kinds and cosines."""
+        kinds, first, _ = self._lobes.kinds()
+        own = np.full(len(self.points), -1, np.int32)
+        mine = kinds[self._first : self._first + len(self.points)]
+        used, own[some] = np.unique(mine[some], return_inverse=True)
+        first = first[used]
+        return own, lambda kind, cosine: self._lobes.at(first[kind], cosine)[0]
 
     def reflected(self, rows, normals, outgoing, alpha, powers, frames):
         """What lobes reflect of the fields of points.

@@ -37,7 +37,7 @@ _TURNS = 3
 
 def is_part(name):
     """Whether a file of this name is an unfinished one, which means nothing to a reader."""
-    return _PART.fullmatch(name) is not None
+    return ".part" in name and _PART.fullmatch(name) is not None
 
 
 class Files:
@@ -147,7 +147,7 @@ class Files:
         folders : bool, optional
             Only names of folders, or only those of anything else.
         """
-        path = self._path(folder) if folder else self.root
+        path = os.path.join(self.root, expect_key(self.root, folder)) if folder else self.root
         with self._said(path, "read"):
             try:
                 with os.scandir(path) as entries:
@@ -170,8 +170,8 @@ class Files:
         """Remove the part files that a kill left, whatever they are now."""
         with self._said(self.root, "written"):
             for path, entries in list(walk(self.root)):
-                if is_part(path.name) and not stat.S_ISDIR(entries.st_mode):
-                    path.unlink(missing_ok=True)
+                if is_part(os.path.basename(path)) and not stat.S_ISDIR(entries.st_mode):
+                    Path(path).unlink(missing_ok=True)
 
     def sync(self, folder=""):
         """Wait until all files, or those of a folder, are on the disk."""
@@ -274,8 +274,8 @@ def _write(path, data, lasting):
 
 
 def walk(top):
-    """(path, `os.lstat`) of everything below a folder; links are named and not followed."""
-    folders = [top]
+    """(str, `os.lstat`) of everything below a folder; links are named and not followed."""
+    folders = [os.fspath(top)]
     while folders:
         with os.scandir(folders.pop()) as entries:
             for entry in entries:
@@ -284,7 +284,7 @@ def walk(top):
                 except FileNotFoundError:
                     # Another writer has renamed its part file meanwhile.
                     continue
-                yield Path(entry.path), status
+                yield entry.path, status
                 if stat.S_ISDIR(status.st_mode):
                     folders.append(entry.path)
 

@@ -12,10 +12,10 @@ from prt_core.reflectance.fresnel_powers import powers_at, powers_used
 from prt_core.runtime.halves import halves, wholes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import sobol_points, tangent_frames
-from prt_core.transport.lobe_values import lobe_values
+from prt_core.transport.bright_lobes import BrightLobes
 
-# Facets of each lobe, and points worked on at once.
-_FACETS, _MANY = 4, 1 << 12
+# Facets of each lobe, and points worked on at once: at facets, and at bright texels.
+_FACETS, _MANY, _BRIGHT = 4, 1 << 12, 1 << 10
 # Glimpses whose facets are kept: 32 bytes each.
 _MOST_KEPT = 3_000_000
 # Least alpha: the lobe of the one point stands for those of all that is met in a block.
@@ -41,42 +41,37 @@ class Glimpses:
         Points of the field, in any order and number.
     outgoing : (k, 3) float32
         Unit vectors towards the viewer, in the world.
-    lobes_at : callable((m,) int) -> list of (alpha, powers)
-        Lobes of some of these, by roughness, as `GlossyView.reflected` takes them.
+    kinds : (n,) int32
+        Points of the field that have the same lobes are of one kind, but for what no one sees.
+    lobes_at : callable(kinds (m,) int, cosine (m,) float) -> list of (alpha, powers)
+        Lobes towards views along a cosine with the normal, by roughness, as
+        `GlossyView.reflected` takes them.
     """
 
-    def __init__(self, field, normals, rows, outgoing, lobes_at):
+    def __init__(self, field, normals, rows, outgoing, kinds, lobes_at):
         self._field, self._normals = field, normals
         self._rows, self._outgoing = np.asarray(rows, np.int64), outgoing
-        self._lobes_at, self._kept = lobes_at, {}
+        self._kinds, self._lobes_at, self._kept = kinds, lobes_at, {}
         self._bright = np.zeros((len(self._rows), 3), np.float32)
         self._keeps = len(self._rows) <= _MOST_KEPT
 
     def light(self):
         """Take in the bright texels of the light that the field is filled in for."""
-        apart = self._field.merged
-        ways, lit = np.ascontiguousarray(apart.directions.T), apart.values.any(axis=(1, 2))
+        bright = BrightLobes(self._field.merged, self._kinds, self._lobes_of)
 
         def one(first):
-            part = slice(first, first + _MANY)
-            mine = first + np.flatnonzero(lit.take(self._rows[part]))
-            rows, total = self._rows[mine], np.zeros((len(mine), 3), np.float32)
-            normals, light = self._normals.take(rows, axis=0), wholes(apart.values.take(rows, 0))
-            outgoing = _lifted(self._outgoing[mine], normals)
-            for alpha, powers in self._lobes_at(mine):
-                some = np.flatnonzero(powers.any(axis=(1, 2)))
-                if not len(some):
-                    continue
-                work = ways, normals[some], outgoing[some], _width(alpha[some]), None
-                lobes = lobe_values(*work, powers_used(powers), apart.spread)
-                for power, lobe in enumerate(lobes):
-                    brought = np.matmul(light[some], lobe[:, :, None])[..., 0]
-                    total[some] += brought * powers[some, power]
-            self._bright[mine] = total
+            part = slice(first, first + _BRIGHT)
+            rows, outgoing = self._rows[part], self._outgoing[part]
+            normals = self._normals.take(rows, axis=0)
+            cosine = np.einsum("kx,kx->k", outgoing, normals)
+            work = rows, normals, _lifted(outgoing, normals), cosine
+            self._bright[part] = bright.reflected(*work)
 
-        self._bright[:] = 0
-        if ways.size:
-            on_all_cores(one, range(0, len(self._rows), _MANY))
+        on_all_cores(one, range(0, len(self._rows), _BRIGHT))
+
+    def _lobes_of(self, kinds, cosine):
+        """Lobes of kinds as `BrightLobes` takes them: round ones, and not too narrow."""
+        return [(_width(alpha), powers) for alpha, powers in self._lobes_at(kinds, cosine)]
 
     def reflected(self):
         """(k, 3) float32: what is sent of the field as it is, and of the bright texels."""
@@ -137,11 +132,16 @@ class Glimpses:
         if not every:
             return [sp.csr_matrix(shape, dtype=np.float32)] * 3
         rows, columns, values = zip(*every, strict=True)
-        rows, columns = np.concatenate(rows), np.concatenate(columns)
+        rows = np.concatenate(rows)
+        order = np.argsort(rows, kind="stable")
+        start = np.cumsum(np.bincount(rows + 1, minlength=shape[0] + 1)).astype(np.int32)
+        columns = np.concatenate(columns)[order].astype(np.int32)
+        # Where entries are is in memory once for the three.
         return [
-            sp.csr_matrix((np.concatenate([each[c] for each in values]), (rows, columns)), shape)
+            sp.csr_matrix((np.concatenate([each[c] for each in values])[order], columns, start),
+                          shape)
             for c in range(3)
-        ]
+        ]  # fmt: skip
 
     def _facets_at(self, first):
         """`_facets_of`, kept."""
@@ -165,7 +165,8 @@ class Glimpses:
         shift = shift.astype(np.float32)
         height = (places[0] + shift[0]) % np.float32(1)
         result = []
-        for alpha, powers in self._lobes_at(np.arange(first, first + len(rows))):
+        cosine = np.einsum("kx,kx->k", self._outgoing[first : first + _MANY], frame[:, 2])
+        for alpha, powers in self._lobes_at(self._kinds.take(rows), cosine):
             some = np.flatnonzero(powers.any(axis=(1, 2)))
             if not len(some):
                 continue

@@ -22,6 +22,7 @@ from prt_core.reflectance.fresnel_powers import N_POWERS, powers_used
 from prt_core.runtime.halves import wholes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import Blocks, CubeMap, tangent_frames
+from prt_core.transport.bright_lobes import BrightLobes
 from prt_core.transport.field_nodes import field_nodes
 from prt_core.transport.lobe_cuts import pieces
 from prt_core.transport.lobe_values import lobe_values
@@ -93,7 +94,8 @@ class ViewMap:
         self._nodes = np.zeros((len(normals), 3, N_NODES * N_NODES), np.uint8)
         self._scale = np.zeros((len(normals), 3), np.float32)
         self._light, self._views = _Light(field, lobe), _node_views()
-        self._bright, self._lobes_of, self._lobe = field.apart, lobes_of, lobe
+        self._bright = BrightLobes(field.apart, self._kinds, lobes_of, lobe)
+        self._lobes_of = lobes_of
         self._plan(groups, classes)
 
     def make(self, pieces=None):
@@ -116,7 +118,7 @@ class ViewMap:
         if not self.planned:
             return 0
         own = self._nodes, self._scale, self._shares, self._group, self._kinds, self._frames
-        return sum(array.nbytes for array in own)
+        return sum(array.nbytes for array in own) + self._bright.nbytes
 
     def reflected(self, rows, outgoing):
         """Radiance that points send towards a viewer.
@@ -156,29 +158,9 @@ class ViewMap:
                 values *= values
                 values *= weights
                 np.multiply(values.sum(axis=0), share[:, channel], out=result[some, channel])
-            if len(self._bright.spread):
-                result[some] += self._of_bright(row, normal, out, cosine)
+            result[some] += self._bright.reflected(row, normal, out, cosine)
 
         on_all_cores(one, range(0, len(rows), _LOOKED_UP))
-        return result
-
-    def _of_bright(self, rows, normals, outgoing, cosine):
-        """(k, 3): what comes of bright texels, which no smooth map holds."""
-        bright, result = self._bright, np.zeros((len(rows), 3), np.float32)
-        ways, light = np.ascontiguousarray(bright.directions.T), bright.values.take(rows, axis=0)
-        lit = np.flatnonzero(light.any(axis=2).any(axis=1))
-        light, total = wholes(light.take(lit, axis=0)), np.zeros((len(lit), 3), np.float32)
-        places = normals.take(lit, axis=0), outgoing.take(lit, axis=0)
-        for alpha, powers in self._lobes_of(self._kinds.take(rows[lit]), cosine[lit]):
-            if self._lobe is None:
-                n_powers, alpha = powers_used(powers), alpha.astype(np.float32)
-                lobes = lobe_values(ways, *places, alpha, None, n_powers, bright.spread)
-            else:
-                lobes = [self._lobe(ways, *places)]
-            for power, values in enumerate(lobes):
-                if powers[:, power].any():
-                    total += np.einsum("kcm,km->kc", light, values) * powers[:, power]
-        result[lit] = total
         return result
 
     def _share_at(self, rows, cosine):

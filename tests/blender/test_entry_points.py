@@ -1,9 +1,12 @@
 """API and command line give the same arrays."""
 
+import contextlib
+import io
 import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -13,6 +16,7 @@ import build
 import prt_core
 from prt_core import PRTError
 from prt_core.blender.colours import write_all, write_colours
+from prt_core.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = "08_two_triangle_floor"
@@ -31,6 +35,16 @@ def baked(blend):
 
 
 def prt(*arguments, code=0):
+    """The command line in this process, which has Blender already."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        returned = main(list(map(str, arguments)))
+    assert returned == code, err.getvalue()
+    return SimpleNamespace(stdout=out.getvalue(), stderr=err.getvalue())
+
+
+def prt_alone(*arguments, code=0):
+    """The same in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "prt_core", *map(str, arguments)],
         capture_output=True,
@@ -42,7 +56,7 @@ def prt(*arguments, code=0):
 
 
 def test_command_line_and_api_give_the_same(blend, baked, hdri, tmp_path):
-    done = prt(
+    done = prt_alone(
         "bake", blend, "-o", tmp_path / "c.prt", "--resolution", 8, "--tolerance", 0.02,
         "--caster", "blender", "--json",
     )  # fmt: skip
@@ -251,15 +265,15 @@ def test_errors_are_one_line_and_an_exit_code(baked, hdri, tmp_path):
             "there is no compressed form; make one with 'prt compress'",
         ),
     ]
-    for arguments, message in cases:
-        done = prt(*arguments, code=2)
+    for number, (arguments, message) in enumerate(cases):
+        done = (prt if number else prt_alone)(*arguments, code=2)
         lines = [line for line in done.stderr.splitlines() if line.startswith("prt: ")]
         assert len(lines) == 1 and message in lines[0], done.stderr
         assert "Traceback" not in done.stderr
     assert not (tmp_path / "x.npz").exists()
 
 
-@pytest.mark.parametrize("method, kills", [("exhaustive", 2), ("agreement", 3)])
+@pytest.mark.parametrize("method, kills", [("exhaustive", 1), ("agreement", 2)])
 def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, method, kills):
     """kill -9 at random moments, resumed each time, against an unbroken bake."""
     import shutil

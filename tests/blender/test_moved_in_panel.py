@@ -64,7 +64,7 @@ def test_the_button_bakes_what_moved(changed, tmp_path):
 def test_a_copy_that_is_selected_stands_for_its_object(baked_floor):
     """What has modifiers is shown by a realised copy, and hidden itself."""
     ball = bpy.data.objects["ball"]
-    ball.modifiers.new("Fine", "SUBSURF")
+    ball.modifiers.new("Whole", "TRIANGULATE")
     assert bpy.ops.prt.bake(restart=True) == {"FINISHED"}
     (copy,) = (o for o in baked_floor.objects if is_copy(o))
     assert ball.hide_render and copy[ORIGINAL] == ball

@@ -1,5 +1,6 @@
 """Realised copies in the materials of what they were made of."""
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -14,6 +15,10 @@ pytestmark = pytest.mark.usefixtures("addon")
 def copied_scene(floor_scene):
     """A ball with a modifier, two slots and a UV map of its own; a mirrored, turned instance."""
     ball = floor_scene.objects["ball"]
+    coarse = bmesh.new()
+    bmesh.ops.create_uvsphere(coarse, u_segments=12, v_segments=8, radius=ball.dimensions.x / 2)
+    coarse.to_mesh(ball.data)
+    coarse.free()
     for name in ("First", "Second"):
         material = bpy.data.materials.new(name)
         material.use_nodes = True

@@ -6,7 +6,7 @@ import pytest
 from prt_core.reflectance import Constant, Microfacet, OrenNayar, local_frames
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap, tangents
-from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
+from prt_core.transport import Reflections, Sharing, bright_lobes, reflection_hits, visibility_bits
 from prt_core.transport import glimpse as module
 from prt_core.transport.glimpse import Glimpses
 from prt_core.transport.glossy_view import GlossyView
@@ -230,9 +230,18 @@ def test_mirrors_show_the_sky_or_what_is_met(case):
 
 def glimpse(field, normals, rows, outgoing, alpha, powers):
     """(k, 3): what is seen of one light in lobes of one roughness."""
-    about = Glimpses(field, normals, rows, outgoing, lambda some: [(alpha[some], powers[some])])
+    about = Glimpses(field, normals, rows, outgoing, *one_kind(normals, alpha, powers))
     about.light()
     return about.reflected()
+
+
+def one_kind(normals, alpha, powers):
+    """The kind of all points, and what lobes of alpha (k,) and powers (k, ...), all equal, are."""
+
+    def lobes_of(kinds, cosine):
+        return [(alpha[:1].repeat(len(kinds)), powers[:1].repeat(len(kinds), axis=0))]
+
+    return np.zeros(len(normals), np.int32), lobes_of
 
 
 @pytest.mark.parametrize("alpha", [0.15, 0.3, 0.7])
@@ -256,33 +265,37 @@ def test_facets_that_are_kept_serve_other_lights_and_changes_of_the_field(case, 
     rows = np.repeat(np.flatnonzero(case.scene.points.object_index == 0), 3)
     outgoing = rng.normal(size=(len(rows), 3)) * 0.3 + [0, 0, 1]
     outgoing = (outgoing / np.linalg.norm(outgoing, axis=1, keepdims=True)).astype(np.float32)
-    wide, narrow = np.full(len(rows), 0.4), np.full(len(rows), 0.15)
-    # A coat that one of three has.
-    coat = white(len(rows))
-    coat[::3] = 0
+    # A coat that two of three points have.
+    kinds = (np.arange(len(case.normals)) % 3 > 0).astype(np.int32)
 
-    def lobes_at(some):
-        return [(wide[some], white(len(some))), (narrow[some], coat[some])]
+    def lobes_of(kinds, cosine):
+        wide, narrow = np.full(len(kinds), 0.4), np.full(len(kinds), 0.15)
+        return [(wide, white(len(kinds))), (narrow, white(len(kinds)) * kinds[:, None, None])]
 
-    kept = Glimpses(case.field, case.normals, rows, outgoing, lobes_at)
+    work = case.field, case.normals, rows, outgoing, kinds, lobes_of
+    kept = Glimpses(*work)
     sun = case.light.copy()
     sun[case.cube_map.texel_of(np.array([[0.2, 0.3, 0.9]]))] = 300
     results = []
     for light in (case.light, sun):
         case.field.update(light, case.sent)
         kept.light()
-        anew = Glimpses(case.field, case.normals, rows, outgoing, lobes_at)
+        anew = Glimpses(*work)
         anew.light()
         results.append(kept.reflected())
         np.testing.assert_array_equal(results[-1], anew.reflected())
     assert results[1].sum() > 1.5 * results[0].sum() and kept.nbytes > 20 * len(rows)
-    both = [
-        glimpse(case.field, case.normals, rows, outgoing, alpha, powers)
-        for alpha, powers in ((wide, white(len(rows))), (narrow, coat))
-    ]
-    np.testing.assert_allclose(results[1], sum(both), rtol=1e-5)
+    wide, narrow = (
+        glimpse(case.field, case.normals, rows, outgoing, np.full(1, alpha), white(1))
+        for alpha in (0.4, 0.15)
+    )
+    np.testing.assert_allclose(results[1], wide + narrow * kinds[rows, None], rtol=1e-5)
+    monkeypatch.setattr(bright_lobes, "_MOST", 1)
+    kept.light()
+    np.testing.assert_allclose(kept.reflected(), results[1], rtol=1e-5)
+    monkeypatch.undo()
     monkeypatch.setattr(module, "_MOST_KEPT", 10)
-    many = Glimpses(case.field, case.normals, rows, outgoing, lobes_at)
+    many = Glimpses(*work)
     many.light()
     np.testing.assert_array_equal(many.reflected(), results[1])
     assert many.nbytes == results[1].nbytes
@@ -296,9 +309,8 @@ def test_what_is_seen_again_is_what_a_field_that_took_it_in_shows(case):
     outgoing = np.random.default_rng(2).normal(size=(len(rows), 3)) * 0.5 + [0, 0, 1]
     outgoing = (outgoing / np.linalg.norm(outgoing, axis=1, keepdims=True)).astype(np.float32)
     alpha, powers = np.full(len(rows), 0.4), white(len(rows), 2)
-    about = Glimpses(
-        case.field, case.normals, rows, outgoing, lambda some: [(alpha[some], powers[some])]
-    )
+    same = one_kind(case.normals, alpha, powers)
+    about = Glimpses(case.field, case.normals, rows, outgoing, *same)
     case.field.update(case.light, case.sent, settled=False)
     about.light()
     before = about.reflected()
@@ -311,11 +323,7 @@ def test_what_is_seen_again_is_what_a_field_that_took_it_in_shows(case):
     assert relative(np.stack(seen, axis=1), brought) < 0.02 and brought.max() > 0.1
     assert not any(matrix.nnz for matrix in about.returned(entries[:0], which[:0], 5))
     many = np.tile(np.arange(len(rows)), (1 << 16) // len(rows) + 2)
-    lobes = [(alpha[:1], powers[:1])]
-    about = Glimpses(
-        case.field, case.normals, rows[many], outgoing[many],
-        lambda some: [(each.repeat(len(some), axis=0) for each in lobes[0])],
-    )  # fmt: skip
+    about = Glimpses(case.field, case.normals, rows[many], outgoing[many], *same)
     (matrix, *_) = about.returned(entries, which, len(who))
     assert matrix[1 << 16 :].nnz
     case.field.settle()

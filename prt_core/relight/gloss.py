@@ -9,6 +9,7 @@ import hashlib
 import numpy as np
 
 from prt_core.errors import expect
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
 from prt_core.relight.glossy_points import METAL, GlossyPoints, SeenMetal
@@ -38,6 +39,8 @@ class Gloss:
     ----------
     lobes : PointLobes
         Of its glossy points, one part of the reflections after the other.
+    more : (n_points, 3) float32
+        Of what points receive, what they send to others besides what they show without a view.
 
     Raises
     ------
@@ -55,6 +58,8 @@ class Gloss:
         self._world = bake.scene.to_world(self._points.positions)
         glossy = np.concatenate([reflections.points for reflections in bake.reflections])
         self.lobes = PointLobes(self._points.materials[glossy], self._points.normals[glossy])
+        materials = bake.transport.materials
+        self.more = with_mean_gloss(materials).albedo - materials.albedo
         self._parts, first = [], 0
         for reflections in bake.reflections:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
@@ -97,7 +102,7 @@ class Gloss:
         texels : (n_directions, 3) float32, or None
             Radiance of what is far away.
         sent : (n_points, 3) float32
-            Radiance that points send out to all sides, with colours that stand in for gloss.
+            Radiance that points send out to all sides, with what stands in for gloss (`more`, too).
         even : (n_points, 3) float32
             The same without those.
         sky : callable((m, 3) directions) -> (m, 3), optional

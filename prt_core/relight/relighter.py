@@ -363,7 +363,8 @@ class Relighter:
             is_fine = sun is None and distant.is_image
             sky = self._environments.sky(distant, exposed=False) if is_fine else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
-        self._gloss.light(texels, radiance, even, sky, detailed)
+        sent = radiance + self._gloss.more * received
+        self._gloss.light(texels, sent, even, sky, detailed)
         return SentLight(even, own, lamps, lighting, self._gloss)
 
     def replace(self, bake):

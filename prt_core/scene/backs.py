@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.scene.points import joined, some_points
 
 
@@ -53,7 +54,7 @@ def _with_their_own(scene, backs, front):
         len(scene.points), lambda _, values: values.astype(np.float64)
     )
     every.put(front, own)
-    mean = surfaces.back.mean(*lattice, every)[front].of_what_is_met()
+    mean = with_mean_gloss(surfaces.back.mean(*lattice, every)[front]).of_what_is_met()
     return replace(backs, materials=own.stored(), mean_materials=mean.stored())
 
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from prt_core.reflectance import Materials
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.scene.lattice import lattice_coordinates, lattice_size
 from prt_core.scene.paint import look_of
 from prt_core.scene.points import BakePoints, joined_arrays
@@ -65,7 +66,7 @@ def make_points(meshes, stack, levels, frames, surfaces):
     if surfaces.bounced is not surfaces:
         every = np.arange(len(points["positions"]))
         met = surfaces.bounced.of_points(levels, start, lattice, every)
-    means = surfaces.bounced.mean(levels, start, lattice, met).of_what_is_met()
+    means = with_mean_gloss(surfaces.bounced.mean(levels, start, lattice, met)).of_what_is_met()
     own = points["materials"].stored()
     points["mean_materials"] = own if means is points["materials"] else means.stored()
     points["materials"] = own

@@ -13,6 +13,7 @@ import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
 from prt_core.reflectance.fresnel_powers import powers_used
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport.lobe_values import lobe_values
 from prt_core.transport.mirror import mirrored_share
@@ -86,8 +87,11 @@ class ViewWeights:
         self._seen = SeenLobes(transport, reflections, lobes, strong)
         sends = transport.sends
         self._through = sends if isinstance(sends, Sent) else None
-        self._front = sends.albedo if isinstance(sends, Sent) else sends
-        self._even = self._front - transport.materials.stand_in
+        materials = transport.materials
+        shown = sends.albedo if isinstance(sends, Sent) else sends
+        self._even = shown - materials.stand_in
+        # To others, with what gloss sends in the mean.
+        self._front = shown + (with_mean_gloss(materials).albedo - materials.albedo)
 
     def of(self, points):
         """The `Weights` of some points, (n,) int."""

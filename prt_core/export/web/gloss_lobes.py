@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.reflectance.fresnel_powers import N_POWERS
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.reflectance.view_factors import ViewFactors
 from prt_core.relight.glossy_points import METAL, narrowest_of
 from prt_core.relight.point_lobes import PointLobes
@@ -73,7 +74,7 @@ def pack_lobes(pack, bake, points):
         alphas.append(width[there])
     factors = ViewFactors(materials, _KINDS)
     rows[:, 0, 2] = factors.kind
-    rows[:, 1, :3] = np.broadcast_to(materials.stand_in, (n, 3))
+    rows[:, 1, :3] = np.broadcast_to(with_mean_gloss(materials).stand_in, (n, 3))
     for place, (index, name) in enumerate(names):
         first = 2 + N_POWERS * place
         rows[:, first : first + N_POWERS, :3] = groups[index][1][name][:-1]

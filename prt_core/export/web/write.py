@@ -30,6 +30,7 @@ from prt_core.export.web.sources import (
 )
 from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.transport.sent import Sent
@@ -195,7 +196,11 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
     facts.update(pack_form(pack, coded, points))
     facts["n_points"], facts["n_triangles"] = len(points), len(surface.triangles)
     facts["n_single"], facts["n_between"] = surface.n_single, len(surface.between)
-    _pack_sent(pack, facts, transport, points)
+    materials = transport.materials
+    # Others see gloss in the mean of all views; where it is shown, pages take that off again.
+    shows_gloss = facts["bits"] and bake.reflections
+    more = with_mean_gloss(materials).albedo - materials.albedo if shows_gloss else 0
+    _pack_sent(pack, facts, transport, points, more)
     facts["sources"] = [
         {
             "name": each.name,
@@ -224,13 +229,14 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
     return notes
 
 
-def _pack_sent(pack, facts, transport, points):
-    """What points send of what they and their backs receive."""
+def _pack_sent(pack, facts, transport, points, more):
+    """What points send of what they, `more` of it, and their backs receive."""
     sends = transport.sends
-    if not isinstance(sends, Sent):
-        facts["albedo"] = pack_share(pack, "albedo", sends[points])
+    through = isinstance(sends, Sent)
+    front = (sends.albedo if through else sends) + more
+    facts["albedo"] = pack_share(pack, "albedo", front[points])
+    if not through:
         return
-    facts["albedo"] = pack_share(pack, "albedo", sends.albedo[points])
     facts["through"] = pack_share(pack, "through", sends.translucency[points])
     number = np.full(len(sends.opposite) + 1, len(points))
     number[points] = np.arange(len(points))

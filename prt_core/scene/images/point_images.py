@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
+from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.scene.backs import backs_of
 from prt_core.scene.camera import Camera, expect_camera, view_rays
 from prt_core.scene.points import BakePoints, joined
@@ -178,7 +179,7 @@ def surface_points(scene, triangle, barycentric, back, any_side=False):
         ray_offset=(scene.triangle_lifts[triangle][:, None] * geometric).astype(np.float32),
         areas=np.zeros(len(around), np.float32),
         materials=materials,
-        mean_materials=met.of_what_is_met(),
+        mean_materials=with_mean_gloss(met).of_what_is_met(),
         object_index=scene.triangle_object[triangle].astype(np.int32),
         visible=np.ones(len(around), bool),
         emitter=scene.triangle_emitter[triangle],

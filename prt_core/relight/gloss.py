@@ -59,6 +59,7 @@ class Gloss:
         for reflections in bake.reflections:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
+        self._ended = _ended_of(self._points.materials)
         self._metal = self._light = self._sky = self._maps = None
         self._glimpses, self._again, self._coarse = [], None, {}
         self._pixels = GlossyPixels(
@@ -110,6 +111,8 @@ class Gloss:
         if key == self._light:
             return
         self._light = self._maps = None
+        if self._ended is not None:
+            sent, even = sent / self._ended, even / self._ended
         seen = self._seen_metal()
         for part in self._parts:
             part.light(texels, sent, sky, detailed, settled=seen is None)
@@ -151,7 +154,7 @@ class Gloss:
         """(k, 3) radiance that what is seen reflects towards where it is seen from."""
         result = np.zeros((len(seen), 3), np.float32)
         for mine, glimpses in self._glimpses:
-            result[mine] = glimpses.reflected()
+            result[mine] = glimpses.reflected() / self._ended_at(seen, mine)
         return result
 
     def _seen_again(self, seen, change):
@@ -165,7 +168,16 @@ class Gloss:
         for (mine, _), matrices in zip(self._glimpses, self._again, strict=True):
             for channel, matrix in enumerate(matrices):
                 result[mine, channel] = matrix @ change[:, channel]
+            result[mine] /= self._ended_at(seen, mine)
         return result
+
+    def _ended_at(self, seen, mine):
+        """Of rays at some of what is seen the share that ends there: (k, 1), or 1."""
+        if self._ended is None:
+            return np.float32(1)
+        glossy = np.concatenate([part.points for part in self._parts])
+        first = np.cumsum([0, *(len(part.points) for part in self._parts)])
+        return self._ended[glossy[first[seen.part[mine]] + seen.row[mine]]]
 
     @property
     def maps_views(self):
@@ -290,6 +302,17 @@ def texel_sky(cube_map, texels):
     if texels is None:
         return lambda directions: np.zeros(directions.shape, np.float32)
     return lambda directions: texels[cube_map.texel_along(*directions.T)]
+
+
+def _ended_of(materials):
+    """(n, 1) float32: of rays at points the share that ends there; None where all of them do.
+
+    Reflections see what lets light pass by rays that end at it, as pictures do (`ended_share`).
+    """
+    if (materials.opacity == 1).all():
+        return None
+    ended = materials.opacity + materials.transmission.mean(axis=1, keepdims=True)
+    return np.where(ended > 0, np.minimum(ended, 1), 1).astype(np.float32)
 
 
 def _digest(*arrays):

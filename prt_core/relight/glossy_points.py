@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.reflectance import principled_lobes
+from prt_core.relight.highlights import highlights
 from prt_core.transport.glimpse import Glimpses
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
@@ -231,39 +231,6 @@ class GlossyPoints:
 def narrowest_of(cube_map):
     """Alpha (float32) below which lobes are mirrors, for the texels of a `CubeMap`."""
     return np.float32(_TEXELS * np.pi / 4 / cube_map.resolution)
-
-
-def highlights(materials, frames, lamp, received, world, outgoing):
-    """What lobes at k places reflect of a lamp, as wide as the lamp looks.
-
-    Parameters
-    ----------
-    materials : Materials
-    frames : (k, 3, 3) float
-        Tangents and normals.
-    lamp : Lamp or BrightPixels
-    received : (k, 3) float32
-        Irradiance / pi.
-    world, outgoing : (k, 3) float
-
-    Returns
-    -------
-    (k, 3) float
-    """
-    direction, angle = lamp.seen_from(world)
-    # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
-    spread = angle / 2 / np.sqrt(2)
-    widened = {
-        name: np.minimum(np.sqrt(np.hypot(getattr(materials, name)[:, 0] ** 2, spread)), 1)
-        for name in ("roughness", "coat_roughness")
-    }
-    widened = {name: values[:, None] for name, values in widened.items()}
-    lobes = principled_lobes(materials.replaced(**widened))
-    frames = frames.astype(np.float64)
-    incoming, view = (
-        np.einsum("nx,nkx->nk", ways, frames)[:, None] for ways in (direction, outgoing)
-    )
-    return np.pi * received * lobes.eval(incoming, view)[:, 0]
 
 
 class SeenMetal:

@@ -218,6 +218,7 @@ class Relighter:
             lit = [
                 (lamp, part * np.float32(factor))
                 for lamp, part, factor in zip(lamps, parts[first:], factors[first:], strict=True)
+                if lamp.highlights
             ]
             own = None if emitted is None else emitted[1]
             self._sent = None

@@ -35,6 +35,9 @@ from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_th
 from prt_core.transport.sent import Sent
 from prt_core.version import __version__
 
+# Half the width of a lamp, in radians, from which on its highlight shows its shape.
+_WIDE = 0.1
+
 
 @dataclass(frozen=True)
 class WebSettings:
@@ -178,9 +181,25 @@ def _notes(bake, bits, images, sources):
         )
     if bake.reflections and bits and any(s.lamp is None and s.kind != "emitter" for s in sources):
         notes.append("lamps that share a slider have no highlights")
+    if bake.reflections and bits:
+        notes += _wide_lamps(bake, sources)
     if bake.camera is not None and bake.camera.lens != "perspective":
         notes.append(f"the camera's lens is {bake.camera.lens}; the page begins with a view of all")
     return notes
+
+
+def _wide_lamps(bake, sources):
+    """A line on lamps whose highlights are not of their shape, where there are any."""
+    points = bake.scene.points
+    world = bake.scene.to_world(points.positions[points.visible])
+    wide = [
+        repr(source.name)
+        for source in sources
+        if source.lamp is not None and source.lamp.highlights
+        and np.median(source.lamp.seen_from(world)[1]) > _WIDE
+    ]  # fmt: skip
+    if wide:
+        yield f"lamps {', '.join(wide)}: look large; the page shows their highlights round and soft"
 
 
 def _name_of(bake, field):
@@ -219,7 +238,7 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
         if bake.reflections:
             notes, facts["gloss"] = pack_gloss(pack, bake, points)
             for i, each in enumerate(sources):
-                if each.lamp is not None:
+                if each.lamp is not None and each.lamp.highlights:
                     facts["sources"][i] |= pack_highlight(pack, i, each, bake.scene, points)
     return notes
 

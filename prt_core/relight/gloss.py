@@ -15,7 +15,10 @@ from prt_core.relight.glossy_points import METAL, GlossyPoints, SeenMetal
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import Progress
+from prt_core.scene import ended_at
 
+# Said where a bake with gloss is shown to nobody.
+NO_VIEW = "gloss is shown as an even colour, for no view was given (--view camera, or x,y,z)"
 # Sweeps over what reflects what reflects, at most.
 _SWEEPS = 3
 # Points whose lobes are evaluated in one step: then a view that is not wanted any more can end.
@@ -59,7 +62,9 @@ class Gloss:
         for reflections in bake.reflections:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
-        self._ended = _ended_of(self._points.materials)
+        # Reflections see what lets light pass by rays that end at it, as pictures do.
+        ended = ended_at(self._points.materials)[:, None]
+        self._ended = None if (ended == 1).all() else ended
         self._metal = self._light = self._sky = self._maps = None
         self._glimpses, self._again, self._coarse = [], None, {}
         self._pixels = GlossyPixels(
@@ -302,17 +307,6 @@ def texel_sky(cube_map, texels):
     if texels is None:
         return lambda directions: np.zeros(directions.shape, np.float32)
     return lambda directions: texels[cube_map.texel_along(*directions.T)]
-
-
-def _ended_of(materials):
-    """(n, 1) float32: of rays at points the share that ends there; None where all of them do.
-
-    Reflections see what lets light pass by rays that end at it, as pictures do (`ended_share`).
-    """
-    if (materials.opacity == 1).all():
-        return None
-    ended = materials.opacity + materials.transmission.mean(axis=1, keepdims=True)
-    return np.where(ended > 0, np.minimum(ended, 1), 1).astype(np.float32)
 
 
 def _digest(*arrays):

@@ -38,3 +38,20 @@ def ended_share(scene, triangle, barycentric, back, points, weights):
     ended += np.einsum("mk,mk->m", weights[some], np.where(points[some] >= 0, glass, 0))
     share[some] = np.where(ended > 0, np.minimum(ended, 1), 1)
     return share
+
+
+def ended_at(materials):
+    """The same of places that are known by their materials alone.
+
+    Parameters
+    ----------
+    materials : Materials
+        Of n places.
+
+    Returns
+    -------
+    (n,) float32
+        Above 0, at most 1.
+    """
+    ended = (materials.opacity[:, 0] + materials.transmission.mean(axis=1)).astype(np.float32)
+    return np.where(ended > 0, np.minimum(ended, 1), np.float32(1))

@@ -11,6 +11,7 @@ from prt_core.reflectance.fresnel_powers import N_POWERS
 from prt_core.reflectance.view_factors import ViewFactors
 from prt_core.relight.glossy_points import METAL, narrowest_of
 from prt_core.relight.point_lobes import PointLobes
+from prt_core.scene import ended_at
 
 # Materials that are told apart by their `ViewFactors`.
 _KINDS = 256
@@ -56,8 +57,11 @@ def pack_lobes(pack, bake, points):
     dict
         What the page is told of them: lobes (the group of each), surfaces, nodes, parts.
     """
-    materials = bake.scene.points.materials[points]
-    lobes = PointLobes(materials, bake.scene.points.normals[points])
+    own, normals = bake.scene.points.materials[points], bake.scene.points.normals[points]
+    strong = PointLobes(own, normals).strength() > METAL
+    # What lets light pass is drawn as much less often as it is clear.
+    materials = own.of_rays_that_end(ended_at(own))
+    lobes = PointLobes(materials, normals)
     n, groups = len(points), [(group.alpha[:-1], group.lobes) for group in lobes.groups]
     least = narrowest_of(bake.cube_map)
     names = [(index, name) for index, (_, each) in enumerate(groups) for name in each]
@@ -99,7 +103,7 @@ def pack_lobes(pack, bake, points):
         "nodes": tables.shape[1],
         "narrowest": narrowest,
     }
-    return PageLobes(lobes.strength() > METAL, notes), facts
+    return PageLobes(strong, notes), facts
 
 
 def _named(scene, points):

@@ -32,6 +32,7 @@ from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
+from prt_core.scene import ended_at
 from prt_core.transport.sent import Sent
 from prt_core.version import __version__
 
@@ -244,13 +245,13 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
 
 
 def _pack_sent(pack, facts, transport, points):
-    """What points send of what they and their backs receive."""
-    sends = transport.sends
+    """What points send of what they and their backs receive, where they are drawn."""
+    sends, ended = transport.sends, ended_at(transport.materials[points])[:, None]
     if not isinstance(sends, Sent):
-        facts["albedo"] = pack_share(pack, "albedo", sends[points])
+        facts["albedo"] = pack_share(pack, "albedo", sends[points] / ended)
         return
-    facts["albedo"] = pack_share(pack, "albedo", sends.albedo[points])
-    facts["through"] = pack_share(pack, "through", sends.translucency[points])
+    facts["albedo"] = pack_share(pack, "albedo", sends.albedo[points] / ended)
+    facts["through"] = pack_share(pack, "through", sends.translucency[points] / ended)
     number = np.full(len(sends.opposite) + 1, len(points))
     number[points] = np.arange(len(points))
     pack.add("opposite", number[sends.opposite[points]].astype(np.uint32), differences=True)
@@ -278,6 +279,8 @@ def _pack_emission(pack, facts, scene, sources, points):
     own = np.full(len(scene.emitters) + 1, 255)
     for index, source in enumerate(sources):
         own[list(source.emitters)] = index
-    codes, facts["emission_factor"] = shared_exponent(scene.points.materials.emission[points])
+    materials = scene.points.materials[points]
+    shining = materials.emission / ended_at(materials)[:, None]
+    codes, facts["emission_factor"] = shared_exponent(shining)
     pack.add("emission", codes)
     pack.add("emitter", own[emitter].astype(np.uint8))

@@ -93,7 +93,7 @@ class Gloss:
         """How many rays the mirrors of the last picture cast."""
         return self._pixels.n_rays
 
-    def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01):
+    def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01, lamps=()):
         """Take in a light: as many sweeps as it takes until reflections of reflections settle.
 
         Parameters
@@ -110,6 +110,8 @@ class Gloss:
             The same light on a finer cube map (see `IncomingField.update`).
         tolerance : float
             Change of what is reflected at which sweeps end, in parts of it.
+        lamps
+            See `toward_steps`: metal that is seen in metal reflects them.
         """
         self._sky = sky or texel_sky(self._parts[0].field.reflections.blocks.cube_map, texels)
         key = _digest(texels, sent, even)
@@ -122,19 +124,19 @@ class Gloss:
         for part in self._parts:
             part.light(texels, sent, sky, detailed, settled=seen is None)
         if seen is not None:
-            change = self._change_of_seen(seen, sent - even, tolerance)
+            change = self._change_of_seen(seen, sent - even, tolerance, lamps)
             for part, (entries, which) in zip(self._parts, seen.entries, strict=True):
                 part.resend(entries, which, change)
                 part.settle()
         self._light = key
 
-    def _change_of_seen(self, seen, standing, tolerance):
+    def _change_of_seen(self, seen, standing, tolerance, lamps):
         """(k, 3) radiance of what is seen beyond what stood in for it, (n_points, 3)."""
         before = np.zeros((len(seen), 3), np.float32)
         for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
             before[mine] = standing[part.points[seen.row[mine]]]
             glimpses.light()
-        stood, once = before, self._of_seen(seen)
+        stood, once = before, self._of_seen(seen, lamps)
         reflected = once
         for _ in range(_SWEEPS - 1):
             if np.abs(reflected - before).sum() <= tolerance * np.abs(reflected).sum():
@@ -155,11 +157,15 @@ class Gloss:
                 self._glimpses.append((mine, glimpses))
         return self._metal if len(self._metal) else None
 
-    def _of_seen(self, seen):
+    def _of_seen(self, seen, lamps):
         """(k, 3) radiance that what is seen reflects towards where it is seen from."""
         result = np.zeros((len(seen), 3), np.float32)
-        for mine, glimpses in self._glimpses:
-            result[mine] = glimpses.reflected() / self._ended_at(seen, mine)
+        for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
+            shown = glimpses.reflected()
+            for lamp, received in lamps:
+                way = seen.row[mine], seen.outgoing[mine]
+                shown += part.glimpsed_highlights(lamp, received, self._world, *way)
+            result[mine] = shown / self._ended_at(seen, mine)
         return result
 
     def _seen_again(self, seen, change):

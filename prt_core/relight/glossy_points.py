@@ -3,7 +3,7 @@
 import numpy as np
 
 from prt_core.relight.highlights import highlights
-from prt_core.transport.glimpse import Glimpses
+from prt_core.transport.glimpse import LEAST, Glimpses, lifted
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -224,6 +224,28 @@ class GlossyPoints:
             result[lit] = highlights(
                 self._materials[some], self._frames[some], lamp, received[lit],
                 world[self.points[some]], outgoing[lit],
+            )  # fmt: skip
+        return result
+
+    def glimpsed_highlights(self, lamp, received, world, rows, outgoing):
+        """About what lobes reflect of a lamp, of points that are seen in others.
+
+        As `highlights` has it, of a lamp that is one direction and lobes that are not narrow; rows
+        may come more than once, and face away by their smooth normals.
+        """
+        result = np.zeros((len(rows), 3), np.float32)
+        received = received[self.points[rows]]
+        lit = np.flatnonzero(received.any(axis=1))
+        if len(lit):
+            some = rows[lit]
+            materials = self._materials[some]
+            rough = {
+                name: np.maximum(getattr(materials, name), np.sqrt(LEAST))
+                for name in ("roughness", "coat_roughness")
+            }
+            result[lit] = highlights(
+                materials.replaced(**rough), self._frames[some], lamp, received[lit],
+                world[self.points[some]], lifted(outgoing[lit], self._normals[some]), None,
             )  # fmt: skip
         return result
 

@@ -8,6 +8,7 @@ that looks small is one direction, and lobes are widened by it as by facets that
 
 import numpy as np
 
+from prt_core.light import Lamp
 from prt_core.light.lamp_rays import met
 from prt_core.reflectance import principled_lobes
 from prt_core.runtime.threads import on_all_cores
@@ -35,9 +36,9 @@ def highlights(materials, frames, lamp, received, world, outgoing, power=4):
     received : (k, 3) float32
         Irradiance / pi.
     world, outgoing : (k, 3) float
-    power : int
+    power : int, optional
         2**power samples of each kind, where the lamp is sampled; those of a picture's samples are
-        averaged once more.
+        averaged once more. None: every lamp is one direction.
 
     Returns
     -------
@@ -46,7 +47,9 @@ def highlights(materials, frames, lamp, received, world, outgoing, power=4):
     frames = frames.astype(np.float64)
     view = np.einsum("nx,nkx->nk", outgoing, frames)[:, None]
     direction, angle = lamp.seen_from(world)
-    wide = np.zeros(len(world), bool) if lamp.is_small else angle > _SMALL * _alpha(materials)
+    wide = np.zeros(len(world), bool)
+    if power is not None and isinstance(lamp, Lamp) and not lamp.is_small:
+        wide = angle > _SMALL * _alpha(materials)
     result = np.zeros((len(world), 3))
     some = np.flatnonzero(~wide)
     if len(some):

@@ -364,7 +364,7 @@ class Relighter:
             is_fine = sun is None and distant.is_image
             sky = self._environments.sky(distant, exposed=False) if is_fine else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
-        self._gloss.light(texels, radiance, even, sky, detailed)
+        self._gloss.light(texels, radiance, even, sky, detailed, lamps=lamps)
         return SentLight(even, own, lamps, lighting, self._gloss)
 
     def replace(self, bake):

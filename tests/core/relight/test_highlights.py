@@ -1,13 +1,22 @@
 """Highlights of lamps against sums over many samples of these."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from prt_core.light import Lamp
+from prt_core import BakeSettings, Scene, bake_steps, load, run
+from prt_core.light import EnvironmentMap, Lamp, sun_light
+from prt_core.light.bright import split_sun
+from prt_core.rays.caster import known_casters
 from prt_core.reflectance import Materials, principled_lobes
 from prt_core.relight.highlights import highlights
+from prt_core.relight.relighter import Relighter
 from prt_core.sphere import sobol_points
+from prt_core.transport import View
+from tests.meshes import plane, sphere
 
+CASTER = "embree" if "embree" in known_casters() else "brute"
 AXES = np.stack([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]], axis=1)
 AREA = {"kind": "area", "position": (0, 1.2, 1.2), "axes": AXES}
 LAMPS = {
@@ -56,3 +65,35 @@ def test_a_mirror_shows_the_radiance_of_a_lamp():
     shown = highlights(materials, frames, lamp, received, world, outgoing, power=8)
     radiance = lamp.power / (np.pi * np.sin(lamp.angle / 2) ** 2)
     np.testing.assert_allclose(shown, np.tile(0.8 * radiance, (len(world), 1)), rtol=0.03)
+
+
+def test_a_wide_sun_of_an_image_stays_one_direction():
+    pixels = np.full((8, 16, 3), 0.01, np.float32)
+    pixels[3, 4:7] = 50
+    _, sun = split_sun(EnvironmentMap(pixels))
+    materials, world, outgoing = floor(0.1)
+    frames, received = np.tile(np.eye(3), (len(world), 1, 1)), np.ones((len(world), 3))
+    shown = highlights(materials, frames, sun, received, world, outgoing)
+    assert sun.seen_from(world)[1].min() > 0.1 and np.isfinite(shown).all()
+
+
+def test_metal_that_is_seen_in_metal_reflects_lamps(tmp_path):
+    def metal(mesh):
+        n = len(mesh.materials.albedo)
+        gold = np.full((n, 3), 0.8)
+        return replace(mesh, materials=Materials(
+            albedo=gold, stand_in=gold, metal=gold, roughness=np.full((n, 1), 0.6)))  # fmt: skip
+
+    ball = metal(sphere(8, 0.5, (0, 0, 0.6)))
+    scene = Scene.from_meshes([metal(plane(7, name="floor")), ball], max_hidden=0)
+    settings = BakeSettings(resolution=8, caster=CASTER, bounces=1, gloss=True)
+    run(bake_steps(scene, tmp_path / "a.prt", settings))
+    bake = load(tmp_path / "a.prt")
+    sun = Lamp("sun", [3, 3, 3], axes=AXES @ np.diag([-1, -1, 1]), angle=0.5)
+    view, relighter = View(np.array([0.5, 4.0, 2.0])), Relighter(bake, CASTER)
+    by_lamp = relighter.radiance(lamps=[sun], lamp_samples=8, view=view)
+    texels = sun_light(bake.cube_map, sun.towards, sun.power, sun.angle).astype(np.float32)
+    by_texels = relighter.radiance(texels, view=view)
+    relighter.close()
+    assert by_lamp.sum() == pytest.approx(by_texels.sum(), rel=0.1)
+    assert np.linalg.norm(by_lamp - by_texels) < 0.2 * np.linalg.norm(by_texels)

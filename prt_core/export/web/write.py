@@ -164,7 +164,7 @@ def _bake_steps(bake, settings, title, pace):
     report = {
         "parts": pack.sizes,
         "form": form,
-        "notes": [*notes, *_notes(bake, settings.bits, images, sources)],
+        "notes": [*notes, *_notes(bake, pack.facts, images, sources)],
         "points": len(surface.points),
         "triangles": len(surface.triangles),
         **errors,
@@ -172,9 +172,9 @@ def _bake_steps(bake, settings, title, pace):
     return report, pack
 
 
-def _notes(bake, bits, images, sources):
+def _notes(bake, facts, images, sources):
     """What a page does not show as the bake has it, and what is to be said of its images."""
-    notes = [note for image in images.values() for note in image.notes]
+    notes, bits = [note for image in images.values() for note in image.notes], facts["bits"]
     if bake.reflections and not bits:
         notes.append(
             "gloss is shown as an even colour: a page without visibility bits has no highlights or "
@@ -184,6 +184,9 @@ def _notes(bake, bits, images, sources):
         notes.append("lamps that share a slider have no highlights")
     if bake.reflections and bits:
         notes += _wide_lamps(bake, sources)
+        shine = any(each.lamp is not None and each.lamp.highlights for each in sources)
+        if shine and facts["gloss"]["metal"]:
+            notes.append("metal that is seen in metal reflects no lamps on the page")
     if bake.camera is not None and bake.camera.lens != "perspective":
         notes.append(f"the camera's lens is {bake.camera.lens}; the page begins with a view of all")
     return notes

@@ -68,8 +68,8 @@ def test_a_mirror_shows_the_radiance_of_a_lamp():
 
 
 def test_a_wide_sun_of_an_image_stays_one_direction():
-    pixels = np.full((8, 16, 3), 0.01, np.float32)
-    pixels[3, 4:7] = 50
+    pixels = np.full((16, 32, 3), 0.01, np.float32)
+    pixels[6, 8:11] = 500
     _, sun = split_sun(EnvironmentMap(pixels))
     materials, world, outgoing = floor(0.1)
     frames, received = np.tile(np.eye(3), (len(world), 1, 1)), np.ones((len(world), 3))

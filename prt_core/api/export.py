@@ -8,6 +8,7 @@ from prt_core.errors import expect, expect_kind
 from prt_core.export.glb import GLBSettings, glb_steps
 from prt_core.relight.environments import Environments
 from prt_core.relight.forms import load_compressed
+from prt_core.relight.gloss import NO_VIEW
 from prt_core.relight.lighting import Lighting, lighting_of
 from prt_core.relight.received import as_received
 from prt_core.relight.relighter import Relighter
@@ -114,6 +115,8 @@ def export_glb_steps(
     try:
         radiance = yield from relighter.steps(lighting, pace, view=view)
         used, notes = relighter.used, list(relighter.notes)
+        if bake.reflections and view is None and not settings.of_light:
+            notes.append(NO_VIEW)
     finally:
         if own:
             relighter.close()

@@ -124,7 +124,7 @@ def field_picture(field, radiance, camera, caster, width, height, grey=GREY):
         captured = np.zeros(len(field.scene.points) + 1, bool)
         captured[field.point] = True
         rays.points[~captured[rays.points].all(axis=1)] = -1
-    return rays.picture(radiance, pointless=grey)
+    return rays.picture(radiance, pointless=grey, whole=True)
 
 
 def _onto_image(field, rays):

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from prt_core.blender.covers import covers_of
+from prt_core.blender.glossy_rays import glossy_remarks
 from prt_core.blender.identity import display_names, place_of, scene_of
 from prt_core.blender.left_out import (
     NO_MATERIAL,
@@ -123,6 +124,7 @@ def read_meshes_steps(
             "or show its collection in renders"
         )
     messages += scene_remarks(scene, _GEOMETRY)
+    messages += glossy_remarks(scene) if gloss else []
     start = time.perf_counter()
     for number in range(len(reading.parts)):
         if pace is not None and time.perf_counter() - start > pace:

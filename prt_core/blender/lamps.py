@@ -163,6 +163,7 @@ def _see(scene, source, owner, matrix, linking):
         axes,
         name=source.original.name,
         casts_shadow=data.use_shadow,
+        highlights=source.visible_glossy and owner.visible_glossy,
         receivers=linking.named(owner.light_linking.receiver_collection),
         blockers=linking.named(owner.light_linking.blocker_collection),
         **settings,

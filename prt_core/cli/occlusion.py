@@ -101,7 +101,7 @@ def _occlusion(options):
         write_npz(options.output, {k: v[:, 0] if one else v for k, v in corners.items()})
     if options.png:
         pictures = PictureWriter(baked, options.size or _size(baked), options.caster)
-        write_pixels(options.png, pictures.rays().picture(colours), 8, "data")
+        write_pixels(options.png, pictures.rays().picture(colours, whole=True), 8, "data")
     if options.image:
         write_pixels(options.image, baked.image(colours), options.bits or 8, "data")
     if options.blend:

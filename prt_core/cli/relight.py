@@ -36,6 +36,7 @@ from prt_core.cli.relight_view import (
 from prt_core.errors import expect
 from prt_core.evaluate.sequence import PictureWriter, frame_path, write_npz
 from prt_core.evaluate.view import expect_view
+from prt_core.relight.gloss import NO_VIEW
 from prt_core.relight.relighter import Relighter
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
@@ -320,6 +321,9 @@ def _print_notes(baked, options, notes):
             *notes,
             "the baked scene has no camera whose lens is followed: seen from the front",
         ]
+    if baked.reflections and options.view is None and not options.light_only:
+        others = options.output or options.png or options.blend
+        notes = [*notes, NO_VIEW] if others else notes
     for note in notes:
         print(f"  note    {note}")
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 import prt_core
-from prt_core.cli.arguments import bpy_for_rays, view_named
+from prt_core.cli.arguments import bpy_for_rays, is_place
+from prt_core.cli.relight_view import asked_view
 from prt_core.errors import expect
 from prt_core.evaluate import to_srgb, write_png
 from prt_core.evaluate.sequence import PictureWriter, light_path, write_npz
@@ -68,10 +69,10 @@ def relight_lights(options):
     given = [path for by_kind in paths.values() for path in by_kind.values()]
     twice = [path for path in given if given.count(path) > 1]
     expect(not twice, f"{twice and twice[0]}: is of two lights; give them other names")
-    view = view_named(options.view, baked)
-    size = options.size or (baked.camera or Camera(np.eye(4), 1)).size()
+    camera, view = asked_view(options, baked)
+    size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     blend = LightBlend(baked, options.caster, options.form)
-    pictures = PictureWriter(baked, size, options.caster) if options.png else None
+    pictures = PictureWriter(baked, size, options.caster, camera) if options.png else None
     try:
         for name, shining in chosen.items():
             start = time.perf_counter()
@@ -111,8 +112,9 @@ def _expect_request(options):
         "--weights: each light is shown alone with --each; leave out one of the two",
     )
     expect(
-        options.view in (None, "camera") or not options.png,
-        "--view: a picture is seen from the camera; give --view camera with --png",
+        options.view is None or not options.png or not is_place(options.view),
+        "--view: a picture is seen from the camera; give --view camera with --png, or the name of "
+        "another",
     )
     outputs = {kind: getattr(options, kind) for kind in _OUTPUTS if getattr(options, kind)}
     expect(outputs, "relight: nothing to write; give --output NPZ or --png PNG with --lights")

@@ -68,9 +68,16 @@ def write_picture(path, pictures, relighter, lighting, view=None, radiance=None)
 
 def notes_of(relighter):
     """What is to be said of a light, and of the last picture."""
-    rays = relighter.mirror_rays
-    traced = f"mirrors are traced for the picture, by {rays:,} rays"
-    return [*relighter.notes, traced] if rays else list(relighter.notes)
+    notes, rays = list(relighter.notes), relighter.mirror_rays
+    if rays:
+        notes.append(f"mirrors are traced for the picture, by {rays:,} rays")
+    if relighter.lit is not None and relighter.lit.is_world:
+        n = relighter.bake.cube_map.resolution
+        notes.append(
+            f"the baked world is known on 6 x {n} x {n} texels, which gloss shows; an image "
+            "(--light IMAGE) is reflected as sharp as it is"
+        )
+    return notes
 
 
 def how_relit(relighter):

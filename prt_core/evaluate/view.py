@@ -14,7 +14,7 @@ from prt_core.errors import (
 )
 from prt_core.light.sky import Sky
 from prt_core.runtime.machine import expect_memory
-from prt_core.scene import auto_camera, expect_camera, hits_in_view, view_rays
+from prt_core.scene import auto_camera, ended_share, expect_camera, hits_in_view, view_rays
 
 _BATCH = 1 << 20
 
@@ -56,6 +56,8 @@ class CameraRays:
     points : (m, 3) int32
         The bake points around; -1 where no point is.
     weights : (m, 3) float32
+    share : (m,) float32
+        Of the rays that end where they did (see `ended_share`).
     """
 
     def __init__(self, scene, caster, camera=None, width=960, height=540, samples=2):
@@ -67,6 +69,7 @@ class CameraRays:
         self.directions, n_rays = rays.directions.astype(np.float32), len(rays.directions)
         self.points = np.full((n_rays, 3), -1, np.int32)
         self.weights = np.zeros((n_rays, 3), np.float32)
+        self.share = np.ones(n_rays, np.float32)
         triangle, barycentric = hits_in_view(scene, caster, rays)
         self.hit, self.triangle = triangle >= 0, triangle.astype(np.int32)
         # Beyond a fisheye's disc there is no sky either.
@@ -75,9 +78,11 @@ class CameraRays:
             hit = first + np.flatnonzero(self.hit[first : first + _BATCH])
             face = triangle[hit]
             back = (self.directions[hit] * scene.triangle_normals[face]).sum(axis=1) > 0
-            self.points[hit], self.weights[hit] = scene.hit_points(face, barycentric[hit], back)
+            around, weights = scene.hit_points(face, barycentric[hit], back)
+            self.points[hit], self.weights[hit] = around, weights
+            self.share[hit] = ended_share(scene, face, barycentric[hit], back, around, weights)
 
-    def picture(self, radiance, background=None, pointless=0.0):
+    def picture(self, radiance, background=None, pointless=0.0, whole=False):
         """The view under one light.
 
         Parameters
@@ -87,6 +92,9 @@ class CameraRays:
             What the sky looks like; default black. A `Sky` is filtered for the samples.
         pointless : float
             What surfaces without points look like, in each channel: sides that return no light.
+        whole : bool
+            Whether the values are of places as they are, and not of all light that arrives: what
+            lets light pass shows more of that by the rays that end at it.
 
         Returns
         -------
@@ -97,7 +105,7 @@ class CameraRays:
         radiance = expect_array("radiance", radiance, shape, np.float32, -_MOST, _MOST)
         lit = self.lit
         values = np.einsum("pk,pkc->pc", self.weights[lit], radiance[self.points[lit]])
-        return self.picture_of(values, background, pointless)
+        return self.picture_of(values, background, pointless, whole)
 
     @property
     def spread(self):
@@ -113,14 +121,14 @@ class CameraRays:
         """(m,) int: the samples that see bake points."""
         return np.flatnonzero(self.points[:, 0] >= 0)
 
-    def picture_of(self, values, background=None, pointless=0.0):
+    def picture_of(self, values, background=None, pointless=0.0, whole=False):
         """The view, of what each of its samples shows.
 
         Parameters
         ----------
         values : (n_lit, 3) float32
             Of the samples `lit`.
-        background, pointless
+        background, pointless, whole
             See `picture`.
 
         Returns
@@ -132,7 +140,7 @@ class CameraRays:
         values = expect_array("values", values, (len(lit), 3), np.float32, -_MOST, _MOST)
         image = np.zeros((len(self.hit), 3), np.float32)
         image[self.hit] = pointless
-        image[lit] = values
+        image[lit] = values if whole else values / self.share[lit, None]
         if isinstance(background, Sky):
             image[self._sky] = background(self.directions[self._sky], self.spread)
         elif background is not None:

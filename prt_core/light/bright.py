@@ -45,7 +45,7 @@ class BrightPixels:
 
     # As those of a `Lamp`: everything receives, and everything is in the way.
     receivers = blockers = None
-    casts_shadow, of_world = True, False
+    casts_shadow, of_world, highlights = True, False, True
 
     def __post_init__(self):
         n = expect_numbers("rows", self.rows).size

@@ -68,6 +68,8 @@ class Lamp:
         power laws in between and beyond.
     of_world : bool
         Whether the sun is a part of the world's light, which shines together with it.
+    highlights : bool
+        Whether glossy surfaces show it.
     name : str
     """
 
@@ -91,6 +93,7 @@ class Lamp:
     texture: np.ndarray | None = None
     falloff: np.ndarray | None = None
     of_world: bool = False
+    highlights: bool = True
     name: str = "lamp"
 
     def __post_init__(self):
@@ -115,6 +118,7 @@ class Lamp:
         self.spread = expect_number(f"{name}: spread", self.spread, 0, 2 * np.pi)
         self.casts_shadow = expect_flag(f"{name}: casts_shadow", self.casts_shadow)
         self.of_world = expect_flag(f"{name}: of_world", self.of_world)
+        self.highlights = expect_flag(f"{name}: highlights", self.highlights)
         for field in ("receivers", "blockers"):
             objects = getattr(self, field)
             if objects is not None:
@@ -166,11 +170,15 @@ class Lamp:
         distances = np.maximum(np.linalg.norm(ways, axis=1), 1e-30)
         directions, radius = ways / distances[:, None], np.full(len(positions), self.radius)
         if self.kind == "area":
-            area = self.size[0] * self.size[1] / (4 / np.pi if self.ellipse else 1)
             # What is seen at an angle looks smaller.
             facing = np.abs(directions @ self.axes[:, 2])
-            radius = np.sqrt(area * facing / np.pi)
+            radius = np.sqrt(self.area * facing / np.pi)
         return directions, np.arctan2(radius, distances)
+
+    @property
+    def area(self):
+        """Of an area lamp, in square units."""
+        return self.size[0] * self.size[1] / (4 / np.pi if self.ellipse else 1)
 
     @property
     def towards(self):
@@ -277,7 +285,7 @@ class Lamp:
         """
         size = np.asarray(self.size)
         local = (positions - self.position) @ self.axes
-        reach = np.abs(local[:, 2:]) * np.tan(_half_spread(self.spread)) / size
+        reach = np.abs(local[:, 2:]) * np.tan(half_spread(self.spread)) / size
         middle = local[:, :2] / size
         low, high = np.clip(middle - reach, -0.5, 0.5), np.clip(middle + reach, -0.5, 0.5)
         place = low + uv * (high - low)
@@ -302,14 +310,15 @@ def lamp_samples(n_samples, shift):
     return (base[None] + shift[:, None]) % 1.0
 
 
-def _half_spread(spread):
+def half_spread(spread):
+    """Half the angle (radians) that an area lamp shines into."""
     return np.clip(spread / 2, _NARROWEST, np.pi / 2)
 
 
 def _through_slats(cosine, spread):
     """(n,) share of an area lamp's light at an angle that a grid of slats lets pass, as Cycles has
     it: the whole keeps its power."""
-    half = _half_spread(spread)
+    half = half_spread(spread)
     # The tangent less the angle, whose leading terms cancel where both are small.
     whole = np.tan(half) - half if half > 0.05 else half**3 / 3
     cosine = np.clip(cosine, 1e-30, 1)

@@ -236,6 +236,26 @@ class Materials:
             transmission=np.zeros_like(self.transmission),
         )
 
+    def of_rays_that_end(self, share):
+        """`Materials` of places where rays end, each shown by so many of them alone.
+
+        Parameters
+        ----------
+        share : (n,) float
+            Of the rays, above 0 (see `scene.ended_share`).
+        """
+        if (share == 1).all():
+            return self
+        names = {"albedo", "emission", "opacity", "translucency", "transmission", *_REFLECTED}
+        names &= {"albedo", *self.nondefault()}
+
+        def given(name):
+            values = getattr(self, name)
+            most = QUANTITIES[name].most
+            return np.minimum(values / share[:, None], most).astype(values.dtype)
+
+        return self.replaced(**{name: given(name) for name in names})
+
     def equals(self, other):
         """Whether all quantities are those of `other`, value by value."""
         pairs = [(values, getattr(other, name)) for name, values in self.arrays().items()]

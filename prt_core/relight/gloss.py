@@ -13,10 +13,14 @@ from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
 from prt_core.relight.glossy_points import METAL, GlossyPoints, SeenMetal
+from prt_core.relight.highlights import POWER
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.main_thread import maybe_in_thread
 from prt_core.runtime.progress import Progress
+from prt_core.scene import ended_at
 
+# Said where a bake with gloss is shown to nobody.
+NO_VIEW = "gloss is shown as an even colour, for no view was given (--view camera, or x,y,z)"
 # Sweeps over what reflects what reflects, at most.
 _SWEEPS = 3
 # Points whose lobes are evaluated in one step: then a view that is not wanted any more can end.
@@ -64,6 +68,9 @@ class Gloss:
         for reflections in bake.reflections:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))
             first += len(reflections.points)
+        # Reflections see what lets light pass by rays that end at it, as pictures do.
+        ended = ended_at(self._points.materials)[:, None]
+        self._ended = None if (ended == 1).all() else ended
         self._metal = self._light = self._sky = self._maps = None
         self._glimpses, self._again, self._coarse = [], None, {}
         self._pixels = GlossyPixels(
@@ -94,7 +101,7 @@ class Gloss:
         """How many rays the mirrors of the last picture cast."""
         return self._pixels.n_rays
 
-    def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01):
+    def light(self, texels, sent, even, sky=None, detailed=None, tolerance=0.01, lamps=()):
         """Take in a light: as many sweeps as it takes until reflections of reflections settle.
 
         Parameters
@@ -111,29 +118,33 @@ class Gloss:
             The same light on a finer cube map (see `IncomingField.update`).
         tolerance : float
             Change of what is reflected at which sweeps end, in parts of it.
+        lamps
+            See `toward_steps`: metal that is seen in metal reflects them.
         """
         self._sky = sky or texel_sky(self._parts[0].field.reflections.blocks.cube_map, texels)
         key = _digest(texels, sent, even)
         if key == self._light:
             return
         self._light = self._maps = None
+        if self._ended is not None:
+            sent, even = sent / self._ended, even / self._ended
         seen = self._seen_metal()
         for part in self._parts:
             part.light(texels, sent, sky, detailed, settled=seen is None)
         if seen is not None:
-            change = self._change_of_seen(seen, sent - even, tolerance)
+            change = self._change_of_seen(seen, sent - even, tolerance, lamps)
             for part, (entries, which) in zip(self._parts, seen.entries, strict=True):
                 part.resend(entries, which, change)
                 part.settle()
         self._light = key
 
-    def _change_of_seen(self, seen, standing, tolerance):
+    def _change_of_seen(self, seen, standing, tolerance, lamps):
         """(k, 3) radiance of what is seen beyond what stood in for it, (n_points, 3)."""
         before = np.zeros((len(seen), 3), np.float32)
         for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
             before[mine] = standing[part.points[seen.row[mine]]]
             glimpses.light()
-        stood, once = before, self._of_seen(seen)
+        stood, once = before, self._of_seen(seen, lamps)
         reflected = once
         for _ in range(_SWEEPS - 1):
             if np.abs(reflected - before).sum() <= tolerance * np.abs(reflected).sum():
@@ -154,11 +165,15 @@ class Gloss:
                 self._glimpses.append((mine, glimpses))
         return self._metal if len(self._metal) else None
 
-    def _of_seen(self, seen):
+    def _of_seen(self, seen, lamps):
         """(k, 3) radiance that what is seen reflects towards where it is seen from."""
         result = np.zeros((len(seen), 3), np.float32)
-        for mine, glimpses in self._glimpses:
-            result[mine] = glimpses.reflected()
+        for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
+            shown = glimpses.reflected()
+            for lamp, received in lamps:
+                way = seen.row[mine], seen.outgoing[mine]
+                shown += part.glimpsed_highlights(lamp, received, self._world, *way)
+            result[mine] = shown / self._ended_at(seen, mine)
         return result
 
     def _seen_again(self, seen, change):
@@ -172,7 +187,16 @@ class Gloss:
         for (mine, _), matrices in zip(self._glimpses, self._again, strict=True):
             for channel, matrix in enumerate(matrices):
                 result[mine, channel] = matrix @ change[:, channel]
+            result[mine] /= self._ended_at(seen, mine)
         return result
+
+    def _ended_at(self, seen, mine):
+        """Of rays at some of what is seen the share that ends there: (k, 1), or 1."""
+        if self._ended is None:
+            return np.float32(1)
+        glossy = np.concatenate([part.points for part in self._parts])
+        first = np.cumsum([0, *(len(part.points) for part in self._parts)])
+        return self._ended[glossy[first[seen.part[mine]] + seen.row[mine]]]
 
     @property
     def maps_views(self):
@@ -229,6 +253,8 @@ class Gloss:
         values = np.zeros((len(self._world), 6), np.float32)
         values[:, 3:] = 1
         (facing, looked_up), coarse = np.zeros((2, len(self._world)), bool), None
+        # While a view moves a lamp is one direction.
+        power = None if every > 1 or (mapped and self.maps_views) else POWER
         for part in self._parts:
             rows = part.facing(outgoing[part.points])
             facing[part.points[rows]] = True
@@ -236,7 +262,7 @@ class Gloss:
                 there = part.mapped[rows]
                 some, rows = rows[there], rows[~there]
                 looked_up[part.points[some]] = True
-                work = self._toward, part.looked_up, part, some, outgoing, lamps
+                work = self._toward, part.looked_up, part, some, outgoing, lamps, power
                 values[part.points[some]] = yield from maybe_in_thread(pace, "gloss", *work)
             if every > 1 and len(rows):
                 if coarse is None:
@@ -244,18 +270,18 @@ class Gloss:
                 rows = rows[coarse.chosen[part.points[rows]]]
             for first in range(0, len(rows), _AT_ONCE):
                 some = rows[first : first + _AT_ONCE]
-                work = self._toward, part.toward, part, some, outgoing, lamps
+                work = self._toward, part.toward, part, some, outgoing, lamps, power
                 values[part.points[some]] = yield from maybe_in_thread(pace, "gloss", *work)
         if coarse is not None:
             coarse.follow(values, facing, looked_up)
         return values[:, :3], values[:, 3:]
 
-    def _toward(self, lobes, part, rows, outgoing, lamps):
+    def _toward(self, lobes, part, rows, outgoing, lamps, power):
         """(k, 6): what some points of a part reflect, and what is left of diffuse light."""
         outgoing = outgoing[part.points[rows]]
         reflected, diffuse = lobes(rows, outgoing)
         for lamp, received in lamps:
-            reflected += part.highlights(lamp, received, self._world, rows, outgoing)
+            reflected += part.highlights(lamp, received, self._world, rows, outgoing, power)
         return np.concatenate([reflected, diffuse], axis=1)
 
     def _coarser(self, every):

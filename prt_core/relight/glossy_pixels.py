@@ -11,11 +11,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.relight.glossy_points import highlights
+from prt_core.relight.highlights import highlights
+from prt_core.scene import ended_share
 from prt_core.transport.mirror import mirrored_share
 
 # Mirrors in mirrors, until what they show is looked up in texels.
 _DEPTH = 2
+# Of two the number of samples of a wide lamp.
+_POWER = 3
 # Samples worked on at once.
 _PART = 1 << 17
 
@@ -253,9 +256,10 @@ class GlossyPixels:
         triangle = hits.triangle[met]
         back = np.einsum("kx,kx->k", ways[met], scene.triangle_normals[triangle]) > 0
         points, weights = scene.hit_points(triangle, hits.barycentric[met], back)
+        share = ended_share(scene, triangle, hits.barycentric[met], back, points, weights)
         lit = points[:, 0] >= 0
         there = Places(points, weights, triangle, -ways[met], places.dither[met])[lit]
-        result[met[lit]] = self._shaded(there, light, depth - 1)
+        result[met[lit]] = self._shaded(there, light, depth - 1) / share[lit, None]
         return result
 
     def _highlights(self, places, frames, lamp, received):
@@ -267,7 +271,7 @@ class GlossyPixels:
             materials = self._scene.points.materials.between(here.points, here.weights)
             world = self._scene.to_world(here.between(self._scene.points.positions))
             result[lit] = highlights(
-                materials, frames[lit], lamp, received[lit], world, here.outgoing
+                materials, frames[lit], lamp, received[lit], world, here.outgoing, _POWER
             )
         return result
 

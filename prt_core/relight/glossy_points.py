@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from prt_core.reflectance import principled_lobes
-from prt_core.transport.glimpse import Glimpses
+from prt_core.relight.highlights import POWER, highlights
+from prt_core.transport.glimpse import LEAST, Glimpses, lifted
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
 from prt_core.transport.mirror import Mirror
@@ -197,7 +197,7 @@ class GlossyPoints:
             result[brushed] = self._view.reflected(*work, axes, normals[brushed])
         return result
 
-    def highlights(self, lamp, received, world, rows, outgoing):
+    def highlights(self, lamp, received, world, rows, outgoing, power=POWER):
         """What lobes reflect of a lamp, as wide as the lamp looks.
 
         Parameters
@@ -211,6 +211,8 @@ class GlossyPoints:
             Of the points, which face the viewer.
         outgoing : (k, 3) float32
             Towards the viewer.
+        power : int, optional
+            See `highlights`.
 
         Returns
         -------
@@ -223,7 +225,29 @@ class GlossyPoints:
             some = rows[lit]
             result[lit] = highlights(
                 self._materials[some], self._frames[some], lamp, received[lit],
-                world[self.points[some]], outgoing[lit],
+                world[self.points[some]], outgoing[lit], power,
+            )  # fmt: skip
+        return result
+
+    def glimpsed_highlights(self, lamp, received, world, rows, outgoing):
+        """About what lobes reflect of a lamp, of points that are seen in others.
+
+        As `highlights` has it, of a lamp that is one direction and lobes that are not narrow; rows
+        may come more than once, and face away by their smooth normals.
+        """
+        result = np.zeros((len(rows), 3), np.float32)
+        received = received[self.points[rows]]
+        lit = np.flatnonzero(received.any(axis=1))
+        if len(lit):
+            some = rows[lit]
+            materials = self._materials[some]
+            rough = {
+                name: np.maximum(getattr(materials, name), np.sqrt(LEAST))
+                for name in ("roughness", "coat_roughness")
+            }
+            result[lit] = highlights(
+                materials.replaced(**rough), self._frames[some], lamp, received[lit],
+                world[self.points[some]], lifted(outgoing[lit], self._normals[some]), None,
             )  # fmt: skip
         return result
 
@@ -231,39 +255,6 @@ class GlossyPoints:
 def narrowest_of(cube_map):
     """Alpha (float32) below which lobes are mirrors, for the texels of a `CubeMap`."""
     return np.float32(_TEXELS * np.pi / 4 / cube_map.resolution)
-
-
-def highlights(materials, frames, lamp, received, world, outgoing):
-    """What lobes at k places reflect of a lamp, as wide as the lamp looks.
-
-    Parameters
-    ----------
-    materials : Materials
-    frames : (k, 3, 3) float
-        Tangents and normals.
-    lamp : Lamp or BrightPixels
-    received : (k, 3) float32
-        Irradiance / pi.
-    world, outgoing : (k, 3) float
-
-    Returns
-    -------
-    (k, 3) float
-    """
-    direction, angle = lamp.seen_from(world)
-    # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
-    spread = angle / 2 / np.sqrt(2)
-    widened = {
-        name: np.minimum(np.sqrt(np.hypot(getattr(materials, name)[:, 0] ** 2, spread)), 1)
-        for name in ("roughness", "coat_roughness")
-    }
-    widened = {name: values[:, None] for name, values in widened.items()}
-    lobes = principled_lobes(materials.replaced(**widened))
-    frames = frames.astype(np.float64)
-    incoming, view = (
-        np.einsum("nx,nkx->nk", ways, frames)[:, None] for ways in (direction, outgoing)
-    )
-    return np.pi * received * lobes.eval(incoming, view)[:, 0]
 
 
 class SeenMetal:

@@ -218,6 +218,7 @@ class Relighter:
             lit = [
                 (lamp, part * np.float32(factor))
                 for lamp, part, factor in zip(lamps, parts[first:], factors[first:], strict=True)
+                if lamp.highlights
             ]
             own = None if emitted is None else emitted[1]
             self._sent = None
@@ -353,9 +354,8 @@ class Relighter:
         even = radiance - self.bake.transport.materials.stand_in * received
         own = 0 if own is None else own
         if form is not None:
-            return SentLight(
-                even, own, lamps, lighting, form.light(self._environments.on_texels(distant))
-            )
+            lit = form.light(self._environments.on_texels(distant))
+            return SentLight(even, own, lamps, lighting, lit)
         texels = sky = detailed = None
         if distant is not None:
             # Lights that are lamps here have their highlights from there, not from texels.
@@ -364,7 +364,7 @@ class Relighter:
             sky = self._environments.sky(distant, exposed=False) if is_fine else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
         sent = radiance + self._gloss.more * received
-        self._gloss.light(texels, sent, even, sky, detailed)
+        self._gloss.light(texels, sent, even, sky, detailed, lamps=lamps)
         return SentLight(even, own, lamps, lighting, self._gloss)
 
     def replace(self, bake):

@@ -12,6 +12,7 @@ from prt_core.scene.camera import (
 from prt_core.scene.changes import Changes, changes, mesh_digests
 from prt_core.scene.compared import compare
 from prt_core.scene.details import Details, with_details
+from prt_core.scene.ended import ended_at, ended_share
 from prt_core.scene.images import (
     PARAMETRISATIONS,
     Atlas,
@@ -60,6 +61,8 @@ __all__ = [
     "camera_rays",
     "changes",
     "compare",
+    "ended_at",
+    "ended_share",
     "expect_camera",
     "geometry_layout",
     "hits_in_view",

@@ -19,7 +19,7 @@ _FACETS, _MANY, _BRIGHT = 4, 1 << 12, 1 << 10
 # Glimpses whose facets are kept: 32 bytes each.
 _MOST_KEPT = 3_000_000
 # Least alpha: the lobe of the one point stands for those of all that is met in a block.
-_LEAST = np.float32(0.1)
+LEAST = np.float32(0.1)
 # Least cosine of a view: smooth normals may face away from who sees the surface.
 _GRAZING = 0.05
 # Shifts of a sequence that are spread evenly, one after the other.
@@ -64,7 +64,7 @@ class Glimpses:
             rows, outgoing = self._rows[part], self._outgoing[part]
             normals = self._normals.take(rows, axis=0)
             cosine = np.einsum("kx,kx->k", outgoing, normals)
-            work = rows, normals, _lifted(outgoing, normals), cosine
+            work = rows, normals, lifted(outgoing, normals), cosine
             self._bright[part] = bright.reflected(*work)
 
         on_all_cores(one, range(0, len(self._rows), _BRIGHT))
@@ -157,7 +157,7 @@ class Glimpses:
         facets mirror (n_facets, m), and what they reflect (3, n_facets, m), as `halves`."""
         rows = self._rows[first : first + _MANY]
         frame = tangent_frames(self._normals.take(rows, axis=0)).astype(np.float32)
-        ways = _lifted(self._outgoing[first : first + _MANY], frame[:, 2])
+        ways = lifted(self._outgoing[first : first + _MANY], frame[:, 2])
         view = np.einsum("kx,kax->ak", ways, frame)
         places = sobol_points(int(np.log2(_FACETS))).astype(np.float32).T[:, :, None]
         # Each has a shift of its own, so that errors go away in the mean.
@@ -201,7 +201,7 @@ class Glimpses:
 def _width(alpha):
     """Alphas (k,) or (k, 2) as one, (k,) float32, that is not too small."""
     width = alpha if alpha.ndim == 1 else np.sqrt(alpha.prod(axis=1))
-    return np.maximum(width.astype(np.float32), _LEAST)
+    return np.maximum(width.astype(np.float32), LEAST)
 
 
 def _facets(view, alpha, height, turn, shift):
@@ -225,7 +225,7 @@ def _facets(view, alpha, height, turn, shift):
     return x * length, y * length, z * length
 
 
-def _lifted(directions, normals):
+def lifted(directions, normals):
     """Directions (k, 3) lifted to `_GRAZING` above the surface where they are below that."""
     cosine = np.einsum("kx,kx->k", directions, normals)[:, None]
     lifted = directions + np.maximum(_GRAZING - cosine, 0) * normals

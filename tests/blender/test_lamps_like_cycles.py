@@ -9,6 +9,7 @@ import build
 from prt_core import make_caster
 from prt_core.blender import read_lamps
 from prt_core.blender.depsgraph import read_scene
+from prt_core.blender.glossy_rays import glossy_remarks
 from prt_core.transport import lamp_light
 from tests.benchmarks import cycles_truth
 from tests.blender.conftest import cube, instance_of
@@ -154,6 +155,22 @@ def test_lamps_that_give_diffuse_surfaces_nothing_are_left_out():
     home.hide_render = True
     bpy.context.view_layer.update()
     assert not read_lamps() and not messages
+
+
+def test_what_glossy_rays_meet_otherwise_is_followed_or_said():
+    item, scene = lamp_of("AREA"), bpy.context.scene
+    before = glossy_remarks(scene)
+    item.visible_glossy = False
+    bpy.context.view_layer.update()
+    assert not read_lamps()[0].highlights and glossy_remarks(scene) == before == []
+    item.visible_glossy, item.visible_diffuse = True, False
+    (line,) = glossy_remarks(scene)
+    assert line == "lamp: only glossy rays meet it; its highlights are left out"
+    item.visible_diffuse = True
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.context.object.visible_glossy = False
+    (line,) = glossy_remarks(scene)
+    assert line.startswith("Plane: glossy rays do not meet it") and "all the same" in line
 
 
 def test_what_a_lamp_has_that_is_not_followed_is_said():

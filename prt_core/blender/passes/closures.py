@@ -128,6 +128,8 @@ LEFT_OUT = {
     "bent": "its normal map bends reflections at the bake points only; subdivide the mesh where "
     "the map is finer",
     "roughnesses": "mixes lobes of very different roughness; they become one of their mean",
+    "no tangent": "its tangent has no direction, as where a UV map is missing; a render is black "
+    "there, a bake has lobes that are round",
     "anisotropy": "is more anisotropic than 1 of a Principled BSDF, which it becomes",
 }
 # What closures reflect, by the types of their nodes.

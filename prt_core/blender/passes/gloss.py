@@ -72,6 +72,7 @@ def _put_weights(values, sums):
 def _put_roughness(values, sums):
     reflected, rough, square = sums["rough"].T
     mean, shiny = _ratio(rough, reflected), reflected > _NOTHING
+    signs = {}
     _put(values, "roughness", mean, shiny)
     if "tangent" in sums:
         anisotropy = _ratio(sums["others"][:, 0], reflected)
@@ -79,11 +80,13 @@ def _put_roughness(values, sums):
         normals, tangent = values[:, COLUMNS["normal"]].astype(np.float64), sums["tangent"]
         tangent = tangent - np.einsum("nx,nx->n", tangent, normals)[:, None] * normals
         length = np.linalg.norm(tangent, axis=1)
-        lying = shiny & (anisotropy > _LEAST_ANISOTROPY) & (length > 1e-9)
+        stretched = shiny & (anisotropy > _LEAST_ANISOTROPY)
+        lying = stretched & (length > 1e-9)
+        signs["no tangent"] = stretched & ~lying
         _put(values, "anisotropy", anisotropy, lying)
         _put(values, "tangent", tangent / np.maximum(length, 1e-30)[:, None], lying)
     spread = np.sqrt(np.maximum(_ratio(square, reflected) - mean**2, 0))
-    return {"roughnesses": shiny & (spread > _APART)}
+    return signs | {"roughnesses": shiny & (spread > _APART)}
 
 
 def _put_coat(values, sums):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from prt_core.scene import ended_at
+
 # How far a quantity may vary over a surface that is still said to have one value.
 _EVEN = 1e-3
 _UNLIT = "KHR_materials_unlit"
@@ -23,17 +25,21 @@ def material_of(name, materials, multiplied):
     dict
     str
         What is to be said, empty where all of it is told.
+    ended : (n,) float32
+        By which colours of all the light that arrives are divided: they are blended by opacity.
     """
-    lost, factor, opacity = "", np.ones(3), 1.0
-    if multiplied:
-        factor, is_even = _one_value(materials.front)
-        if not is_even:
-            # A texture takes its place, that the user has and the bake has not.
-            factor, lost = np.ones(3), "base colour"
+    lost, factor, opacity, ended = "", np.ones(3), 1.0, np.ones(len(materials), np.float32)
     if (materials.opacity < 1 - _EVEN).any():
         (opacity,), is_even = _one_value(materials.opacity)
+        if is_even:
+            ended = ended_at(materials)
+        else:
+            opacity, lost = 1.0, "opacity"
+    if multiplied:
+        factor, is_even = _one_value(materials.front / ended[:, None])
         if not is_even:
-            opacity, lost = 1.0, f"{lost} and opacity" if lost else "opacity"
+            # A texture takes its place, that the user has and the bake has not.
+            factor, lost = np.ones(3), "base colour and opacity" if lost else "base colour"
     material = {
         "name": name,
         "doubleSided": True,
@@ -47,7 +53,7 @@ def material_of(name, materials, multiplied):
     }
     if opacity < 1:
         material["alphaMode"] = "BLEND"
-    return material, lost
+    return material, lost, ended
 
 
 def _one_value(values):

@@ -20,6 +20,7 @@ from prt_core.export.glb.settings import GLBSettings
 from prt_core.export.glb.surfaces import material_of
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.progress import Progress
+from prt_core.scene import ended_at
 from prt_core.transport.sent import Sent
 
 # Objects whose losses are named in a note.
@@ -73,7 +74,10 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
         light = expect_array("light", light, (bake.cube_map.n_directions, 3), np.float32)
     document, notes = Document(), []
     attributes = yield from _attributes_steps(bake, document, settings, form, light, notes)
-    scale = colours.scale_of(radiance[bake.scene.points.visible], settings.white)
+    points = bake.scene.points
+    # What is blended shows more than it sends of all light (see `material_of`).
+    most = radiance if settings.of_light else radiance / ended_at(points.materials)[:, None]
+    scale = colours.scale_of(most[points.visible], settings.white)
     shown = SimpleNamespace(radiance=radiance, scale=scale, cut=0)
     counts = yield from _objects_steps(bake, document, settings, attributes, shown, notes)
     colours_are = "light" if settings.of_light else "radiance"
@@ -152,14 +156,14 @@ def _objects_steps(bake, document, settings, attributes, shown, notes):
         primitives = []
         for surface in surfaces:
             materials = scene.points.materials[surface.points]
-            material, missing = material_of(
+            material, missing, ended = material_of(
                 surface.material, materials, settings.material == "multiplied"
             )
             if missing:
                 lost.setdefault(missing, []).append(item.name)
             primitives.append(
                 {
-                    "attributes": _vertices(document, surface, settings, attributes, shown),
+                    "attributes": _vertices(document, surface, settings, attributes, shown, ended),
                     "indices": _indices(document, surface),
                     "material": document.add_material(material),
                 }
@@ -192,10 +196,12 @@ def _objects_steps(bake, document, settings, attributes, shown, notes):
     return counts
 
 
-def _vertices(document, surface, settings, attributes, shown):
+def _vertices(document, surface, settings, attributes, shown, ended):
     """Attributes of a primitive: numbers of accessors by name."""
     add, points = document.add_array, surface.points
-    radiance = shown.radiance[points]
+    # Light alone is multiplied with base colours, where there are such.
+    whole = settings.of_light or (ended == 1).all()
+    radiance = shown.radiance[points] if whole else shown.radiance[points] / ended[:, None]
     shown.cut += int((radiance > shown.scale).any(axis=1).sum())
     encoded = colours.encoded(radiance, shown.scale, settings.encoding)
     result = {
@@ -206,7 +212,12 @@ def _vertices(document, surface, settings, attributes, shown):
     }
     if surface.uv is not None:
         result["TEXCOORD_0"] = add(surface.uv)
-    return result | {name: add(values[points]) for name, values in attributes.values.items()}
+    for name, values in attributes.values.items():
+        own = values[points]
+        if not whole and (name == "_PRT_ALBEDO" or name in harmonics.NAMES):
+            own = own / ended[:, None]
+        result[name] = add(own)
+    return result
 
 
 def _indices(document, surface):

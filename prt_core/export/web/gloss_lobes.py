@@ -12,6 +12,7 @@ from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.reflectance.view_factors import ViewFactors
 from prt_core.relight.glossy_points import METAL, narrowest_of
 from prt_core.relight.point_lobes import PointLobes
+from prt_core.scene import ended_at
 
 # Materials that are told apart by their `ViewFactors`.
 _KINDS = 256
@@ -57,8 +58,11 @@ def pack_lobes(pack, bake, points):
     dict
         What the page is told of them: lobes (the group of each), surfaces, nodes, parts.
     """
-    materials = bake.scene.points.materials[points]
-    lobes = PointLobes(materials, bake.scene.points.normals[points])
+    own, normals = bake.scene.points.materials[points], bake.scene.points.normals[points]
+    strong = PointLobes(own, normals).strength() > METAL
+    # What lets light pass is drawn as much less often as it is clear.
+    materials = own.of_rays_that_end(ended_at(own))
+    lobes = PointLobes(materials, normals)
     n, groups = len(points), [(group.alpha[:-1], group.lobes) for group in lobes.groups]
     least = narrowest_of(bake.cube_map)
     names = [(index, name) for index, (_, each) in enumerate(groups) for name in each]
@@ -74,7 +78,8 @@ def pack_lobes(pack, bake, points):
         alphas.append(width[there])
     factors = ViewFactors(materials, _KINDS)
     rows[:, 0, 2] = factors.kind
-    rows[:, 1, :3] = np.broadcast_to(with_mean_gloss(materials).stand_in, (n, 3))
+    sent = with_mean_gloss(own).of_rays_that_end(ended_at(own))
+    rows[:, 1, :3] = np.broadcast_to(sent.stand_in, (n, 3))
     for place, (index, name) in enumerate(names):
         first = 2 + N_POWERS * place
         rows[:, first : first + N_POWERS, :3] = groups[index][1][name][:-1]
@@ -100,7 +105,7 @@ def pack_lobes(pack, bake, points):
         "nodes": tables.shape[1],
         "narrowest": narrowest,
     }
-    return PageLobes(lobes.strength() > METAL, notes), facts
+    return PageLobes(strong, notes), facts
 
 
 def _named(scene, points):

@@ -33,8 +33,12 @@ from prt_core.export.web.surface import pack_share, pack_surface, surface_of
 from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
+from prt_core.scene import ended_at
 from prt_core.transport.sent import Sent
 from prt_core.version import __version__
+
+# Half the width of a lamp, in radians, from which on its highlight shows its shape.
+_WIDE = 0.1
 
 
 @dataclass(frozen=True)
@@ -161,7 +165,7 @@ def _bake_steps(bake, settings, title, pace):
     report = {
         "parts": pack.sizes,
         "form": form,
-        "notes": [*notes, *_notes(bake, settings.bits, images, sources)],
+        "notes": [*notes, *_notes(bake, pack.facts, images, sources)],
         "points": len(surface.points),
         "triangles": len(surface.triangles),
         **errors,
@@ -169,9 +173,9 @@ def _bake_steps(bake, settings, title, pace):
     return report, pack
 
 
-def _notes(bake, bits, images, sources):
+def _notes(bake, facts, images, sources):
     """What a page does not show as the bake has it, and what is to be said of its images."""
-    notes = [note for image in images.values() for note in image.notes]
+    notes, bits = [note for image in images.values() for note in image.notes], facts["bits"]
     if bake.reflections and not bits:
         notes.append(
             "gloss is shown as an even colour: a page without visibility bits has no highlights or "
@@ -179,9 +183,28 @@ def _notes(bake, bits, images, sources):
         )
     if bake.reflections and bits and any(s.lamp is None and s.kind != "emitter" for s in sources):
         notes.append("lamps that share a slider have no highlights")
+    if bake.reflections and bits:
+        notes += _wide_lamps(bake, sources)
+        shine = any(each.lamp is not None and each.lamp.highlights for each in sources)
+        if shine and facts["gloss"]["metal"]:
+            notes.append("metal that is seen in metal reflects no lamps on the page")
     if bake.camera is not None and bake.camera.lens != "perspective":
         notes.append(f"the camera's lens is {bake.camera.lens}; the page begins with a view of all")
     return notes
+
+
+def _wide_lamps(bake, sources):
+    """A line on lamps whose highlights are not of their shape, where there are any."""
+    points = bake.scene.points
+    world = bake.scene.to_world(points.positions[points.visible])
+    wide = [
+        repr(source.name)
+        for source in sources
+        if source.lamp is not None and source.lamp.highlights
+        and np.median(source.lamp.seen_from(world)[1]) > _WIDE
+    ]  # fmt: skip
+    if wide:
+        yield f"lamps {', '.join(wide)}: look large; the page shows their highlights round and soft"
 
 
 def _name_of(bake, field):
@@ -224,20 +247,20 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
         if bake.reflections:
             notes, facts["gloss"] = pack_gloss(pack, bake, points)
             for i, each in enumerate(sources):
-                if each.lamp is not None:
+                if each.lamp is not None and each.lamp.highlights:
                     facts["sources"][i] |= pack_highlight(pack, i, each, bake.scene, points)
     return notes
 
 
 def _pack_sent(pack, facts, transport, points, more):
-    """What points send of what they, `more` of it, and their backs receive."""
-    sends = transport.sends
+    """What points send of what they (`more` of it) and their backs receive, where drawn."""
+    sends, ended = transport.sends, ended_at(transport.materials[points])[:, None]
     through = isinstance(sends, Sent)
     front = (sends.albedo if through else sends) + more
-    facts["albedo"] = pack_share(pack, "albedo", front[points])
+    facts["albedo"] = pack_share(pack, "albedo", front[points] / ended)
     if not through:
         return
-    facts["through"] = pack_share(pack, "through", sends.translucency[points])
+    facts["through"] = pack_share(pack, "through", sends.translucency[points] / ended)
     number = np.full(len(sends.opposite) + 1, len(points))
     number[points] = np.arange(len(points))
     pack.add("opposite", number[sends.opposite[points]].astype(np.uint32), differences=True)
@@ -265,6 +288,8 @@ def _pack_emission(pack, facts, scene, sources, points):
     own = np.full(len(scene.emitters) + 1, 255)
     for index, source in enumerate(sources):
         own[list(source.emitters)] = index
-    codes, facts["emission_factor"] = shared_exponent(scene.points.materials.emission[points])
+    materials = scene.points.materials[points]
+    shining = materials.emission / ended_at(materials)[:, None]
+    codes, facts["emission_factor"] = shared_exponent(shining)
     pack.add("emission", codes)
     pack.add("emitter", own[emitter].astype(np.uint8))

@@ -13,6 +13,7 @@ from prt_core.errors import expect, expect_caster, expect_offers, expect_whole
 from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.scene.backs import backs_of
 from prt_core.scene.camera import Camera, expect_camera, view_rays
+from prt_core.scene.ended import ended_share
 from prt_core.scene.points import BakePoints, joined
 
 _BATCH = 1 << 20
@@ -102,7 +103,10 @@ def with_camera_image(scene, caster, camera, width, height, samples=2):
     hit = np.flatnonzero(triangle >= 0)
     hit = hit[np.argsort(pixel[hit], kind="stable")]
     back = (ways[hit] * scene.triangle_normals[triangle[hit]]).sum(axis=1) > 0
-    points, _ = surface_points(scene, triangle[hit], barycentric[hit], back, any_side=True)
+    place = triangle[hit], barycentric[hit], back
+    points, _ = surface_points(scene, *place, any_side=True)
+    share = ended_share(scene, *place, *scene.hit_points(*place))
+    points = replace(points, materials=points.materials.of_rays_that_end(share))
     new = len(scene.points) + np.arange(len(hit))
     shown = pixel[hit].astype(np.int32), new.astype(np.int32)
     image = PointImage(height, width, samples**2, *shown, camera=camera)

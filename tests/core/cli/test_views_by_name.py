@@ -87,7 +87,21 @@ def test_pictures_are_seen_from_it(folder, capsys):
     # Without gloss it is the plain picture.
     assert main([*words, str(folder / "p.png"), str(folder / "plain.prt")]) == 0
     assert (folder / "p.png").read_bytes() == pictures["plain.prt", "camera"]
+    # One of a file of lights is seen from it as well.
+    (folder / "lights.json").write_text('{"day": {"environment": "sky.exr"}}')
+    words = ["relight", str(folder / "a.prt"), "--lights", str(folder / "lights.json")]
+    words += ["--size", "40x30", "--png", str(folder / "q.png")]
+    assert main([*words, "--view", "Top"]) == 0
+    assert (folder / "q.png").read_bytes() == pictures["a.prt", "Top"]
     capsys.readouterr()
+
+
+def test_gloss_that_is_shown_to_nobody_is_said(folder, capsys):
+    words = ["relight", "--light", str(folder / "sky.exr"), "--output", str(folder / "n.npz")]
+    asked = ("a.prt", [], 1), ("a.prt", ["--view", "Top"], 0), ("plain.prt", [], 0)
+    for name, view, said in asked:
+        assert main([*words, *view, str(folder / name)]) == 0
+        assert capsys.readouterr().out.count("gloss is shown as an even colour") == said
 
 
 def test_a_wrong_name_is_answered_with_those_that_there_are(folder, capsys):

@@ -143,7 +143,7 @@ def test_without_a_light_there_is_no_view(bake, monkeypatch):
     relighter.radiance(LIGHTING, view=ONE)
     # A light that did not come to its end is no light.
     with monkeypatch.context() as broken:
-        broken.setattr(Gloss, "light", lambda *_: 1 / 0)
+        broken.setattr(Gloss, "light", lambda *_, **__: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             relighter.radiance(LIGHTING, view=OTHER)
     with pytest.raises(PRTError, match="no light is known"):

@@ -273,6 +273,10 @@ def test_what_lets_light_through_is_blended(light, tmp_path):
     (part,) = Glb(tmp_path / "a.glb").primitives("pane")
     assert part[2]["alphaMode"] == "BLEND"
     assert np.isclose(part[2]["pbrMetallicRoughness"]["baseColorFactor"][3], 0.25, atol=1e-3)
+    # A quarter of these colours is what the pane sends of all the light that it receives.
+    _, _, radiance, _ = Glb(tmp_path / "a.glb").corners("pane")
+    sent = relight(bake, light)["pane"][bake.scene.objects[0].parts.triangle_corners]
+    np.testing.assert_allclose(radiance * 0.25, sent, rtol=1e-5)
 
 
 def test_bakes_of_before_are_written_without_what_they_do_not_have(baked, light, tmp_path):

@@ -13,6 +13,7 @@ from prt_core.basis import ImageWavelet
 from prt_core.compress import ImageRows, TransportRows, Wavelet4D
 from prt_core.evaluate.view import CameraRays
 from prt_core.rays import BruteForceCaster
+from prt_core.reflectance import Materials
 from prt_core.runtime.progress import run
 from prt_core.scene import Camera, Scene, geometry_layout, with_camera_image, with_geometry_image
 from tests.meshes import caster_of, plane, sphere
@@ -136,3 +137,21 @@ def test_wrong_images_are_refused():
             seen_from, *asked = arguments
             run(image_steps(scene, meshes, seen_from, "auto", ImageSettings(*asked)))
     assert run(image_steps(scene, meshes, None, "auto", ImageSettings())) is scene
+
+
+def test_what_lets_light_pass_shows_all_of_its_own_by_the_rays_that_end_at_it():
+    pane = plane(3)
+    ones = np.ones((len(pane.corner_vertex), 1))
+    pane = replace(pane, materials=Materials(albedo=0.3 * ones[:, [0] * 3], opacity=ones / 2))
+    scene, look = Scene.from_meshes([pane]), camera(4.0, 0.1)
+    caster = scene.make_caster("brute", "camera", 8)
+    rays = CameraRays(scene, caster, look, 16, 16, 3)
+    ended = (rays.triangle >= 0).mean()
+    assert 0.4 < ended < 0.6
+    sent = scene.points.materials.albedo
+    # Half of the rays end at the pane; it sends 0.3 of all light, and is black behind.
+    assert rays.picture(sent).mean() == pytest.approx(0.3 * ended / 0.5, rel=1e-4)
+    assert rays.picture(sent, whole=True).mean() == pytest.approx(0.3 * ended, rel=1e-4)
+    image = with_camera_image(scene, caster, look, 16, 16, 3)
+    shown = image.image.pixels(image.points.materials.front)
+    np.testing.assert_allclose(shown, rays.picture(sent), atol=1e-3)

@@ -157,7 +157,7 @@ class Reuse:
         scene = self.scene
         boxes = self.changed if self.still.any() else Boxes.none()
         boxes = boxes.moved(scene.size, scene.centre)
-        return {"low": boxes.low.tolist(), "high": boxes.high.tolist()}
+        return {name: getattr(boxes, name).tolist() for name in ("low", "high", "radius")}
 
     def told(self, report):
         """What the report of the bake says of it.
@@ -206,7 +206,9 @@ def _pending_boxes(earlier, scene):
     with damage_as_error(earlier.store.path):
         pending = reused.get("pending") or {"low": [], "high": []}
         low, high = (np.reshape(np.array(pending[k], float), (-1, 3)) for k in ("low", "high"))
-        return Boxes((low - scene.centre) / scene.size, (high - scene.centre) / scene.size)
+        radius = pending.get("radius")
+        boxes = Boxes(low, high, None if radius is None else np.array(radius, float))
+        return boxes.moved(1 / scene.size, -scene.centre / scene.size)
 
 
 def _unsure_points(scene, old_of, changed):

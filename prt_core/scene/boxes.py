@@ -294,7 +294,7 @@ def _meets(near, far, inverses):
 
 @lru_cache(4)
 def _bytes_of(resolution):
-    """Of the directions of each byte: the middle, the largest angle to it; they, one through them."""
+    """Of each byte the middle of its directions, the largest angle to it, they, and 1 / them."""
     cube_map = CubeMap(resolution)
     n_bytes = -(-cube_map.n_directions // 8)
     samples = np.resize(cube_map.samples, (8 * n_bytes, 3))

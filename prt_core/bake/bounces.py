@@ -31,6 +31,8 @@ from prt_core.transport.visibility import received_light
 
 # Rays of all points together at most: where they ended takes 8 GB before it is compressed.
 _MOST_RAYS = 1 << 31
+# Rounds before the error is measured first, where no earlier bake tells how many are needed.
+_FIRST = 2
 
 
 @dataclass(frozen=True)
@@ -123,15 +125,16 @@ def bounce_steps(
     work = GatherBlocks.begun(store, scene, cube_map, caster, settings.seed, kept)
     room, most = (memory, store.path.parent), most_rounds(n_points)
     # What another bake needed is there, but for what has changed.
-    rounds_of = np.zeros(n_points, np.int16)
+    rounds_of, least = np.zeros(n_points, np.int16), _FIRST
     if kept is not None:
         rounds_of[:] = np.minimum(kept.rounds_of, most)
+        least = max(least, int(rounds_of[kept.rounds_of > 0].min(initial=most)))
     rounds, error, more = 0, None, np.ones(n_points, bool)
     seen = scene.points.visible if scene.points.visible.any() else more.copy()
     while more.any() or rounds < rounds_of.max():
         stop = int(rounds_of.max())
         if more.any():
-            stop = _next_rounds(rounds, error, settings.tolerance, most)
+            stop = _next_rounds(rounds, error, settings.tolerance, most) if rounds else least
         rounds_of[more] = np.maximum(rounds_of[more], stop)
         yield from _gather_rounds(store, work, range(rounds, stop), rounds_of, seconds, here)
         rounds, start = stop, time.perf_counter()
@@ -200,8 +203,6 @@ def _next_rounds(rounds, error, tolerance, most):
     Errors of rays in a Sobol sequence fall with the 0.7th to 0.75th power of their number. Enclosed
     places take at most twice as many as there are: fewer of them may need the rest.
     """
-    if not rounds:
-        return 2
     whole = error.whole > tolerance
     worst = error.whole if whole else error.enclosed / LOCAL
     wanted = 2 * int(np.ceil(rounds * (worst / tolerance) ** (1 / 0.7) / 2))

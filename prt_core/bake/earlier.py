@@ -166,33 +166,40 @@ def taken(earlier, only):
     return {"digest": earlier.digest, "only": None if only is None else sorted(only)}
 
 
-def details_of(earlier, sided, detailed):
-    """The scene with the details that the earlier bake had, and new ones where it has changed.
+class KeptDetails:
+    """Details of an earlier bake that still stand, and where new ones are sought: what has changed.
 
     Where details lie hangs on random rays: others than before would have to be asked anew.
 
     Parameters
     ----------
-    earlier : Earlier, or anything else where there is none
-    sided, detailed : Scene
-        The scene as it is now, without details and with newly found ones.
+    earlier : Earlier
+    sided : Scene
+        As it is now, without details.
     """
-    if not isinstance(earlier, Earlier):
-        return detailed
-    compared = compare(earlier.scene, sided)
-    changed = compared.before.joined(compared.after).grown(_AROUND)
-    old, new = earlier.scene.details, detailed.details
-    place = sided.to_frame(earlier.scene.to_world(earlier.scene.points.positions[old.point]))
-    triangle = compared.triangle_of[old.triangle]
-    back = sided.lattice_back[sided.lattice_start[triangle]] >= 0
-    stays = (triangle >= 0) & (back | ~old.back) & ~changed.overlap(place, place)
-    kept = np.zeros(len(sided.triangles), bool)
-    kept[compared.triangle_of[compared.triangle_of >= 0]] = True
-    place = detailed.points.positions[new.point]
-    comes = ~kept[new.triangle] | changed.overlap(place, place)
-    return with_details(
-        sided,
-        np.concatenate([triangle[stays], new.triangle[comes]]),
-        np.concatenate([old.barycentric[stays], new.barycentric[comes]]),
-        np.concatenate([old.back[stays], new.back[comes]]),
-    )
+
+    def __init__(self, earlier, sided):
+        self._old, self._sided, compared = earlier.scene, sided, compare(earlier.scene, sided)
+        self._changed = compared.before.joined(compared.after).grown(_AROUND)
+        self._triangle_of = now = compared.triangle_of
+        self._kept = np.zeros(len(sided.triangles), bool)
+        self._kept[now[now >= 0]] = True
+
+    def sought(self, triangles, places):
+        """Whether new ones may lie at places of triangles, (m,) int and (m, 3) float."""
+        return ~self._kept[triangles] | self._changed.overlap(places, places)
+
+    def joined(self, detailed):
+        """The scene with those that stand, and the new ones of `detailed` where it has changed."""
+        old, new, sided = self._old.details, detailed.details, self._sided
+        place = sided.to_frame(self._old.to_world(self._old.points.positions[old.point]))
+        triangle = self._triangle_of[old.triangle]
+        back = sided.lattice_back[sided.lattice_start[triangle]] >= 0
+        stays = (triangle >= 0) & (back | ~old.back) & ~self._changed.overlap(place, place)
+        comes = self.sought(new.triangle, detailed.points.positions[new.point])
+        return with_details(
+            sided,
+            np.concatenate([triangle[stays], new.triangle[comes]]),
+            np.concatenate([old.barycentric[stays], new.barycentric[comes]]),
+            np.concatenate([old.back[stays], new.back[comes]]),
+        )

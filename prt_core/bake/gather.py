@@ -50,9 +50,9 @@ def read_gather(hits, rounds, blocked, memory=None, folder=None):
     rounds, n_points = list(rounds), len(blocked)
 
     def one(block):
-        chunk = hits[block, : (rounds[-1] + 1) * ROUND].reshape(block.stop - block.start, -1, ROUND)
-        chunk = chunk[:, rounds].reshape(len(chunk), -1)
-        return gather_operator(chunk, n_points, blocked[block])
+        # Chunks of other rounds are not read.
+        turns = [hits[block, turn * ROUND : (turn + 1) * ROUND] for turn in rounds]
+        return gather_operator(np.concatenate(turns, axis=1), n_points, blocked[block])
 
     parts = blocks(n_points)
     if memory is None or memory.holds(_ENTRY * n_points * len(rounds) * ROUND):

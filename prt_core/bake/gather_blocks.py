@@ -109,13 +109,23 @@ class GatherBlocks:
             self._scene, self._caster, jobs, self._seed, spared, self._clear, self._sharing,
             self._kept, self._rounds_of,
         )  # fmt: skip
-        on_all_cores(self._write, zip(todo, gathered, strict=True))
+        rounds = {}
+        for (index, turn), one in zip(todo, gathered, strict=True):
+            rounds.setdefault(index, []).append((turn, one))
+        on_all_cores(self._write, rounds.items())
         return sum(one.n_rays + one.n_short for one in gathered)
 
-    def _write(self, job):
-        (index, turn), one = job
-        self._counts[turn, index] = [one.n_rays, one.n_short, one.n_hidden, *one.n_back]
-        self.hits[self.parts[index], turn * ROUND : (turn + 1) * ROUND] = one.hits
+    def _write(self, block):
+        """Rounds of a block that follow each other at once: a call takes as long as a chunk."""
+        index, rounds = block
+        turns = np.array([turn for turn, _ in rounds])
+        for run in np.split(np.arange(len(turns)), np.flatnonzero(np.diff(turns) != 1) + 1):
+            first, stop = turns[run[0]], turns[run[-1]] + 1
+            some = [rounds[number][1] for number in run]
+            counts = [[[o.n_rays, o.n_short, o.n_hidden, *o.n_back]] for o in some]
+            self._counts[first:stop, index : index + 1] = np.array(counts)
+            hits = np.concatenate([one.hits for one in some], axis=1)
+            self.hits[self.parts[index], first * ROUND : stop * ROUND] = hits
 
     def cut(self, rounds):
         """Take away what is left of rounds that were not needed; returns the counts."""

@@ -82,28 +82,31 @@ class Reuse:
         """The `Known` of some points, (n,) int; default: all."""
         if points is None:
             points = np.arange(len(self.scene.points))
-        parts = [
-            self._known(cube_map, points[first : first + _TOGETHER])
-            for first in range(0, len(points), _TOGETHER)
-        ]
-        names = (each.name for each in fields(Known))
-        return Known(*(np.concatenate([getattr(part, n) for part in parts]) for n in names))
+        n_bytes = -(-cube_map.n_directions // 8)
+        known = Known(*np.zeros((4, len(points), n_bytes), np.uint8))
+        for first in range(0, len(points), _TOGETHER):
+            part = slice(first, first + _TOGETHER)
+            self._tell(
+                cube_map, points[part], *(getattr(known, f.name)[part] for f in fields(Known))
+            )
+        return known
 
-    def _known(self, cube_map, points):
+    def _tell(self, cube_map, points, bits, known, traced, above):
+        """Fill in what is known of some points, see `Known`; all zero before."""
         old = self.compared.old_of[points]
-        bits, known, traced = np.zeros((3, len(old), -(-cube_map.n_directions // 8)), np.uint8)
-        above = horizon_bits(self.scene, cube_map, points)
+        above[:] = horizon_bits(self.scene, cube_map, points)
         mine = np.flatnonzero(old >= 0)
-        if len(mine):
-            before, horizon = _rows(self._bits, old[mine]), above[mine]
-            origins = self.scene.ray_origins[points[mine]]
-            unknown = self.compared.before.texels(origins, cube_map, horizon & ~before)
-            unknown |= self.compared.after.texels(origins, cube_map, before)
+        if not len(mine):
+            return
+        before, horizon = _rows(self._bits, old[mine]), above[mine]
+        origins = self.scene.ray_origins[points[mine]]
+        unknown = self.compared.before.texels(origins, cube_map, horizon & ~before)
+        unknown |= self.compared.after.texels(origins, cube_map, before)
+        if len(self._pending):
             unknown |= self._pending.texels(origins, cube_map, horizon)
-            unknown[self.still[points[mine]]] = 0
-            rays = horizon if self._traced is None else _rows(self._traced, old[mine])
-            bits[mine], known[mine], traced[mine] = before, ~unknown, rays & ~unknown
-        return Known(bits, known, traced, above)
+        unknown[self.still[points[mine]]] = 0
+        rays = horizon if self._traced is None else _rows(self._traced, old[mine])
+        bits[mine], known[mine], traced[mine] = before, ~unknown, rays & ~unknown
 
     def kept_rays(self, store, seed):
         """The `KeptRays` of the bounces; None where the earlier bake has cast none.
@@ -157,7 +160,7 @@ class Reuse:
         scene = self.scene
         boxes = self.changed if self.still.any() else Boxes.none()
         boxes = boxes.moved(scene.size, scene.centre)
-        return {"low": boxes.low.tolist(), "high": boxes.high.tolist()}
+        return {name: getattr(boxes, name).tolist() for name in ("low", "high", "radius")}
 
     def told(self, report):
         """What the report of the bake says of it.
@@ -206,7 +209,9 @@ def _pending_boxes(earlier, scene):
     with damage_as_error(earlier.store.path):
         pending = reused.get("pending") or {"low": [], "high": []}
         low, high = (np.reshape(np.array(pending[k], float), (-1, 3)) for k in ("low", "high"))
-        return Boxes((low - scene.centre) / scene.size, (high - scene.centre) / scene.size)
+        radius = pending.get("radius")
+        boxes = Boxes(low, high, None if radius is None else np.array(radius, float))
+        return boxes.moved(1 / scene.size, -scene.centre / scene.size)
 
 
 def _unsure_points(scene, old_of, changed):

@@ -4,7 +4,13 @@ import time
 from dataclasses import dataclass, field
 
 from prt_core.bake.bounces import Bounced, bounce_steps, gather_so_far
-from prt_core.bake.earlier import details_of, earlier_bake, expect_objects, taken
+from prt_core.bake.earlier import (
+    Earlier,
+    KeptDetails,
+    earlier_bake,
+    expect_objects,
+    taken,
+)
 from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
 from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
@@ -366,8 +372,13 @@ def _detailed(store, scene, caster, settings, parts, seconds, earlier):
         if places is None:
             start, (lamps, _, camera, *_) = time.perf_counter(), parts
             sided, probes = yield from side_steps(scene, caster, settings.seed, lamps, camera)
-            scene, rays = yield from detail_steps(sided, caster, settings.seed)
-            scene = details_of(earlier, sided, scene)
+            given = sided, caster, settings.seed
+            if isinstance(earlier, Earlier):
+                kept = KeptDetails(earlier, sided)
+                scene, rays = yield from detail_steps(*given, kept.sought)
+                scene = kept.joined(scene)
+            else:
+                scene, rays = yield from detail_steps(*given)
             seconds["details"] = time.perf_counter() - start
             # What was baked of a scene with other details is no part of this bake any more.
             digest = scene.details.digest(scene.lattice_back)

@@ -254,7 +254,7 @@ class Gloss:
         values[:, 3:] = 1
         (facing, looked_up), coarse = np.zeros((2, len(self._world)), bool), None
         # While a view moves a lamp is one direction.
-        power = None if every > 1 or (mapped and self.maps_views) else POWER
+        power = None if every > 1 else POWER
         for part in self._parts:
             rows = part.facing(outgoing[part.points])
             facing[part.points[rows]] = True
@@ -262,7 +262,7 @@ class Gloss:
                 there = part.mapped[rows]
                 some, rows = rows[there], rows[~there]
                 looked_up[part.points[some]] = True
-                work = self._toward, part.looked_up, part, some, outgoing, lamps, power
+                work = self._toward, part.looked_up, part, some, outgoing, lamps, None
                 values[part.points[some]] = yield from maybe_in_thread(pace, "gloss", *work)
             if every > 1 and len(rows):
                 if coarse is None:

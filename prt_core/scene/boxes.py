@@ -11,6 +11,7 @@ import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
 from prt_core.rays import boxes_around
+from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import CubeMap
 
@@ -20,27 +21,36 @@ _MOST, _SAVES = 32, 0.1
 _PLANES, _GRID = 4, 12
 # Rays start off the surface, and in float32: boxes are so much larger, of their frame.
 _MARGIN = 1e-4
-# Points worked on together.
-_BLOCK = 1024
+# Points, and bytes of their directions, worked on together: what they take stays in the cache.
+_BLOCK, _TOGETHER = 256, 4096
+# One through a component of a direction, at most: a ray along a face of a box is limited by neither
+# of the two planes, and no product is 0 times infinity.
+_STEEPEST = np.float32(1e30)
 
 
 @dataclass(frozen=True)
 class Boxes:
-    """Axis-aligned boxes.
+    """Axis-aligned boxes, with a ball about the middle of each: what they hold is in both.
 
     Attributes
     ----------
     low, high : (n, 3) float64
         Their corners, in the frame of the rays.
+    radius : (n,) float64
+        Of the balls; default: half the diagonals.
     """
 
     low: np.ndarray
     high: np.ndarray
+    radius: np.ndarray | None = None
 
     def __post_init__(self):
         for name in ("low", "high"):
             corners = expect_array(name, getattr(self, name), (len(self.low), 3), np.float64)
             object.__setattr__(self, name, corners)
+        most = np.linalg.norm(self.high - self.low, axis=1) / 2
+        radius = most if self.radius is None else np.minimum(self.radius, most)
+        object.__setattr__(self, "radius", radius)
 
     def __len__(self):
         return len(self.low)
@@ -77,10 +87,7 @@ class Boxes:
                 leaf.children = [_Node(part, low, high) for part in parts]
                 leaves = [node for node in leaves if node is not leaf] + leaf.children
         _, members = root.best()
-        return cls(
-            np.array([low[part].min(axis=0) for part in members]),
-            np.array([high[part].max(axis=0) for part in members]),
-        )
+        return cls(*zip(*(_around(low[part], high[part]) for part in members), strict=True))
 
     def joined(self, other):
         """These and others.
@@ -89,16 +96,20 @@ class Boxes:
         ----------
         other : Boxes
         """
-        return Boxes(np.vstack([self.low, other.low]), np.vstack([self.high, other.high]))
+        return Boxes(
+            np.vstack([self.low, other.low]),
+            np.vstack([self.high, other.high]),
+            np.append(self.radius, other.radius),
+        )
 
     def moved(self, scale, shift):
         """The boxes at `scale` times their place and a `shift`, a number and (3,) float."""
-        return Boxes(self.low * scale + shift, self.high * scale + shift)
+        return Boxes(self.low * scale + shift, self.high * scale + shift, self.radius * scale)
 
     def grown(self, share):
         """The boxes, larger on all sides by a share of their diagonals."""
         more = share * np.linalg.norm(self.high - self.low, axis=1, keepdims=True)
-        return Boxes(self.low - more, self.high + more)
+        return Boxes(self.low - more, self.high + more, self.radius + np.sqrt(3) * more[:, 0])
 
     def overlap(self, low, high):
         """Which of other boxes these overlap.
@@ -133,15 +144,19 @@ class Boxes:
         directions = np.ascontiguousarray(directions, np.float32)
         result = np.zeros(directions.shape[:2], bool)
         flat, ways = result.reshape(-1), directions.reshape(-1, 3)
-        for low, high in zip(self.low, self.high, strict=True):
-            near, far = _seen_from(low, high, origins)
-            unit, angle, inside = _ball(near, far)
+        for box in self._each():
+            near, far, radius = _seen_from(*box, origins)
+            unit, angle, inside = _ball(near, far, radius)
             may = np.matmul(directions, unit[:, :, None])[:, :, 0] >= np.cos(angle)[:, None]
             place = np.flatnonzero((may | inside[:, None]) & ~result)
             row = place // directions.shape[1]
             inverses = _inverse(ways[place].T)[:, :, None]
             flat[place] = _meets(near[row], far[row], inverses)[:, 0]
         return result
+
+    def _each(self):
+        """Low and high corner, and radius, of each."""
+        return zip(self.low, self.high, self.radius, strict=True)
 
     def texels(self, origins, cube_map, wanted=None):
         """The directions of a cube map whose rays from points may meet a box.
@@ -159,25 +174,33 @@ class Boxes:
             In the order of visibility bits.
         """
         expect_kind("cube_map", cube_map, CubeMap)
-        middle, spread, inverses = _bytes_of(cube_map.resolution)
+        middle, spread, samples, inverses = _bytes_of(cube_map.resolution)
         result = np.zeros((len(origins), len(middle)), np.uint8)
 
         def one(first):
             part = slice(first, first + _BLOCK)
             flat = result[part].reshape(-1)
-            for low, high in zip(self.low, self.high, strict=True):
-                near, far = _seen_from(low, high, origins[part])
-                may = _may_meet(near, far, middle, spread)
+            for box in self._each():
+                near, far, radius = _seen_from(*box, origins[part])
+                unit, angle, inside = _ball(near, far, radius)
+                may = _may_meet(unit, angle, inside, middle, spread)
                 if wanted is not None:
                     may &= wanted[part] != 0
                 place = np.flatnonzero(may)
                 # What another box has filled needs no second look.
                 place = place[flat[place] != 255]
-                row, byte = np.divmod(place, len(middle))
-                met = _meets(near[row], far[row], inverses.take(byte, axis=1))
-                flat[place] |= np.packbits(met, axis=1, bitorder="little")[:, 0]
+                for start in range(0, len(place), _TOGETHER):
+                    some = place[start : start + _TOGETHER]
+                    row, byte = np.divmod(some, len(middle))
+                    met = _meets(near[row], far[row], inverses.take(byte, axis=1))
+                    met &= inside[row, None] | (
+                        np.einsum("mx,xmk->mk", unit[row], samples.take(byte, axis=1))
+                        >= np.cos(angle[row])[:, None]
+                    )
+                    flat[some] |= np.packbits(met, axis=1, bitorder="little")[:, 0]
 
-        on_all_cores(one, range(0, len(origins), _BLOCK))
+        with one_blas_thread():
+            on_all_cores(one, range(0, len(origins), _BLOCK))
         if wanted is not None:
             result &= wanted
         last = cube_map.n_directions % 8
@@ -239,13 +262,22 @@ def _cut(members, low, high, middle):
     return parts
 
 
-def _seen_from(low, high, origins):
-    """(n, 3) float32 twice: the corners of a box from points, with its margin."""
+def _around(low, high):
+    """Low and high corner of the box around boxes, and how far from its middle they reach."""
+    first, last = low.min(axis=0), high.max(axis=0)
+    middle = (first + last) / 2
+    reach = np.maximum(np.abs(low - middle), np.abs(high - middle))
+    return first, last, np.linalg.norm(reach, axis=1).max()
+
+
+def _seen_from(low, high, radius, origins):
+    """(n, 3) float32 twice: the corners of a box from points, with its margin; and its ball's."""
     margin = _MARGIN * max(1.0, float(np.abs([low, high]).max()))
     origins = np.asarray(origins, np.float64)
     return (
         (low - margin - origins).astype(np.float32),
         (high + margin - origins).astype(np.float32),
+        np.float32(radius + 2 * margin),
     )
 
 
@@ -254,17 +286,15 @@ def _meets(near, far, inverses):
     through each component of their directions."""
     enter, leave = np.float32(0), np.float32(np.inf)
     for axis, inverse in enumerate(inverses):
-        with np.errstate(invalid="ignore"):
-            one, other = near[:, axis, None] * inverse, far[:, axis, None] * inverse
-        # On a face of the box and along it: neither limits the ray (0 times infinity).
-        enter = np.fmax(enter, np.fmin(one, other))
-        leave = np.fmin(leave, np.fmax(one, other))
+        one, other = near[:, axis, None] * inverse, far[:, axis, None] * inverse
+        enter = np.maximum(enter, np.minimum(one, other))
+        leave = np.minimum(leave, np.maximum(one, other, out=one), out=one)
     return enter <= leave
 
 
 @lru_cache(4)
 def _bytes_of(resolution):
-    """Of the directions of each byte: the middle, the largest angle to it, and one through them."""
+    """Of each byte the middle of its directions, the largest angle to it, they, and 1 / them."""
     cube_map = CubeMap(resolution)
     n_bytes = -(-cube_map.n_directions // 8)
     samples = np.resize(cube_map.samples, (8 * n_bytes, 3))
@@ -277,18 +307,19 @@ def _bytes_of(resolution):
     return (
         middle.astype(np.float32),
         np.arccos(np.clip(cosine, -1, 1)).astype(np.float32),
+        np.ascontiguousarray(np.moveaxis(samples.astype(np.float32), 2, 0)),
         np.ascontiguousarray(np.moveaxis(_inverse(samples.astype(np.float32)), 2, 0)),
     )
 
 
 def _inverse(values):
-    """One through each of some values; infinite where they are 0."""
-    with np.errstate(divide="ignore"):
-        return 1 / values
+    """One through each of some values; `_STEEPEST` at most, with their sign."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return np.clip(1 / values, -_STEEPEST, _STEEPEST)
 
 
-def _ball(near, far):
-    """The ball around a box as points see it.
+def _ball(near, far, radius):
+    """The ball about the middle of a box as points see it.
 
     Returns
     -------
@@ -299,16 +330,15 @@ def _ball(near, far):
     inside : (n,) bool
         Whether the point lies in it.
     """
-    centre, radius = (near + far) / 2, np.linalg.norm(far - near, axis=1) / 2
+    centre = (near + far) / 2
     away = np.maximum(np.linalg.norm(centre, axis=1), np.float32(1e-30))
     inside = away <= radius * np.float32(1.0001)
     angle = np.arcsin(np.clip(radius / away, 0, 1)) + np.float32(1e-3)
     return centre / away[:, None], angle, inside
 
 
-def _may_meet(near, far, middle, spread):
-    """(n, n_bytes) bool: whether a ball around a box may be met along a byte's directions."""
-    unit, angle, inside = _ball(near, far)
+def _may_meet(unit, angle, inside, middle, spread):
+    """(n, n_bytes) bool: whether a ball (see `_ball`) may be met along a byte's directions."""
     # The angle between is at most the sum of both where its cosine is at least that of the sum:
     # cos(a + b) = cos a cos b - sin a sin b, all in one product.
     mine = np.column_stack([unit, -np.cos(angle), np.sin(angle)]).astype(np.float32)

@@ -45,7 +45,7 @@ _MOST, _LEAST_MOST = 0.15, 1500
 _RAYS = 1 << 16
 
 
-def detail_steps(scene, caster, seed):
+def detail_steps(scene, caster, seed, sought=None):
     """The scene with details where it needs them; a generator of `Progress`.
 
     Parameters
@@ -53,6 +53,8 @@ def detail_steps(scene, caster, seed):
     scene : Scene
     caster : RayCaster
     seed : int
+    sought : callable((m,) int, (m, 3) float64) -> (m,) bool, optional
+        Whether places of triangles may get details; default: all.
 
     Returns
     -------
@@ -61,7 +63,7 @@ def detail_steps(scene, caster, seed):
     n_rays : int
         That were cast.
     """
-    probe = _Probe(scene, caster, seed)
+    probe = _Probe(scene, caster, seed, sought)
     ends, ambient, first = yield from probe.cast_all(np.arange(len(scene.points)), _FIRST, 0)
     # Those that cast no more let their few rays count as often.
     ends = np.tile(ends, (1, _FEW // _FIRST))
@@ -115,8 +117,8 @@ class _Found:
 class _Probe:
     """Casts the rays, and sorts out what they meet."""
 
-    def __init__(self, scene, caster, seed):
-        self._scene, self._caster, self._seed = scene, caster, seed
+    def __init__(self, scene, caster, seed, sought):
+        self._scene, self._caster, self._seed, self._sought = scene, caster, seed, sought
         self._sharing = Sharing(scene)
         index = scene.points.object_index
         low, high = boxes_around(index, scene.points.positions)
@@ -149,7 +151,10 @@ class _Probe:
         parts = yield from self._all(cast, points, count)
         ends, ambient, hits, n_rays = zip(*parts, strict=True)
         self.n_rays += sum(n_rays)
-        return np.concatenate(ends), np.concatenate(ambient), _Found.joined(hits)
+        hits = _Found.joined(hits)
+        if self._sought is not None:
+            hits = hits[self._sought(hits.triangle, _positions(self._scene, hits))]
+        return np.concatenate(ends), np.concatenate(ambient), hits
 
     def told_apart(self, hits, light, turn):
         """Those that are hidden, or look otherwise than their corners; yields `Progress`.
@@ -324,14 +329,19 @@ def _sent(scene, received):
 def _cubes(scene, hits):
     """(n, 6) which cube of space each lies in, as large as they have to be apart."""
     level = np.ceil(np.log2(np.maximum(_apart(hits), 1e-12)))
-    second, third = hits.barycentric.astype(np.float64).T[:, :, None]
-    a, b, c = np.moveaxis(scene.vertices[scene.triangles[hits.triangle]], 1, 0)
-    place = a + second * (b - a) + third * (c - a)
+    place = _positions(scene, hits)
     facing = scene.triangle_normals[hits.triangle] * np.where(hits.back, -1, 1)[:, None]
     return np.column_stack(
         [level, np.floor(place / np.exp2(level)[:, None]), np.rint(4 * facing),
          scene.triangle_object[hits.triangle]]
     )  # fmt: skip
+
+
+def _positions(scene, hits):
+    """(n, 3) float64 where each lies."""
+    second, third = hits.barycentric.astype(np.float64).T[:, :, None]
+    a, b, c = np.moveaxis(scene.vertices[scene.triangles[hits.triangle]], 1, 0)
+    return a + second * (b - a) + third * (c - a)
 
 
 def _apart(hits):

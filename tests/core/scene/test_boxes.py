@@ -65,3 +65,22 @@ def test_what_lies_apart_gets_boxes_of_its_own():
     point = np.array([[5.05, 0.05, 0.05], [2, 0, 0]])
     assert boxes.overlap(point, point).tolist() == [True, False]
     assert boxes.grown(30).overlap(point, point).all()
+
+
+def test_a_ball_is_not_met_at_the_corners_of_its_box():
+    ball = Scene.from_meshes([sphere(12, 0.3, name="ball")])
+    boxes = Boxes.around(ball.vertices[ball.triangles])
+    half = (boxes.high - boxes.low)[0].max() / 2
+    assert len(boxes) == 1 and half <= boxes.radius[0] < 1.25 * half
+    cube_map = CubeMap(16)
+    origins = np.array([[3.0, 2.5, 2.0], [0, -3, 0.3], [0.1, 0, 0]])
+    may = bits_of(boxes, origins, cube_map)
+    loose = bits_of(Boxes(boxes.low, boxes.high), origins, cube_map)
+    assert not (may & ~loose).any() and may[0].sum() < 0.85 * loose[0].sum()
+    assert may[2].all()
+    rays = boxes.rays(origins, np.tile(cube_map.samples.astype(np.float32), (3, 1, 1)))
+    assert (rays != may).mean() < 1e-3
+    # What is done to the boxes is done to the balls.
+    other = boxes.moved(2, 1.0).joined(Boxes(np.zeros((1, 3)), np.ones((1, 3))))
+    np.testing.assert_allclose(other.radius, [2 * boxes.radius[0], np.sqrt(3) / 2])
+    assert boxes.grown(0.1).radius[0] > boxes.radius[0]

@@ -92,6 +92,23 @@ def test_a_sealed_room_is_dark(thickness, floor_quads, ground):
     assert sum(one.n_hidden for one in result) < 0.005 * rays
 
 
+def test_details_are_sought_where_they_are_asked_for():
+    scene = Scene.from_meshes(sealed(0.02, 20))
+    caster, found = caster_of(scene), []
+
+    def sought(triangles, places):
+        found.append(len(triangles))
+        assert (scene.triangle_object[triangles] >= 0).all()
+        return places[:, 0] > 0
+
+    everywhere, all_rays = run(detail_steps(scene, caster, 0))
+    some, rays = run(detail_steps(scene, caster, 0, sought))
+    caster.close()
+    here, there = (each.points.positions[each.details.point, 0] for each in (some, everywhere))
+    assert len(here) > 20 and (here > 0).all() and (there < 0).sum() > 20
+    assert rays < 0.9 * all_rays and found[0] > 0
+
+
 def test_the_room_would_not_be_dark_by_corners_alone(monkeypatch):
     monkeypatch.setattr(
         Sharing, "_hand", lambda self, caster, places, some, points, handed:

@@ -27,6 +27,8 @@ def story(hand, report):
     report["said"] = status().message
     report["solid"] = yield from seen(hand, "solid", "SOLID")
     report["material"] = yield from seen(hand, "material preview", "MATERIAL")
+    # Each notch of the wheel draws the view, which takes seconds where its shaders run by software.
+    hand.view.spaces.active.shading.type = "SOLID"
     report["height_baked"] = yield from height(hand)
     yield from while_baking(hand, report)
     yield from own_materials(hand, report)

@@ -18,7 +18,8 @@ from .work import LongWork
 
 
 class PRT_OT_export_glb(LongWork, BakeButton, bpy.types.Operator, ExportHelper):
-    """Write the shown bake under the panel's light as a .glb, for game engines and browsers"""
+    """Write the shown bake under the panel's light as a .glb, for game engines and browsers; of
+    light sets each goes out beside their blend"""
 
     bl_idname = "prt.export_glb"
     bl_label = "Export Relit glTF"
@@ -107,12 +108,11 @@ class PRT_OT_export_glb(LongWork, BakeButton, bpy.types.Operator, ExportHelper):
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
         yield from freshness.warn_steps(self, self.scene, held, pace)
         asked = request(self.scene).all_around()
-        relighter = held.blend.relighter(asked.shining)
-        relighter.form = asked.form
+        held.blend.form = asked.form
         view = None if settings.of_light else asked.view_of(held)
         report = yield from export_glb_steps(
-            held.bake, path, asked.lighting, settings, self.scene.prt.caster, view=view, pace=pace,
-            relighter=relighter,
+            held.bake, path, asked.lights, settings, self.scene.prt.caster, view=view, pace=pace,
+            blend=held.blend,
         )  # fmt: skip
         return path, report
 

@@ -55,12 +55,6 @@ class Request:
         return Request(tuple(lights), form, key, view, around=around)
 
     @property
-    def shining(self):
-        """The name of the one light that shines, "" where there are no sets or several shine."""
-        names = [light.name for light in self.lights if light.weight > 0]
-        return names[0] if len(names) == 1 else ""
-
-    @property
     def lighting(self):
         """The one `Lighting` that shines, for what can show no blend.
 

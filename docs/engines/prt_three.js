@@ -4,9 +4,11 @@
 //   const prt = await PRTScene.of(gltf);
 //   prt.relight((direction, colour) => ...);   // the radiance that comes from there, y up
 //
+// Lights of `--lights` are blended by their names: blendLights(gltf, { Day: 0.7, Night: 0.3 });
+//
 // Vertex colours are linear radiance; the renderer's tone mapping and colour space come after them.
 import {
-  DataTexture, FloatType, NearestFilter, RGBAFormat, ShaderMaterial, Vector3,
+  BufferAttribute, DataTexture, FloatType, NearestFilter, RGBAFormat, ShaderMaterial, Vector3,
 } from "three";
 
 // The colour of a vertex by its cluster's row of `products`: the mean, then a texel a component.
@@ -89,6 +91,22 @@ export function harmonics({ x, y, z }) {
     1.092548431 * x * y, 1.092548431 * y * z, 0.315391565 * (3 * z * z - 1),
     1.092548431 * x * z, 0.546274215 * (x * x - y * y),
   ];
+}
+
+// Shows the sum of the lights of a file, each times its weight; those not named keep the file's own.
+export function blendLights(gltf, weights = {}) {
+  const { lights } = gltf.parser.json.extras.PRT;
+  gltf.scene.traverse((mesh) => {
+    if (!mesh.isMesh) return;
+    const { attributes } = mesh.geometry;
+    const total = new Float32Array(3 * attributes.position.count);
+    for (const light of lights) {
+      const weight = weights[light.name] ?? light.weight;
+      const { array } = attributes[light.attribute.toLowerCase()];
+      if (weight) for (let i = 0; i < total.length; i++) total[i] += weight * array[i];
+    }
+    mesh.geometry.setAttribute("color", new BufferAttribute(total, 3));
+  });
 }
 
 export class PRTScene {

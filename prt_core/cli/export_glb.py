@@ -13,6 +13,7 @@ from prt_core.cli.arguments import (
     view_named,
 )
 from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
+from prt_core.cli.relight_lights import exposed_lights, refuse_one_light
 from prt_core.cli.show import working
 from prt_core.errors import expect
 from prt_core.export.glb import GLBSettings
@@ -32,6 +33,11 @@ def add_glb(kinds):
     glb.add_argument("bake", help="NAME.prt")
     glb.add_argument("-o", "--output", required=True, metavar="GLB", help="NAME.glb")
     lighting_arguments(glb)
+    glb.add_argument(
+        "--lights", metavar="JSON",
+        help="lights by name, as the add-on writes them: their sum, and each beside it for engines "
+        "that blend",
+    )  # fmt: skip
     glb.add_argument(
         "--view", metavar="VIEW",
         help="whom gloss is shown to, of a bake with gloss: 'camera', or a place as x,y,z",
@@ -77,23 +83,25 @@ def add_glb(kinds):
 
 
 def _export(options):
-    expect_light(options, "export glb")
+    lighting = _lighting(options)
     expect_used(options, _NEEDED)
-    lighting, settings = lighting_of(options), _settings(options)
+    settings = _settings(options)
     expect_output("--output", options.output, ".glb", create=True)
     expect(
-        options.form == "auto" or options.light is not None,
+        options.form == "auto" or options.light is not None or options.lights,
         "--form: lamps are always exact; it changes nothing without --light",
     )
-    casts = options.lamps or options.sharp_sun or options.light == "world"
+    casts = options.lamps or options.sharp_sun or options.light == "world" or options.lights
     bpy_for_rays(options.caster, casts)
     baked = prt_core.load(options.bake)
+    lights = exposed_lights(options, baked) if options.lights else None
     view = view_named(options.view, baked)
     with working(options.quiet or options.json) as bar:
         report = export_glb(
             baked,
             options.output,
             lighting,
+            lights=lights,
             caster=options.caster,
             form=options.form,
             view=view,
@@ -112,6 +120,15 @@ def _export(options):
     for note in report["notes"]:
         print(f"  note    {note}")
     return 0
+
+
+def _lighting(options):
+    """The one `Lighting` of the command line; None with --lights."""
+    if options.lights:
+        refuse_one_light(options)
+        return None
+    expect_light(options, "export glb")
+    return lighting_of(options)
 
 
 def _settings(options):

@@ -101,12 +101,7 @@ def _write(baked, blend, lights, view, paths, pictures):
 
 def _expect_request(options):
     """The outputs that are asked for by their kinds; what --lights has no use for is refused."""
-    for name, default in _NOT_WITH.items():
-        flag = name.replace("_", "-")
-        expect(
-            getattr(options, name) == default,
-            f"--{flag}: is for one light; leave it out with --lights, whose file says what each is",
-        )
+    refuse_one_light(options)
     expect(
         not (options.each and options.weights),
         "--weights: each light is shown alone with --each; leave out one of the two",
@@ -123,14 +118,28 @@ def _expect_request(options):
     }
 
 
-def _lights(options, baked):
-    """The lights of the file, with the weights and the exposure of the command line."""
-    lights = read_lights(options.lights, baked)
-    lights = [
+def refuse_one_light(options):
+    """Refuse flags that are of one light beside --lights."""
+    for name, default in _NOT_WITH.items():
+        flag = name.replace("_", "-")
+        expect(
+            getattr(options, name, default) == default,
+            f"--{flag}: is for one light; leave it out with --lights, whose file says what each is",
+        )
+
+
+def exposed_lights(options, baked):
+    """The lights of the file --lights, with the exposure of the command line."""
+    return [
         replace(light, lighting=replace(
             light.lighting, exposure=light.lighting.exposure + options.exposure))
-        for light in lights
+        for light in read_lights(options.lights, baked)
     ]  # fmt: skip
+
+
+def _lights(options, baked):
+    """The lights of the file, with the weights and the exposure of the command line."""
+    lights = exposed_lights(options, baked)
     if not options.weights:
         return lights
     weights, names = dict(options.weights), [light.name for light in lights]

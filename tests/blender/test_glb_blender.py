@@ -143,6 +143,25 @@ def test_the_button_says_why_not(floor_scene, tmp_path):
     assert work.status().failed
 
 
+def test_light_sets_go_out_each_beside_their_blend(floor_scene, tmp_path):
+    scene = floor_scene
+    assert bpy.ops.prt.bake() == {"FINISHED"}
+    for name, weight, strength in (("Day", 0.25, 1.0), ("Night", 0.5, 0.3)):
+        assert bpy.ops.prt.light_set_add() == {"FINISHED"}
+        kept = scene.prt.sets[-1]
+        kept.name, kept.weight, kept.strength = name, weight, strength
+    assert bpy.ops.prt.export_glb(filepath=str(tmp_path / "sets.glb")) == {"FINISHED"}
+    glb = Glb(tmp_path / "sets.glb")
+    said = glb.json["extras"]["PRT"]["lights"]
+    assert [(light["name"], light["weight"]) for light in said] == [("Day", 0.25), ("Night", 0.5)]
+    for name in glb.nodes:
+        for of, _, _ in glb.primitives(name):
+            day, night = (of[light["attribute"]] for light in said)
+            assert day.max() > 0
+            np.testing.assert_allclose(night, 0.3 * day, rtol=1e-5)
+            np.testing.assert_allclose(of["_PRT_RADIANCE"], 0.25 * day + 0.5 * night, rtol=1e-5)
+
+
 def test_light_alone_goes_out_of_the_panel_too(floor_scene, tmp_path):
     assert bpy.ops.prt.bake() == {"FINISHED"}
     path = tmp_path / "a.glb"

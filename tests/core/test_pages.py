@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-OTHERS = {"build", "demo_output"}
+OTHERS = {"build", "demo_output", "node_modules"}
 PAGES = [
     path
     for path in sorted(ROOT.rglob("*.md"))

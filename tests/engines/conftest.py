@@ -26,13 +26,14 @@ KINDS = {
 
 
 def node(script, *arguments):
-    """What a script of this folder prints, as JSON."""
+    """What a script prints, as JSON: of this folder, or copied into another."""
     home = Path(os.environ.get("PRT_NODE_MODULES", HERE / "node_modules"))
     if shutil.which("node") is None or not home.is_dir():
         pytest.skip("needs node, and 'make engines' once")
-    if not (HERE / "node_modules").exists():
-        (HERE / "node_modules").symlink_to(home)
-    command = ["node", HERE / script, *map(str, arguments)]
+    script = HERE / script
+    if not (script.parent / "node_modules").exists():
+        (script.parent / "node_modules").symlink_to(home)
+    command = ["node", script, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

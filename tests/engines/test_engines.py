@@ -1,8 +1,13 @@
 """Other programs read a .glb as it is meant: Khronos' validator, and three.js."""
 
+import json
+import shutil
+
 import numpy as np
 
-from tests.engines.conftest import node
+from prt_core import Lighting, export_glb
+from prt_core.relight.blend import WeightedLight
+from tests.engines.conftest import HERE, node
 from tests.gltf import TO_BLENDER, Glb
 
 
@@ -42,3 +47,23 @@ def test_three_js_reads_places_and_colours(written):
             assert meshes[0]["uv"] is None
         else:
             np.testing.assert_allclose(corners("uv", 2), uv, atol=1e-6)
+
+
+def test_three_js_blends_lights_by_their_names(baked, light, tmp_path):
+    """The snippet of docs/engines, on a file that the validator has nothing to say of."""
+    lights = [
+        WeightedLight("Day", Lighting(light), 0.5),
+        WeightedLight("Night", Lighting(2 / light)),
+    ]
+    export_glb(baked, tmp_path / "a.glb", lights=lights)
+    issues = node("validate.mjs", tmp_path / "a.glb")
+    assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"]
+    shutil.copy(HERE.parents[1] / "docs" / "engines" / "prt_three.js", tmp_path / "prt_three.mjs")
+    shutil.copy(HERE / "blend_lights.mjs", tmp_path)
+    weights = json.dumps({"Day": 0.25, "Night": 3})
+    shown = node(tmp_path / "blend_lights.mjs", tmp_path / "a.glb", weights)
+    glb = Glb(tmp_path / "a.glb")
+    parts = [attributes for name in glb.nodes for attributes, _, _ in glb.primitives(name)]
+    for mesh, of in zip(shown, parts, strict=True):
+        wanted = 0.25 * of["_PRT_LIGHT0"] + 3 * of["_PRT_LIGHT1"]
+        np.testing.assert_allclose(np.reshape(mesh, (-1, 3)), wanted, rtol=1e-5)

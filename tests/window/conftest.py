@@ -8,6 +8,7 @@ import json
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -45,10 +46,20 @@ class RealBlender:
         environment = dict(os.environ)
         if user:
             environment["BLENDER_USER_RESOURCES"] = f"{self.inside}/{user}"
-        return subprocess.run(
-            [*self.command, *map(str, arguments)], cwd=self.folder, env=environment,
-            capture_output=True, text=True, timeout=seconds,
-        )  # fmt: skip
+        command = [*self.command, *map(str, arguments)]
+        with subprocess.Popen(
+            command, cwd=self.folder, env=environment, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, start_new_session=True,
+        ) as process:  # fmt: skip
+            try:
+                out, err = process.communicate(timeout=seconds)
+            except subprocess.TimeoutExpired:
+                # The command may be a script: what it has started ends with it.
+                if hasattr(os, "killpg"):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.kill()
+                raise
+        return subprocess.CompletedProcess(command, process.returncode, out, err)
 
     def bring_scripts(self):
         for file in (ROOT / "tests" / "window" / "inside").glob("*.py"):

@@ -36,7 +36,7 @@ class _Attributes:
     described: dict
 
 
-def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, said=None):
+def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, said=None, lights=()):
     """Write colours of a bake as a .glb; a generator of `Progress`.
 
     Parameters
@@ -53,6 +53,9 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
         The part of the light that came from far away, on texels, for weights and harmonics.
     said : dict, optional
         What is to be said of the light in the file.
+    lights : sequence of (dict, (n_points, 3) float32), optional
+        Lights that an engine blends: what is to be said of each, with its `name` and `weight`, and
+        its colours at weight 1. `radiance` is their sum.
 
     Returns
     -------
@@ -74,6 +77,7 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
         light = expect_array("light", light, (bake.cube_map.n_directions, 3), np.float32)
     document, notes = Document(), []
     attributes = yield from _attributes_steps(bake, document, settings, form, light, notes)
+    _add_lights(attributes, lights, bake.scene, shape)
     points = bake.scene.points
     # What is blended shows more than it sends of all light (see `material_of`).
     most = radiance if settings.of_light else radiance / ended_at(points.materials)[:, None]
@@ -93,6 +97,16 @@ def glb_steps(bake, path, radiance, settings=None, *, form=None, light=None, sai
     yield Progress("write", 0, 1)
     counts["bytes"] = document.write(path)
     return {**counts, "colours": colours_are, "scale": scale, "notes": notes}
+
+
+def _add_lights(attributes, lights, scene, shape):
+    """Add the colours of each light to what vertices take, and their names to what is said."""
+    if lights:
+        attributes.described["lights"] = []
+    for number, (said, radiance) in enumerate(lights):
+        name = f"_PRT_LIGHT{number}"
+        attributes.values[name] = _expect_colours(scene, radiance, shape)
+        attributes.described["lights"].append({**said, "attribute": name})
 
 
 def _expect_colours(scene, radiance, shape):

@@ -3,8 +3,9 @@
 Triangles lie flat in the image, in units of texels, and each a little higher than the one before:
 rays from above and from below meet the same triangle wherever it is the only one, so that overlaps
 are found. A texel whose middle meets a triangle shows that place. Around charts lies a ring of
-texels that a bilinear lookup at their border reads: they show the nearest place on the border. All
-others take the light of the nearest texel that shows something, which is what keeps mip maps clean.
+texels that a bilinear lookup at their border reads. Where the surface goes on in another chart they
+show it there, as far behind the edge as they are; else the nearest place on the border. All others
+take the light of the nearest texel that shows something, which is what keeps mip maps clean.
 """
 
 from dataclasses import dataclass
@@ -22,8 +23,9 @@ from prt_core.errors import (
     expect_offers,
     expect_pair,
 )
+from prt_core.scene.images.behind_edges import behind_edges
 from prt_core.scene.images.point_images import PointImage, extended, intersect, surface_points
-from prt_core.scene.images.seams import Seams, uv_edges
+from prt_core.scene.images.seams import Seams, common_edges, uv_edges
 from prt_core.scene.mesh import Mesh
 
 # Bilinear lookups on a border reach so far, in texels.
@@ -100,7 +102,8 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, made=None):
         texel, place, inside = flat.texels(caster)
     finally:
         caster.close()
-    ring, ring_place, ring_inside = flat.ring(texel)
+    sides = common_edges(scene, flat.source, flat.places, flat.points)
+    ring, ring_place, ring_inside = flat.ring(texel, sides)
     texel = np.concatenate([texel, ring])
     expect(len(texel), "atlas: the UV maps cover nothing between 0 and 1; unwrap the objects anew")
     place = np.concatenate([place, ring_place])
@@ -111,7 +114,7 @@ def with_atlas(scene, meshes, corner_uv, size, make_caster, made=None):
     shown = shown.reshape(height, width)
     nearest = distance_transform_edt(shown < 0, return_distances=False, return_indices=True)
     from_texel = np.ravel_multi_index(tuple(nearest), shown.shape).ravel()
-    seams = flat.seams(scene, from_texel)
+    seams = Seams.of_edges(sides, flat.places, width, height, from_texel)
     pixel = np.arange(width * height, dtype=np.int32)
     point = shown.ravel()[from_texel].astype(np.int32)
     maps = {name: np.asarray(uv, np.float32) for name, uv in corner_uv.items()}
@@ -143,6 +146,10 @@ class _Flat:
         Triangles of the scene.
     name : (n,) int64
         Place of their objects among the names.
+    places : (n, 3, 2) float64
+        Columns and rows of their corners in the image.
+    corners : (n, 3, 3) float32
+        Where these are in the scene.
     """
 
     def __init__(self, scene, meshes, corner_uv, width, height):
@@ -169,6 +176,7 @@ class _Flat:
         self.places = self._all_places[self._solid]
         self.points = self._all_points[self._solid]
         corners = scene.vertices[scene.triangles[self._all]]
+        self.corners = corners[self._solid]
         a, b, c = np.moveaxis(corners, 1, 0)
         self._areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         self._overlaps = {}
@@ -200,8 +208,11 @@ class _Flat:
             self._overlaps[int(one), int(two)] = int(n_texels)
         return hit, top[hit], inside[hit]
 
-    def ring(self, taken):
-        """Texels around charts that are not `taken`, and the nearest places on a border."""
+    def ring(self, taken, sides):
+        """Texels around charts that are not `taken`, and what they show: which triangle, where.
+
+        `sides` are edges at which the surface goes on in another chart (see `common_edges`).
+        """
         edges = uv_edges(self.places, self.points)
         border = edges.border
         start = self.places[border // 3, border % 3]
@@ -239,13 +250,11 @@ class _Flat:
         reach = np.linalg.norm(self.places[triangle].mean(axis=1) - samples[sample], axis=1)
         share = np.minimum(0.25, _INSIDE / np.maximum(reach, 1e-12))[:, None]
         weights = weights * (1 - share) + share / 3
-        return free[reached], triangle, weights[:, 1:].astype(np.float32)
-
-    def seams(self, scene, from_texel):
-        """The `Seams` of the charts; texels that show nothing of their own are `from_texel`."""
-        return Seams.of_charts(
-            scene, self.source, self.places, self.points, self.width, self.height, from_texel
+        far, beyond, shares = behind_edges(
+            middles[reached], border[which[sample]], sides, self.places, self.corners
         )
+        triangle[far], weights[far] = beyond, shares
+        return free[reached], triangle, weights[:, 1:].astype(np.float32)
 
     def say(self, scene, texel, place):
         """Add what is to be known of the UV maps to the messages of the scene, by name."""
@@ -253,8 +262,13 @@ class _Flat:
         middle = self._all_places.mean(axis=1)
         outside = ((middle < 0) | (middle > [self.width, self.height])).any(axis=1) & self._solid
         beyond, flat = self._share(outside), self._share(~self._solid)
-        says = scene.messages.append
+        says, triangles = scene.messages.append, np.bincount(self.name, minlength=len(self.names))
         for number, name in enumerate(self.names):
+            if 0 < count[number] < triangles[number]:
+                says(
+                    f"{name}: has {triangles[number]:,} triangles and {count[number]:,} texels in "
+                    "the atlas, which are coarser than its vertices; make the atlas larger"
+                )
             if count[number] == 0:
                 says(
                     f"{name}: has no texel of its own in the atlas, for it is too small there or "

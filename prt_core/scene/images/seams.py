@@ -46,43 +46,21 @@ class Seams:
     edge: np.ndarray
 
     @classmethod
-    def of_charts(cls, scene, source, places, points, width, height, from_texel):
-        """The seams of triangles in an image.
+    def of_edges(cls, sides, places, width, height, from_texel):
+        """The seams at edges of the surface that lie in an image twice.
 
         Parameters
         ----------
-        scene : Scene
-        source : (n,) int
-            Triangles of the scene.
+        sides : (2, 2, n_edges) int
+            Corners at both ends, of one side and of the other (see `common_edges`).
         places : (n, 3, 2) float
-            Columns and rows of their corners in the image.
-        points : (n, 3) int
-            Bake points of their corners.
+            Columns and rows of the corners of triangles in the image.
         width, height : int
         from_texel : (height * width,) int
             The texel whose light each shows.
         """
-        edges = uv_edges(places, points)
-        border = edges.border
-        here, there = border, border - border % 3 + (border + 1) % 3
-        vertices = scene.triangles[source]
-        _, same = np.unique(scene.vertices[vertices.ravel()], axis=0, return_inverse=True)
-        ends = np.sort(np.stack([same.ravel()[here], same.ravel()[there]]), axis=0)
-        order = np.lexsort(ends)
-        new = np.ones(len(order), bool)
-        new[1:] = (np.diff(ends[:, order], axis=1) != 0).any(axis=0)
-        group = np.cumsum(new) - 1
-        # Two borders at the same edge of the surface; of more, no two belong to each other.
-        two = np.flatnonzero(np.bincount(group, minlength=1) == 2)
-        first = np.searchsorted(group, two)
-        one, other = order[first], order[first + 1]
-        a, b = _ends(here[one], there[one], same), _ends(here[other], there[other], same)
-        alike = _alike(scene, points, a[0], b[0]) & _alike(scene, points, a[1], b[1])
         flat = places.reshape(-1, 2)
-        # Where both sides lie in the same place, as at doubled vertices, nothing is to be mended.
-        shift = np.abs(flat[a[0]] - flat[b[0]]) + np.abs(flat[a[1]] - flat[b[1]])
-        alike &= shift.max(axis=1, initial=0) > _SAME_PLACE
-        lookups = [(flat[s[0][alike]], flat[s[1][alike]]) for s in (a, b)]
+        lookups = [(flat[start], flat[stop]) for start, stop in sides]
         length = np.maximum(*(np.linalg.norm(stop - start, axis=1) for start, stop in lookups))
         # What lies outside of the image is not looked up.
         inside = np.ones(len(length), bool)
@@ -172,6 +150,46 @@ class Seams:
         )
         keep = sp.identity(len(texels), format="csc") * _KEEP**2
         return lookups, splu((lookups.T @ lookups + keep).tocsc()), texels
+
+
+def common_edges(scene, source, places, points):
+    """Edges of the surface at which two charts end, shaded alike and apart in the image.
+
+    Parameters
+    ----------
+    scene : Scene
+    source : (n,) int
+        Triangles of the scene.
+    places : (n, 3, 2) float
+        Columns and rows of their corners in the image.
+    points : (n, 3) int
+        Bake points of their corners.
+
+    Returns
+    -------
+    sides : (2, 2, n_edges) int64
+        Of one side and of the other: the corners at both ends, 3 t + k is corner k of triangle t.
+    """
+    border = uv_edges(places, points).border
+    here, there = border, border - border % 3 + (border + 1) % 3
+    vertices = scene.triangles[source]
+    _, same = np.unique(scene.vertices[vertices.ravel()], axis=0, return_inverse=True)
+    ends = np.sort(np.stack([same.ravel()[here], same.ravel()[there]]), axis=0)
+    order = np.lexsort(ends)
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(ends[:, order], axis=1) != 0).any(axis=0)
+    group = np.cumsum(new) - 1
+    # Two borders at the same edge of the surface; of more, no two belong to each other.
+    two = np.flatnonzero(np.bincount(group, minlength=1) == 2)
+    first = np.searchsorted(group, two)
+    one, other = order[first], order[first + 1]
+    a, b = _ends(here[one], there[one], same), _ends(here[other], there[other], same)
+    alike = _alike(scene, points, a[0], b[0]) & _alike(scene, points, a[1], b[1])
+    flat = places.reshape(-1, 2)
+    # Where both sides lie in the same place, as at doubled vertices, nothing is to be mended.
+    shift = np.abs(flat[a[0]] - flat[b[0]]) + np.abs(flat[a[1]] - flat[b[1]])
+    alike &= shift.max(axis=1, initial=0) > _SAME_PLACE
+    return np.array([a, b])[:, :, alike]
 
 
 def uv_edges(places, points):

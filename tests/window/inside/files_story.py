@@ -4,8 +4,9 @@ import shutil
 
 import bpy
 import numpy as np
+from addon import install, part, settled, status
+from colours import on_meshes
 from hand import FOLDER, Until
-from relight_story import install, on_meshes, part, settled, status
 from rooms import floor_with, press, to_panel
 
 

@@ -7,9 +7,9 @@ import json
 import time
 
 import bpy
-import numpy as np
+from addon import install, part, settled, status
+from colours import mean_difference, on_meshes
 from hand import FOLDER, Until
-from relight_story import install, on_meshes, part, settled, status
 
 # Changes of the light during a bake, as fast as colours follow.
 CHANGES = 20
@@ -96,7 +96,9 @@ def bake(hand, rows, mark, caster, kind, whole=True):
     row["marks"] = [(what, wall - start, used - cpu) for what, wall, used in mark]
     yield Until("the preview has settled", settled, 300)
     final = on_meshes() if whole else None
-    row["pictures"] = [[*more, off(colours, final) if whole else None] for *more, colours in seen]
+    row["pictures"] = [
+        [*more, mean_difference(colours, final) if whole else None] for *more, colours in seen
+    ]
     row["said"] = status().message
     if kind == "with":
         hand.picture(f"{caster} baked")
@@ -127,9 +129,3 @@ def turned(hand, report, caster):
     hand.picture(f"{caster} turned")
     yield Until("it is done", lambda: not status().running, 900)
     yield Until("the preview has settled", settled, 300)
-
-
-def off(colours, final):
-    """Mean difference from the final colours, as a share of their mean."""
-    one, two = (np.concatenate([v[n] for n in sorted(final)]) for v in (colours, final))
-    return float(np.abs(one - two).mean() / two.mean())

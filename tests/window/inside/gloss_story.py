@@ -9,9 +9,10 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from addon import install, part, settled, status
+from colours import from_core, largest_difference, means, on_meshes, viewpoint
 from hand import FOLDER, Until
 from mathutils import Quaternion
-from relight_story import install, on_meshes, part, settled, status
 from rooms import mesh_of, press, put, to_panel
 
 TURNS, DEGREES = 16, 6.0
@@ -64,39 +65,14 @@ def paint(name, colour, **inputs):
     bpy.data.objects[name].data.materials.append(material)
 
 
-def from_api(hand):
-    """Colours by the core alone, as the 3D view or the camera sees them now."""
-    import prt_core
-    from prt_core.relight.relighter import Relighter
-    from prt_core.transport import View
-
-    scene = bpy.context.scene
-    matrix = hand.view.spaces.active.region_3d.view_matrix.inverted()
-    if scene.prt.seen_from == "CAMERA":
-        matrix = scene.camera.matrix_world
-    view = View(position=np.array(matrix.translation)) if scene.prt.show_gloss else None
-    loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))
-    if view is not None and scene.prt.seen_from == "CAMERA":
-        points = loaded.scene.points
-        view = view.above(loaded.scene.to_world(points.positions), points.normals)
-    relighter = Relighter(loaded, scene.prt.caster)
-    try:
-        return loaded.colours(
-            relighter.radiance(Path(scene.prt.file), rotation=0.0, lamps=[], view=view)
-        )
-    finally:
-        relighter.close()
-
-
 def compare(hand, report, step):
     """Wait for quiet; what differs between the meshes and the core."""
     yield 0.5
     yield Until(f"the colours have settled ({step})", settled, 120)
-    shown, wanted = on_meshes(), from_api(hand)
-    largest = max(values.max() for values in wanted.values())
+    shown, wanted = on_meshes(), from_core(viewpoint())
     report["steps"][step] = {
-        "difference": max(float(np.abs(shown[n] - wanted[n]).max()) for n in wanted) / largest,
-        "mean": {name: values.mean(axis=0).tolist() for name, values in shown.items()},
+        "difference": largest_difference(shown, wanted),
+        "mean": means(shown),
         "said": status().message,
         "failed": status().failed,
     }

@@ -2,9 +2,11 @@
 
 import bpy
 import numpy as np
+from addon import install, part, settled, status
+from colours import from_core, largest_difference
 from hand import FOLDER, Until
 from mathutils import Vector
-from relight_story import install, part, settled, status
+from pictures import read_picture
 from workflow_story import by_mesh, looked_at
 
 TURN = 90
@@ -120,8 +122,8 @@ def turn(hand, report):
     yield 0.3
     yield Until("the preview has settled", settled)
     report["turned"] = float(np.degrees(bpy.context.scene.prt.rotation))
-    shown, wanted = by_mesh(), from_studio()
-    report["difference"] = max(float(np.abs(shown[n] - wanted[n]).max()) for n in wanted)
+    shown, wanted = by_mesh(), from_core()
+    report["difference"] = largest_difference(shown, wanted)
     report["objects"] = sorted(shown)
 
 
@@ -150,42 +152,10 @@ def suns(hand):
         yield 3.0
         name = f"guide 4 sun {sign}"
         hand.picture(name)
-        seen = picture(name)
+        seen = read_picture(name)[..., :3]
         across, middle = int(hand.view.x + hand.view.width / 2), hand.view.y + hand.view.height // 2
         brightness.append(float(seen[middle - 20 : middle + 20, across - 20 : across + 20].mean()))
     space.region_3d.view_rotation = kept
     space.shading.studiolight_background_alpha = 0.0
     space.show_object_viewport_mesh = True
     return brightness
-
-
-def picture(name):
-    """(height, width, 3) of a picture of the window, from below."""
-    image = bpy.data.images.load(str(FOLDER / f"{name.replace(' ', '_')}.png"))
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    size = image.size[1], image.size[0], 4
-    bpy.data.images.remove(image)
-    return pixels.reshape(size)[..., :3]
-
-
-def from_studio():
-    """The colours by the core, under the panel's studio light."""
-    import prt_core
-    from prt_core.blender.lamps import read_lamps
-    from prt_core.relight.relighter import Relighter
-
-    scene = bpy.context.scene
-    bake = prt_core.load(bpy.path.abspath(scene.prt.loaded))
-    lights = bpy.context.preferences.studio_lights
-    (path,) = (each.path for each in lights if each.name == scene.prt.studio)
-    relighter = Relighter(bake, scene.prt.caster)
-    try:
-        return bake.colours(
-            relighter.radiance(
-                path, rotation=float(np.degrees(scene.prt.rotation)), strength=1.0,
-                lamps=read_lamps(scene), lamp_strength=1.0, lamp_samples=scene.prt.lamp_samples,
-            )
-        )  # fmt: skip
-    finally:
-        relighter.close()

@@ -1,9 +1,9 @@
 """Colours are kept, the preview is taken off, and the scene is baked again."""
 
 import bpy
-import numpy as np
+from addon import install, part, settled, status
+from colours import attribute_of
 from hand import FOLDER, Until
-from relight_story import install, part, settled, status
 from rooms import confirm, floor_with, press, to_panel
 
 
@@ -17,7 +17,7 @@ def story(hand, report):
     yield from press(hand, "prt.bake", status)
     yield Until("the preview has settled", settled)
     hand.picture("kept 1 baked")
-    wanted = {o["prt_copy"]: colours(o, "PRT") for o in objects() if o.get("prt_copy")}
+    wanted = {o["prt_copy"]: attribute_of(o, "PRT") for o in objects() if o.get("prt_copy")}
     report["baked objects"] = [baked_objects()]
     yield from confirm(hand, "prt.keep", status)
     report["said"] = status().message
@@ -62,18 +62,11 @@ def baked_objects():
     return sorted([item.name, len(item.corner_point)] for item in part("preview").held().items)
 
 
-def colours(item, attribute):
-    data = item.data.color_attributes[attribute].data
-    values = np.empty(4 * len(data), np.float32)
-    data.foreach_get("color", values)
-    return values.reshape(-1, 4)[:, :3]
-
-
 def seen(wanted):
     """Of what was kept: whether it is right and seen; of all: what is seen and what renders."""
     kept = {o["prt_kept"]: o for o in objects() if o.get("prt_kept")}
     return {
-        "same": {n: bool((colours(o, "Relit") == wanted[n]).all()) for n, o in kept.items()},
+        "same": {n: bool((attribute_of(o, "Relit") == wanted[n]).all()) for n, o in kept.items()},
         "kept visible": [o.visible_get() for o in kept.values()],
         "kept renders": [not o.hide_render for o in kept.values()],
         "originals visible": originals(lambda o: o.visible_get()),

@@ -7,10 +7,11 @@ import time
 
 import bpy
 import numpy as np
+from addon import install, part, status
+from colours import attribute_of, from_light_field
 from field_scene import build
 from hand import FOLDER, Until
 from mathutils import Quaternion
-from relight_story import install, part, status
 from rooms import press, to_panel
 
 TURNS, DEGREES = 24, 6.0
@@ -44,35 +45,8 @@ def to_field_panel(hand):
     yield 0.5
 
 
-def on_mesh(name, attribute):
-    attributes = bpy.data.objects[name].data.color_attributes
-    if attribute not in attributes:
-        return None
-    values = np.empty(4 * len(attributes[attribute].data), np.float32)
-    attributes[attribute].data.foreach_get("color", values)
-    return values.reshape(-1, 4)[:, :3]
-
-
-def from_api(name):
-    """Colours of an object by the core alone, from the disk, as the 3D view sees it now."""
-    from prt_core.bake.light_field_load import load_light_field
-    from prt_core.bake.light_field_view import field_toward
-    from prt_core.transport import View
-
-    scene = bpy.context.scene
-    field = load_light_field(bpy.path.abspath(scene.prt.field.loaded))
-    eye = next(
-        area for area in bpy.context.window_manager.windows[0].screen.areas
-        if area.type == "VIEW_3D"
-    ).spaces.active.region_3d.view_matrix.inverted().translation  # fmt: skip
-    strengths = {
-        lamp.name: [lamp.strength * channel for channel in lamp.colour]
-        for lamp in scene.prt.field.lamps
-        if lamp.name in field.lights
-    }
-    radiance, _ = field_toward(field, View(position=np.array(eye)), strengths)
-    (item,) = [o for o in field.scene.objects if o.name == name]
-    return radiance[item.corner_point]
+def on_ball():
+    return attribute_of(bpy.data.objects["ball"], "PRT Light Field")
 
 
 def settled():
@@ -85,7 +59,7 @@ def compare(hand, report, step):
     """Wait for quiet; what differs between the ball and the API, and who has which colours."""
     yield 0.3
     yield Until(f"the colours have settled ({step})", settled)
-    shown, wanted = on_mesh("ball", "PRT Light Field"), from_api("ball")
+    shown, wanted = on_ball(), from_light_field("ball")
     report["steps"][step] = {
         "warned": part("light_fields").held().warned,
         "difference": float(np.abs(shown - wanted).max() / wanted.max()),
@@ -112,7 +86,7 @@ def load(hand, report):
 def orbit(hand, report):
     """The view turned step by step; seconds of our part, and of all until it is drawn."""
     following, region = part("following"), hand.view.spaces.active.region_3d
-    before, drawn, steps = on_mesh("ball", "PRT Light Field"), [], []
+    before, drawn, steps = on_ball(), [], []
     handler = bpy.types.SpaceView3D.draw_handler_add(
         lambda: drawn.append(time.perf_counter()), (), "WINDOW", "POST_PIXEL"
     )
@@ -135,7 +109,7 @@ def orbit(hand, report):
         "steps": steps,
         "points": len(part("light_fields").held().field),
         "kind": part("light_fields").held().viewer.kind,
-        "changed": float(np.abs(on_mesh("ball", "PRT Light Field") - before).max()),
+        "changed": float(np.abs(on_ball() - before).max()),
     }
     yield from compare(hand, report, "orbited")
 
@@ -155,7 +129,7 @@ def dim(hand, report):
 
 def beside(hand, report):
     """A bake of the whole scene; the ball stays the light field's."""
-    yield from press(hand, "prt.bake", status)
+    yield from press(hand, "prt.bake", status, seconds=400)
     yield from compare(hand, report, "beside")
 
 

@@ -2,8 +2,8 @@
 
 import bpy
 import numpy as np
+from addon import install, settled, status
 from hand import FOLDER, Until
-from relight_story import install, settled, status
 from rooms import floor_with, press, to_panel
 
 

@@ -7,8 +7,8 @@ import json
 import time
 
 import bpy
+from addon import install, part, settled, status
 from hand import FOLDER, Until
-from relight_story import install, part, settled, status
 
 CASTERS, TURNS, STOPS = ("embree",), 24, 5
 

@@ -1,9 +1,10 @@
 """An object is moved after the bake: one button bakes what that changes, or a selection of it."""
 
 import bpy
-import numpy as np
+from addon import install, part, settled, status
+from colours import on_meshes, relative_l2
 from hand import Until
-from relight_story import compare, install, on_meshes, open_scene, part, settled, status
+from relight_story import compare, open_scene
 
 
 def story(hand, report):
@@ -25,7 +26,7 @@ def story(hand, report):
     report["offered after"] = part("moving").has_changed(scene)
     bpy.ops.prt.bake("INVOKE_DEFAULT", restart=True)
     yield from until_baked(hand, report, "whole")
-    report["off"] = off(updated, on_meshes())
+    report["off"] = relative_l2(updated, on_meshes())
     yield from selection(hand, report)
 
 
@@ -60,7 +61,9 @@ def selection(hand, report):
     yield 0.5
     yield from bake(hand, report, "prt.update", "selected")
     after = yield from under_the_sky()
-    report["kept"] = {name: off({name: after[name]}, {name: before[name]}) for name in before}
+    report["kept"] = {
+        name: relative_l2({name: after[name]}, {name: before[name]}) for name in before
+    }
 
 
 def under_the_sky():
@@ -72,11 +75,3 @@ def under_the_sky():
     prt.use_lamps = True
     yield Until("the preview has settled with lamps", settled)
     return colours
-
-
-def off(colours, others):
-    """Relative difference, the largest of all objects."""
-    return max(
-        float(np.linalg.norm(colours[name] - others[name]) / np.linalg.norm(others[name]))
-        for name in others
-    )

@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 import bpy
-import numpy as np
+from addon import install, part, settled, status
 from hand import FOLDER, Until
-from relight_story import install, part, settled, status
+from pictures import read_picture
 
 
 def story(hand, report):
@@ -27,6 +27,8 @@ def story(hand, report):
     report["said"] = status().message
     report["solid"] = yield from seen(hand, "solid", "SOLID")
     report["material"] = yield from seen(hand, "material preview", "MATERIAL")
+    # Each notch of the wheel draws the view, which takes seconds where its shaders run by software.
+    hand.view.spaces.active.shading.type = "SOLID"
     report["height_baked"] = yield from height(hand)
     yield from while_baking(hand, report)
     yield from own_materials(hand, report)
@@ -159,11 +161,7 @@ def seen(hand, name, shading):
         yield 5.0
     yield Until("the preview has settled", settled)
     hand.picture(name)
-    image = bpy.data.images.load(str(FOLDER / f"{name.replace(' ', '_')}.png"))
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    pixels = pixels.reshape(image.size[1], image.size[0], 4)[..., :3]
-    bpy.data.images.remove(image)
+    pixels = read_picture(name)[..., :3]
     # The floor and a part of the ball: what is behind them is of each mode its own.
     height, width = pixels.shape[:2]
     part = pixels[int(0.3 * height) : int(0.48 * height), int(0.42 * width) : int(0.57 * width)]

@@ -1,8 +1,8 @@
 """The window is closed in the midst of a bake: the story ends, and with it Blender."""
 
 import bpy
+from addon import install, status
 from hand import FOLDER, Until
-from relight_story import install, status
 
 
 def story(hand, report):

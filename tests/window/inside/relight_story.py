@@ -4,16 +4,14 @@ After each step the colours on the meshes are compared with what the API gives f
 loaded anew from the disk, under the light as it is then.
 """
 
-import sys
 import time
 from pathlib import Path
 
-import addon_utils
 import bpy
 import numpy as np
+from addon import install, part, settled, status
+from colours import from_core, means, on_meshes
 from hand import FOLDER, Until
-
-NAME = "bl_ext.user_default.prt_relight"
 
 
 def story(hand, report):
@@ -24,18 +22,6 @@ def story(hand, report):
     report["light"] = {}
     for step in (drag_rotation, change_world, turn_sun, play_frames, undo, reload_file, restore):
         yield from step(hand, report)
-
-
-def install(report):
-    bpy.ops.extensions.package_install_files(
-        filepath=str(FOLDER / "extension.zip"), repo="user_default", enable_on_install=True
-    )
-    yield 0.5
-    import prt_core
-
-    report["enabled"] = NAME in bpy.context.preferences.addons
-    report["warnings"] = repr(addon_utils._extensions_warnings_get())
-    report["core"] = prt_core.__file__
 
 
 def open_scene(hand):
@@ -67,69 +53,15 @@ def open_scene(hand):
     yield 0.5
 
 
-def part(name):
-    return sys.modules[f"{NAME}.{name}"]
-
-
-def status():
-    return bpy.context.window_manager.prt
-
-
-def settled():
-    return not status().running and part("live").idle()
-
-
-def on_meshes():
-    """{object: (n_corners, 3) float32} as Blender has them."""
-    result = {}
-    for item in bpy.context.scene.objects:
-        attributes = getattr(item.data, "color_attributes", {})
-        if bpy.context.scene.prt.attribute in attributes:
-            data = attributes[bpy.context.scene.prt.attribute].data
-            values = np.empty(4 * len(data), np.float32)
-            data.foreach_get("color", values)
-            result[item.name] = values.reshape(-1, 4)[:, :3]
-    return result
-
-
-def from_api():
-    """The same by the core alone, from the disk, under the light as it is now."""
-    import prt_core
-    from prt_core.blender.lamps import read_lamps
-    from prt_core.blender.world import read_environment
-    from prt_core.relight.relighter import Relighter
-    from prt_core.sphere import rotation_matrix
-
-    scene = bpy.context.scene
-    loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))
-    relighter = Relighter(loaded, scene.prt.caster)
-    world = read_environment(scene)
-    turn = rotation_matrix(float(np.degrees(scene.prt.rotation)))
-    try:
-        return loaded.colours(
-            relighter.radiance(
-                world.map,
-                rotation=turn @ world.rotation,
-                strength=world.strength * scene.prt.strength,
-                lamps=read_lamps(scene),
-                lamp_strength=1.0,
-                exposure=scene.prt.exposure,
-                lamp_samples=scene.prt.lamp_samples,
-            )
-        )
-    finally:
-        relighter.close()
-
-
 def compare(hand, report, step):
     """Wait for quiet; what differs between the meshes and the API, and how bright they are."""
     yield 0.2
     yield Until(f"the preview has settled ({step})", settled)
-    result, wanted = on_meshes(), from_api()
+    result, wanted = on_meshes(), from_core()
     report["light"][step] = {
         "objects": [sorted(result), sorted(wanted)],
         "difference": max(np.abs(result[name] - wanted[name]).max() for name in wanted),
-        "mean": {name: values.mean(axis=0).tolist() for name, values in result.items()},
+        "mean": means(result),
         "message": status().message,
         "failed": status().failed,
     }

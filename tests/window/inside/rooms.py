@@ -3,6 +3,7 @@
 import time
 
 import bpy
+import numpy as np
 from hand import FOLDER, Until
 
 # Seconds within which a button's work has begun.
@@ -28,6 +29,26 @@ def put(name, data, place=(0, 0, 0), collection=None):
     item.location = place
     (collection or bpy.context.scene.collection).objects.link(item)
     return item
+
+
+def smooth(name, material):
+    """The active object by another name, shaded smooth, in a material."""
+    item = bpy.context.object
+    item.name = name
+    item.data.materials.append(material)
+    item.data.polygons.foreach_set("use_smooth", np.ones(len(item.data.polygons), bool))
+    return item
+
+
+def shader(name, **values):
+    """A Principled material with some of its inputs."""
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True
+    node = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    for socket, value in values.items():
+        node.inputs[socket].default_value = value
+    return material
 
 
 def floor_with(*names):

@@ -3,9 +3,10 @@
 import time
 
 import bpy
-import numpy as np
+from addon import install, part, settled, status
+from colours import mean_difference, on_meshes
 from hand import Until
-from relight_story import install, on_meshes, open_scene, part, settled, status
+from relight_story import open_scene
 
 TURNS = 6
 
@@ -49,20 +50,18 @@ def watch(hand, report, step, turned):
     hand.picture(f"{step} baked")
     final = on_meshes()
     result["pictures"] = [
-        {"at": at, "known": known, "error": error, "draft": draft, "off": off(colours, final)}
+        {
+            "at": at,
+            "known": known,
+            "error": error,
+            "draft": draft,
+            "off": mean_difference(colours, final),
+        }
         for at, known, error, draft, colours in seen
     ]
     result["delays"] = list(showing.delays)
     result["turns"] = sorted(part("work").turns)[-3:]
     report[step] = result
-
-
-def off(colours, final):
-    """Mean difference from the final colours, as a share of their mean."""
-    if set(colours) != set(final):
-        return sorted(set(colours) ^ set(final))
-    one, two = (np.concatenate([v[n] for n in sorted(final)]) for v in (colours, final))
-    return float(np.abs(one - two).mean() / two.mean())
 
 
 def escape(hand, report, step):

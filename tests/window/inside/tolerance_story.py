@@ -3,8 +3,8 @@
 import sys
 
 import bpy
+from addon import install, part, status
 from hand import FOLDER
-from relight_story import install, part, status
 from rooms import floor_with, press, to_panel
 
 

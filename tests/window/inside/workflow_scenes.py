@@ -6,8 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from hand import FOLDER
-from materials_story import shader, smooth
-from rooms import mesh_of, put
+from rooms import mesh_of, put, shader, smooth
 
 # Of the image that the textured asset wears, texels along a side.
 _TEXELS = 256
@@ -283,6 +282,55 @@ def box(name, size, place, material, step=0.12):
     mesh.from_pydata(corners, [], faces)
     mesh.materials.append(material)
     return put(name, mesh, place)
+
+
+def six_materials():
+    """A floor, four balls, a monkey and a neon tube before a wall."""
+    empty()
+    ground = sheet("floor", 4, 64)
+    ground.data.materials.append(checked())
+    wall = sheet("wall", 4, 32)
+    wall.location, wall.rotation_euler = (0, 2.5, 2), (radians(90), 0, 0)
+    wall.data.materials.append(shader("wall", **{"Base Color": (0.35, 0.35, 0.4, 1)}))
+    balls = {
+        "chrome": {"Base Color": (0.9, 0.9, 0.9, 1), "Metallic": 1.0, "Roughness": 0.05},
+        "gold": {"Base Color": (1.0, 0.7, 0.25, 1), "Metallic": 1.0, "Roughness": 0.3},
+        "glass": {"Base Color": (0.8, 1.0, 0.9, 1), "Transmission Weight": 1.0, "Roughness": 0.0},
+        "lacquer": {"Base Color": (0.6, 0.05, 0.05, 1), "Roughness": 0.2, "Coat Weight": 1.0},
+    }
+    for k, (name, values) in enumerate(balls.items()):
+        bpy.ops.mesh.primitive_uv_sphere_add(
+            segments=64, ring_count=32, radius=0.45, location=(1.1 * k - 1.65, 0, 0.45)
+        )
+        smooth(name, shader(name, **values))
+    bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.03, depth=3.6)
+    tube = smooth("tube", shader("neon", **{
+        "Emission Color": (1.0, 0.1, 0.5, 1), "Emission Strength": 12.0,
+        "Base Color": (0, 0, 0, 1),
+    }))  # fmt: skip
+    tube.location, tube.rotation_euler = (0, 2.2, 1.5), (0, radians(90), 0)
+    sun(2.0, angle=1)
+    camera((0, -6.5, 2.2), (80, 0, 0))
+    sky("interior.exr", 0.4)
+
+
+def sheet(name, size, cells):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=cells, y_subdivisions=cells, size=2 * size)
+    item = bpy.context.object
+    item.name = name
+    return item
+
+
+def checked():
+    material = shader("checked", Roughness=0.6)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    checker = nodes.new("ShaderNodeTexChecker")
+    checker.inputs["Scale"].default_value = 8.0
+    checker.inputs["Color1"].default_value = 0.5, 0.45, 0.4, 1
+    checker.inputs["Color2"].default_value = 0.15, 0.12, 0.1, 1
+    principled = next(n for n in nodes if n.type == "BSDF_PRINCIPLED")
+    links.new(checker.outputs["Color"], principled.inputs["Base Color"])
+    return material
 
 
 def animated_sun():

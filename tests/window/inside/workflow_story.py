@@ -8,16 +8,13 @@ was beside one of the scene as it is shown.
 import time
 
 import bpy
-import materials_story
 import numpy as np
 import workflow_scenes as scenes
+from addon import install, part, settled, status
+from colours import from_core, largest_difference, means, on_meshes, viewpoint
 from hand import FOLDER, Until
-from relight_story import from_api, install, on_meshes, part, settled, status
+from pictures import SAMPLES, apart, eevee, read_picture, rendered
 from rooms import press, to_panel
-
-# Pixels of the pictures beside Cycles, its samples, and of how many pixels a side means are taken:
-# its noise is not ours.
-_SIZE, _SAMPLES, _BLOCK = (480, 300), 64, 6
 
 
 def begin(hand, report, build, draft=True):
@@ -51,7 +48,7 @@ def known():
     return planned is not None and holds
 
 
-def bake(hand, report, name, colours=from_api):
+def bake(hand, report, name, colours=from_core):
     """The button, a picture of what it brings, and the colours beside the core's."""
     began = time.monotonic()
     yield from press(hand, "prt.bake", status, seconds=300)
@@ -59,7 +56,7 @@ def bake(hand, report, name, colours=from_api):
     yield from compare(hand, report, name, colours)
 
 
-def compare(hand, report, name, colours=from_api):
+def compare(hand, report, name, colours=from_core):
     """A picture once all is quiet; what differs from the core, and what the panel says."""
     yield 0.3
     yield Until("the preview has settled", settled, 120)
@@ -67,11 +64,10 @@ def compare(hand, report, name, colours=from_api):
     yield 1.5
     hand.picture(name)
     shown, wanted = by_mesh(), colours()
-    largest = max(values.max() for values in wanted.values())
     report["core"][name] = {
         "same objects": sorted(shown) == sorted(wanted),
-        "difference": max(float(np.abs(shown[n] - wanted[n]).max()) for n in wanted) / largest,
-        "mean": {n: values.mean(axis=0).tolist() for n, values in shown.items()},
+        "difference": largest_difference(shown, wanted),
+        "mean": means(shown),
     }
     held = part("preview").held()
     report["said"][name] = {
@@ -106,66 +102,8 @@ def beside_cycles(hand, report, name):
     """A render of what is shown, then Restore and Cycles' own; how far they are apart."""
     shown = rendered(f"{name} ours", "CYCLES", 16)
     yield from press(hand, "prt.clear", status, at=0.75)
-    own = rendered(f"{name} cycles", "CYCLES", _SAMPLES)
+    own = rendered(f"{name} cycles", "CYCLES", SAMPLES)
     report["cycles"] = apart(shown, own)
-
-
-def apart(one, two):
-    """Relative L2, and the ratio of the means by channel, of two pictures where objects are."""
-    one, two = (blocks(picture) for picture in (one, two))
-    seen = two[..., 3] > 0.999
-    one, two = one[seen][:, :3], two[seen][:, :3]
-    return {
-        "l2": float(np.sqrt(((one - two) ** 2).sum() / (two**2).sum())),
-        "ratio": (one.mean(axis=0) / two.mean(axis=0)).tolist(),
-        "pixels": int(seen.sum()),
-    }
-
-
-def blocks(picture):
-    height, width = (n // _BLOCK * _BLOCK for n in picture.shape[:2])
-    cut = picture[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK, 4)
-    return cut.mean(axis=(1, 3))
-
-
-def eevee():
-    return "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
-
-
-def rendered(name, engine, samples):
-    """(height, width, 4) float32, linear, of a render through the camera; and NAME.png of it as
-    the display shows it."""
-    scene = bpy.context.scene
-    scene.render.engine = engine
-    if engine == "CYCLES":
-        scene.cycles.device, scene.cycles.samples = "CPU", samples
-        scene.cycles.use_denoising = False  # not every build has it
-        # All bounces, as a bake has them: by itself Cycles ends after four.
-        scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 64
-        scene.cycles.sample_clamp_indirect = 0
-    scene.render.resolution_x, scene.render.resolution_y = _SIZE
-    scene.render.resolution_percentage, scene.render.film_transparent = 100, True
-    settings = scene.render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode = "OPEN_EXR", "RGBA"
-    path = FOLDER / f"{name.replace(' ', '_')}.exr"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    return seen_in(name, scene)
-
-
-def seen_in(name, scene=None):
-    """The pixels of NAME.exr; for a scene NAME.png as well, as its display shows them."""
-    path = FOLDER / f"{name.replace(' ', '_')}.exr"
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    if scene is not None:
-        scene.render.image_settings.file_format = "PNG"
-        image.save_render(str(path.with_suffix(".png")), scene=scene)
-    bpy.data.images.remove(image)
-    return pixels.reshape(_SIZE[1], _SIZE[0], 4)
 
 
 def default_cube(hand, report):
@@ -191,7 +129,7 @@ def textured_asset(hand, report):
 
 def six_materials(hand, report):
     """With gloss by its checkbox, seen from the camera."""
-    yield from begin(hand, report, materials_story.build)
+    yield from begin(hand, report, scenes.six_materials)
     yield from hand.click("prt.gloss", at=0.6)
     yield Until("gloss is asked for", lambda: bpy.context.scene.prt.gloss, 5)
     yield 0.5
@@ -199,24 +137,9 @@ def six_materials(hand, report):
     yield Until("the preview has settled", settled, 120)
     yield from hand.click("prt.seen_from", at=0.85)
     yield Until("it is the camera", lambda: bpy.context.scene.prt.seen_from == "CAMERA", 10)
-    yield from compare(hand, report, "six 1 baked", with_gloss)
+    yield from compare(hand, report, "six 1 baked", lambda: from_core(viewpoint()))
     yield from looked_at(hand, "six 2 material preview")
     yield from beside_cycles(hand, report, "six 3")
-
-
-def with_gloss():
-    """The colours by the core, of the bake on the disk, as the camera sees them."""
-    import prt_core
-    from prt_core.relight.relighter import Relighter
-
-    scene, held = bpy.context.scene, part("preview").held()
-    asked = part("request").request(scene)
-    loaded = prt_core.load(bpy.path.abspath(scene.prt.loaded))
-    relighter = Relighter(loaded, scene.prt.caster)
-    try:
-        return loaded.colours(relighter.radiance(asked.lighting, view=asked.view_of(held)))
-    finally:
-        relighter.close()
 
 
 def shared_meshes(hand, report):
@@ -246,7 +169,7 @@ def of_copies(hand, report, build, name):
     yield 0.3
     yield Until("the preview has settled", settled)
     yield from beside_cycles(hand, report, f"{name} 4")
-    report["own materials"] = apart(own, seen_in(f"{name} 4 cycles"))
+    report["own materials"] = apart(own, read_picture(f"{name} 4 cycles", ".exr"))
     report["as before"] = visible() == before
 
 
@@ -356,7 +279,7 @@ def back(wanted):
 def keep(hand, report):
     """Kept by the dialog, the preview off, rendered by EEVEE and Cycles beside Cycles' own."""
     yield from begin(hand, report, scenes.textured_asset)
-    own = rendered("keep 1 cycles' own", "CYCLES", _SAMPLES)
+    own = rendered("keep 1 cycles' own", "CYCLES", SAMPLES)
     bpy.context.scene.render.engine = "CYCLES"
     yield from bake(hand, report, "keep 2 baked")
     bpy.ops.prt.keep("INVOKE_DEFAULT", show=True)

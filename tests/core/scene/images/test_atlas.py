@@ -97,6 +97,21 @@ def test_hard_edges_are_no_seams():
     assert len(np.unique(atlas_of([lower, upper], uvs, (32, 32)).image.atlas.seams.edge)) == 2
 
 
+def test_texels_around_a_chart_show_the_surface_behind_its_edge():
+    left, right = plane(5, name="a"), plane(5, name="b")
+    right.vertices = right.vertices + [2, 0, 0]
+    uvs = [flat_uv(left, (0.1, 0.1), (0.4, 0.5)), flat_uv(right, (0.6, 0.3), (0.9, 0.9))]
+    scene = atlas_of([left, right], uvs, (48, 48))
+    # Light that changes along the surface and across the edge is looked up as it is.
+    light = np.float32(3) + scene.points.positions @ np.float32([[1, 2, 0], [1, -1, 0], [0, 0, 0]])
+    pixels = scene.image.pixels(light)
+    assert scene.image.atlas.seams.error(pixels)[1] < 0.002
+    edge = np.abs(left.vertices[left.corner_vertex, 0] - 1) < 1e-6
+    edge &= np.abs(left.vertices[left.corner_vertex, 1]) < 0.9
+    off = looked_up(scene.image, pixels, uvs[0]) - light[scene.objects[0].corner_point]
+    assert edge.sum() > 4 and np.abs(off[edge]).max() < 0.01
+
+
 def test_texels_between_charts_take_the_nearest_light():
     one, two = plane(3, name="one"), plane(3, name="two", z=-3.0)
     uvs = [flat_uv(one, (0.1, 0.1), (0.3, 0.9)), flat_uv(two, (0.7, 0.1), (0.9, 0.9))]
@@ -122,6 +137,8 @@ def test_mirrored_charts_and_charts_below_a_texel_have_texels():
      "one: 4?5?0?.* of its surface lies outside"),
     (lambda a, b: [flat_uv(a), np.full((len(b.corner_vertex), 2), 0.95)],
      "two: 100% of its surface has no area in its UV map"),
+    (lambda a, b: [flat_uv(a, (0, 0), (0.1, 0.1)), flat_uv(b, (0.2, 0.2), (1, 1))],
+     "one: has 32 triangles and 24 texels in the atlas"),
     (lambda a, b: [np.abs(flat_uv(a, (-0.9, 0.1), (0.9, 0.9))), flat_uv(b, (0.91, 0), (1, 0.09))],
      "one: its UV map overlaps itself"),
 ])  # fmt: skip

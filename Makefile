@@ -15,7 +15,7 @@ demo: $(VENV)/.ready
 # Files of tests side by side, as many as there are cores, but not more than four: each has a Blender.
 JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); [ $$n -lt 4 ] && echo $$n || echo 4)
 test: $(VENV)/.ready
-	$(RUN) -m pytest -n $(JOBS) --dist loadfile
+	$(RUN) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.ready
 	$(RUN) -m ruff check .

@@ -83,8 +83,12 @@ def add_glb(kinds):
 
 
 def _export(options):
-    lighting = _lighting(options)
+    if options.lights:
+        refuse_one_light(options)
+    else:
+        expect_light(options, "export glb")
     expect_used(options, _NEEDED)
+    lighting = None if options.lights else lighting_of(options)
     settings = _settings(options)
     expect_output("--output", options.output, ".glb", create=True)
     expect(
@@ -120,15 +124,6 @@ def _export(options):
     for note in report["notes"]:
         print(f"  note    {note}")
     return 0
-
-
-def _lighting(options):
-    """The one `Lighting` of the command line; None with --lights."""
-    if options.lights:
-        refuse_one_light(options)
-        return None
-    expect_light(options, "export glb")
-    return lighting_of(options)
 
 
 def _settings(options):

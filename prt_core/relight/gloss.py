@@ -256,7 +256,7 @@ class Gloss:
         # While a view moves a lamp is one direction.
         power = None if every > 1 else POWER
         for part in self._parts:
-            rows = part.facing(outgoing[part.points])
+            rows = part.facing(outgoing.take(part.points, axis=0))
             facing[part.points[rows]] = True
             if mapped and part.mapped.any():
                 there = part.mapped[rows]
@@ -278,7 +278,7 @@ class Gloss:
 
     def _toward(self, lobes, part, rows, outgoing, lamps, power):
         """(k, 6): what some points of a part reflect, and what is left of diffuse light."""
-        outgoing = outgoing[part.points[rows]]
+        outgoing = outgoing.take(part.points.take(rows), axis=0)
         reflected, diffuse = lobes(rows, outgoing)
         for lamp, received in lamps:
             reflected += part.highlights(lamp, received, self._world, rows, outgoing, power)

@@ -101,7 +101,7 @@ class GlossyPoints:
 
     def looked_up(self, rows, outgoing):
         """As `toward`, of points that are `mapped`."""
-        normals = self._normals[rows]
+        normals = self._normals.take(rows, axis=0)
         cosine = np.einsum("kx,kx->k", outgoing, normals)
         diffuse = self._lobes.diffuse(self._first + rows, cosine)
         diffuse = diffuse * self.rough_share(rows, normals, outgoing)

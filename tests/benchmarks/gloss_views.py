@@ -44,12 +44,12 @@ class Known:
 
     def __init__(self, relighter):
         self._light = Gloss.light
-        Gloss.light = lambda gloss, *light: self._take(gloss, *light)
+        Gloss.light = lambda gloss, *light, **more: self._take(gloss, *light, **more)
         self.relighter = relighter
 
-    def _take(self, gloss, texels, sent, *more):
+    def _take(self, gloss, texels, sent, *more, **lamps):
         self.texels, self.sent = texels, sent
-        return self._light(gloss, texels, sent, *more)
+        return self._light(gloss, texels, sent, *more, **lamps)
 
     def close(self):
         Gloss.light = self._light

@@ -3,6 +3,7 @@
 import numpy as np
 
 from prt_core.relight.highlights import POWER, highlights
+from prt_core.runtime.threads import on_all_cores
 from prt_core.transport.glimpse import LEAST, Glimpses, lifted
 from prt_core.transport.glossy_view import GlossyView
 from prt_core.transport.incoming_field import IncomingField
@@ -14,6 +15,8 @@ from prt_core.transport.view_map import ViewMap
 _TEXELS = 0.6
 # What reflects so much of the light that comes straight is metal to others that see it.
 METAL = 0.15
+# Sights of metal in metal whose highlights are worked out at once.
+_SIGHTS = 1 << 13
 # Blocks along an edge with which no lobe is narrow, and the least alpha of lobes that have maps.
 _WIDE, _LEAST_MAPPED = 8, 0.16
 
@@ -236,19 +239,24 @@ class GlossyPoints:
         may come more than once, and face away by their smooth normals.
         """
         result = np.zeros((len(rows), 3), np.float32)
-        received = received[self.points[rows]]
-        lit = np.flatnonzero(received.any(axis=1))
-        if len(lit):
-            some = rows[lit]
-            materials = self._materials[some]
-            rough = {
-                name: np.maximum(getattr(materials, name), np.sqrt(LEAST))
-                for name in ("roughness", "coat_roughness")
-            }
-            result[lit] = highlights(
-                materials.replaced(**rough), self._frames[some], lamp, received[lit],
-                world[self.points[some]], lifted(outgoing[lit], self._normals[some]), None,
-            )  # fmt: skip
+        rough = {
+            name: np.maximum(getattr(self._materials, name), np.sqrt(LEAST))
+            for name in ("roughness", "coat_roughness")
+        }
+        materials = self._materials.replaced(**rough)
+
+        def one(first):
+            own = slice(first, first + _SIGHTS)
+            here = received.take(self.points.take(rows[own]), axis=0)
+            lit = np.flatnonzero(here.any(axis=1))
+            if len(lit):
+                some = rows[own][lit]
+                result[own][lit] = highlights(
+                    materials[some], self._frames[some], lamp, here[lit],
+                    world[self.points[some]], lifted(outgoing[own][lit], self._normals[some]), None,
+                )  # fmt: skip
+
+        on_all_cores(one, range(0, len(rows), _SIGHTS))
         return result
 
 

@@ -24,6 +24,8 @@ WORLD = np.random.default_rng(3).random((96, 3)).astype(np.float32)
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     monkeypatch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", 64)
+    # Fuzzers set this in their own process: tests of other files have it as it is.
+    monkeypatch.setattr("prt_core.store.journal.CHUNK", sys.modules["prt_core.store.journal"].CHUNK)
 
 
 @pytest.fixture(scope="session")

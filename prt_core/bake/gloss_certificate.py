@@ -16,7 +16,7 @@ from prt_core.bake.bake import Bake
 from prt_core.bake.reflections import read_reflections
 from prt_core.bake.visibility import add_seconds, read_visibility
 from prt_core.errors import expect
-from prt_core.reflectance.mean_gloss import with_mean_gloss
+from prt_core.reflectance.mean_gloss import more_by_gloss
 from prt_core.relight.glossy_points import METAL, GlossyPoints
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.progress import Progress
@@ -112,8 +112,7 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         ViewWeights(scene, transport, parts, lobes, view, glossy[0].narrowest, METAL)
         for view in views
     ]
-    materials, shown, lit = transport.materials, {}, {}
-    more = with_mean_gloss(materials).albedo - materials.albedo
+    more, shown, lit = more_by_gloss(transport.materials), {}, {}
     lights = (lights() if callable(lights) else lights) or probe_lights(cube_map)
     for name, light in lights.items():
         light = np.asarray(light, np.float32)

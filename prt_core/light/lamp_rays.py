@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from prt_core.light.local import half_spread
 from prt_core.sphere import cone_density
 
 
@@ -62,10 +61,7 @@ def _on_area(lamp, positions, directions):
     area = lamp.area
     if lamp.spread < np.pi - 1e-6:
         # Samples fall where the spread lets the place see the lamp.
-        local = (positions - lamp.position) @ lamp.axes
-        reach = np.abs(local[:, 2:]) * np.tan(half_spread(lamp.spread)) / size
-        middle = local[:, :2] / size
-        low, high = np.clip(middle - reach, -0.5, 0.5), np.clip(middle + reach, -0.5, 0.5)
+        low, high = lamp.lit_window(positions)
         uv = (place - low) / np.maximum(high - low, 1e-30)
         hit &= ((uv >= 0) & (uv <= 1)).all(axis=1) & (high > low).all(axis=1)
         area = np.prod(lamp.size) * (high - low).prod(axis=1)

@@ -278,16 +278,30 @@ class Lamp:
             irradiance = irradiance * pattern_on_square(self.texture, place + 0.5)
         return direction, distance, irradiance
 
+    def lit_window(self, positions):
+        """Where the spread of an area lamp lets places see it.
+
+        Parameters
+        ----------
+        positions : (n, 3) float
+
+        Returns
+        -------
+        low, high : (n, 2) float64
+            Corners on the lamp, whose own are at -0.5 and 0.5; equal where it is not seen.
+        """
+        local = (positions - self.position) @ self.axes
+        size = np.maximum(self.size, 1e-30)
+        reach = np.abs(local[:, 2:]) * np.tan(_half_spread(self.spread)) / size
+        middle = local[:, :2] / size
+        return np.clip(middle - reach, -0.5, 0.5), np.clip(middle + reach, -0.5, 0.5)
+
     def _lit_part(self, positions, uv):
         """Samples where the spread lets receivers see the lamp, and the share of it that this is.
 
         Places are within -0.5..0.5; beyond an ellipse the share is 0.
         """
-        size = np.asarray(self.size)
-        local = (positions - self.position) @ self.axes
-        reach = np.abs(local[:, 2:]) * np.tan(half_spread(self.spread)) / size
-        middle = local[:, :2] / size
-        low, high = np.clip(middle - reach, -0.5, 0.5), np.clip(middle + reach, -0.5, 0.5)
+        low, high = self.lit_window(positions)
         place = low + uv * (high - low)
         share = (high - low).prod(axis=1)
         if self.ellipse:
@@ -310,15 +324,14 @@ def lamp_samples(n_samples, shift):
     return (base[None] + shift[:, None]) % 1.0
 
 
-def half_spread(spread):
-    """Half the angle (radians) that an area lamp shines into."""
+def _half_spread(spread):
     return np.clip(spread / 2, _NARROWEST, np.pi / 2)
 
 
 def _through_slats(cosine, spread):
     """(n,) share of an area lamp's light at an angle that a grid of slats lets pass, as Cycles has
     it: the whole keeps its power."""
-    half = half_spread(spread)
+    half = _half_spread(spread)
     # The tangent less the angle, whose leading terms cancel where both are small.
     whole = np.tan(half) - half if half > 0.05 else half**3 / 3
     cosine = np.clip(cosine, 1e-30, 1)

@@ -35,21 +35,37 @@ def with_mean_gloss(materials):
     Materials
         The same object where nothing has gloss.
     """
+    more = more_by_gloss(materials)
+    if not more.any():
+        return materials
+    given = {name: np.asarray(getattr(materials, name)) for name in ("albedo", "stand_in")}
+    return materials.replaced(
+        **{name: (values + more).astype(values.dtype) for name, values in given.items()}
+    )
+
+
+def more_by_gloss(materials):
+    """What materials send in the mean of all views, beyond their albedo.
+
+    Parameters
+    ----------
+    materials : Materials
+        Of n points.
+
+    Returns
+    -------
+    (n, 3) float32
+        Of the light that they receive; below 0 where a colour stands in for more than there is.
+    """
+    more = np.zeros((len(materials), 3), np.float32)
     glossy = np.zeros(len(materials), bool)
     for name in _GLOSS:
         glossy |= np.any(np.asarray(getattr(materials, name)) > 0, axis=1)
     rows = np.flatnonzero(glossy)
-    if not len(rows):
-        return materials
-    more = np.zeros((len(materials), 3))
-    more[rows] = _more(materials[rows])
-    albedo = np.asarray(materials.albedo)
-    stands = np.asarray(materials.stand_in)
-    # What is truly diffuse stays so.
-    more = np.maximum(more, -stands)
-    return materials.replaced(
-        albedo=(albedo + more).astype(albedo.dtype), stand_in=(stands + more).astype(stands.dtype)
-    )
+    if len(rows):
+        # What is truly diffuse stays so.
+        more[rows] = np.maximum(_more(materials[rows]), -np.asarray(materials.stand_in)[rows])
+    return more
 
 
 def _more(materials):

@@ -9,7 +9,7 @@ import hashlib
 import numpy as np
 
 from prt_core.errors import expect
-from prt_core.reflectance.mean_gloss import with_mean_gloss
+from prt_core.reflectance.mean_gloss import more_by_gloss
 from prt_core.relight.coarse_view import CoarseView
 from prt_core.relight.glossy_pixels import GlossyPixels, PixelLight
 from prt_core.relight.glossy_points import METAL, GlossyPoints, SeenMetal
@@ -62,8 +62,7 @@ class Gloss:
         self._world = bake.scene.to_world(self._points.positions)
         glossy = np.concatenate([reflections.points for reflections in bake.reflections])
         self.lobes = PointLobes(self._points.materials[glossy], self._points.normals[glossy])
-        materials = bake.transport.materials
-        self.more = with_mean_gloss(materials).albedo - materials.albedo
+        self.more = more_by_gloss(bake.transport.materials)
         self._parts, first = [], 0
         for reflections in bake.reflections:
             self._parts.append(GlossyPoints(bake, reflections, self.lobes, first))

@@ -8,13 +8,12 @@ stand in the way of each stands for all of them, as often as it has weight.
 import numpy as np
 
 from prt_core.reflectance.fresnel_powers import powers_used
+from prt_core.transport.glimpse import LEAST, lifted
 from prt_core.transport.lobe_values import lobe_values
 from prt_core.transport.visibility import unpack
 
 # What a point sees of metal, at most, and lobes worked on at once.
 _MOST, _AT_ONCE = 8, 32
-# Least alpha, and least cosine of a view, as glimpses have them.
-_LEAST, _GRAZING = np.float32(0.1), np.float32(0.05)
 _GOLDEN = 0.6180339887498949
 
 
@@ -85,12 +84,12 @@ class SeenLobes:
         reflections, transport = self._reflections[index], self._transport
         blocks, rows = reflections.blocks, self._row[point]
         normals = transport.normals[point]
-        towards = _lifted(towards, normals)
+        towards = lifted(towards, normals)
         cosine = np.einsum("kx,kx->k", towards, normals)
         directions = np.ascontiguousarray(blocks.directions.T, np.float32)
         lobe = np.zeros((len(row), 3, len(blocks)), np.float32)
         for alpha, powers in self._lobes.at(self._first[index] + rows, cosine)[0]:
-            width = np.maximum(np.sqrt(alpha.prod(axis=1)), _LEAST)
+            width = np.maximum(np.sqrt(alpha.prod(axis=1)), LEAST)
             n_powers = powers_used(powers)
             values = np.stack(
                 lobe_values(directions, normals, towards, width, None, n_powers), axis=1
@@ -168,10 +167,3 @@ def _some(row, point, towards, weight):
         factor.append(ends[-1] / (_MOST * value[pick]))
     chosen, factor = np.concatenate(chosen), np.concatenate(factor).astype(np.float32)
     return row[chosen], point[chosen], towards[chosen], weight[chosen] * factor[:, None]
-
-
-def _lifted(directions, normals):
-    """Directions (k, 3) lifted to `_GRAZING` above the surface where they are below that."""
-    cosine = np.einsum("kx,kx->k", directions, normals)[:, None]
-    lifted = directions + np.maximum(_GRAZING - cosine, 0) * normals
-    return (lifted / np.linalg.norm(lifted, axis=1, keepdims=True)).astype(np.float32)

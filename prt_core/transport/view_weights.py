@@ -13,7 +13,7 @@ import numpy as np
 
 from prt_core.errors import expect_array, expect_kind
 from prt_core.reflectance.fresnel_powers import powers_used
-from prt_core.reflectance.mean_gloss import with_mean_gloss
+from prt_core.reflectance.mean_gloss import more_by_gloss
 from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport.lobe_values import lobe_values
 from prt_core.transport.mirror import mirrored_share
@@ -87,11 +87,10 @@ class ViewWeights:
         self._seen = SeenLobes(transport, reflections, lobes, strong)
         sends = transport.sends
         self._through = sends if isinstance(sends, Sent) else None
-        materials = transport.materials
         shown = sends.albedo if isinstance(sends, Sent) else sends
-        self._even = shown - materials.stand_in
+        self._even = shown - transport.materials.stand_in
         # To others, with what gloss sends in the mean.
-        self._front = shown + (with_mean_gloss(materials).albedo - materials.albedo)
+        self._front = shown + more_by_gloss(transport.materials)
 
     def of(self, points):
         """The `Weights` of some points, (n,) int."""

@@ -30,7 +30,7 @@ from prt_core.export.web.sources import (
 )
 from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
-from prt_core.reflectance.mean_gloss import with_mean_gloss
+from prt_core.reflectance.mean_gloss import more_by_gloss
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.scene import ended_at
@@ -219,10 +219,8 @@ def _pack(pack, facts, bake, surface, sources, coded, images):
     facts.update(pack_form(pack, coded, points))
     facts["n_points"], facts["n_triangles"] = len(points), len(surface.triangles)
     facts["n_single"], facts["n_between"] = surface.n_single, len(surface.between)
-    materials = transport.materials
     # Others see gloss in the mean of all views; where it is shown, pages take that off again.
-    shows_gloss = facts["bits"] and bake.reflections
-    more = with_mean_gloss(materials).albedo - materials.albedo if shows_gloss else 0
+    more = more_by_gloss(transport.materials) if facts["bits"] and bake.reflections else 0
     _pack_sent(pack, facts, transport, points, more)
     facts["sources"] = [
         {

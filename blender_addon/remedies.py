@@ -5,6 +5,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from prt_core import PRTError, run
 from prt_core.blender.identity import find_object
+from prt_core.runtime.stillness import others_still
 
 from . import live, plan, work
 from .buttons import Button
@@ -74,7 +75,8 @@ def _subdivide(context, item, levels, apply):
     item.modifiers.move(len(item.modifiers) - 1, 0)
     if apply:
         try:
-            with context.temp_override(object=item, active_object=item, selected_objects=[item]):
+            here = {"object": item, "active_object": item, "selected_objects": [item]}
+            with others_still(), context.temp_override(**here):
                 bpy.ops.object.modifier_apply(modifier=modifier.name)
         except RuntimeError as error:
             item.modifiers.remove(modifier)

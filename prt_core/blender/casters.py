@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from prt_core.blender.compat import depsgraph_of
 from prt_core.rays.caster import (
     MISS,
     Hits,
@@ -94,11 +95,10 @@ class BlenderCaster:
             mesh.update_tag()
             rays.update_tag()
         triangle = np.empty(n_rays, np.int32)
-        with bpy.context.temp_override(scene=self._scene, view_layer=self._scene.view_layers[0]):
-            depsgraph = bpy.context.evaluated_depsgraph_get()
-            for rays, part in zip(objects, parts, strict=False):
-                attribute = rays.evaluated_get(depsgraph).data.attributes[_HIT]
-                attribute.data.foreach_get("value", triangle[part])
+        depsgraph = depsgraph_of(self._scene.view_layers[0])
+        for rays, part in zip(objects, parts, strict=False):
+            attribute = rays.evaluated_get(depsgraph).data.attributes[_HIT]
+            attribute.data.foreach_get("value", triangle[part])
         triangle -= 1
         return triangle
 

@@ -22,6 +22,17 @@ def view_layer_of(scene):
     return scene.view_layers[0]
 
 
+def depsgraph_of(layer):
+    """The dependency graph of a view layer, up to date.
+
+    `bpy.context.evaluated_depsgraph_get` in a context of its own (`temp_override`) lets go of
+    Python's lock and then looks into Python's dictionary of that context: with Python 3.11 Blender
+    takes the lock of any other thread for its own, and crashes when that thread lets go.
+    """
+    layer.update()
+    return layer.depsgraph
+
+
 def fcurve_of(block, path):
     """The animation curve of a data-block's property; None where it has none."""
     data = block.animation_data

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from prt_core.blender.casters import mark_temporary, remove_blocks
+from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.openexr import read_channels, write_channels
 from prt_core.blender.passes.traces import no_output
 from prt_core.errors import PRTError, expect
@@ -92,7 +93,7 @@ def _settled():
         for name, value in _SETTINGS.items():
             if hasattr(scene.cycles, name):
                 setattr(scene.cycles, name, value)
-        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+        with context_of(scene):
             yield
     finally:
         remove_blocks([scene])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import has_nodes, view_layer_of
+from prt_core.blender.compat import depsgraph_of, has_nodes, view_layer_of
 from prt_core.blender.lamp_nodes import LampNodes
 from prt_core.blender.light_linking import Linking, say_linked_surfaces
 from prt_core.blender.stand_ins import renders
@@ -35,10 +35,8 @@ def read_lamps(scene=None, messages=None, depsgraph=None):
     messages = [] if messages is None else messages
     scene = scene or bpy.context.scene
     if depsgraph is None:
-        with bpy.context.temp_override(scene=scene, view_layer=view_layer_of(scene)):
-            seen = see_lamps(scene, bpy.context.evaluated_depsgraph_get(), messages)
-    else:
-        seen = see_lamps(scene, depsgraph, messages)
+        depsgraph = depsgraph_of(view_layer_of(scene))
+    seen = see_lamps(scene, depsgraph, messages)
     return [lamp_seen(each, scene, messages) for each in seen]
 
 

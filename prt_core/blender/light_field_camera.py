@@ -25,6 +25,7 @@ from prt_core.blender.denoising import denoised
 from prt_core.blender.identity import objects_by_place, scene_of
 from prt_core.blender.light_field_shader import MOST_POINTS, shader_source
 from prt_core.blender.light_groups import group_names, grouped_lights
+from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.traces import same_images, switched
 from prt_core.blender.quiet_render import LAYER, SEEN, copied_scene, render_channels, settle
 from prt_core.blender.stand_ins import originals_render, rendered_objects, stands_in
@@ -149,7 +150,7 @@ class LightFieldCamera:
             copy, idle = self._open(stack, scene, samples, seed)
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="prt-field-"))
             # A change of the camera's shader asks the engine of the scene it is made in for more.
-            with bpy.context.temp_override(scene=idle, view_layer=idle.view_layers[0]):
+            with context_of(idle):
                 self._add_camera(stack, copy, _compiled(Path(folder), source))
             _show_band(copy.render, tiles, band)
             return render_channels(copy, idle, _WHAT)

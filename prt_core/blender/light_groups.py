@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import bpy
 
 from prt_core.blender.identity import UniqueNames, by_uid
+from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.traces import switched
 from prt_core.blender.stand_ins import rendered_objects
 from prt_core.errors import expect
@@ -117,7 +118,7 @@ def grouped_lights(scene, lights):
     """
     layer, groups = scene.view_layers[0], group_names(lights)
     with ExitStack() as stack:
-        with bpy.context.temp_override(scene=scene, view_layer=layer):
+        with context_of(scene):
             while len(layer.lightgroups):
                 layer.active_lightgroup_index = 0
                 bpy.ops.scene.view_layer_remove_lightgroup()

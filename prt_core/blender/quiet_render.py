@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 
 from prt_core.blender.casters import mark_temporary, remove_blocks
+from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.openexr import read_channels
 from prt_core.blender.passes.traces import no_handlers, no_output
 from prt_core.blender.render_scene import is_rendering, reading, rendered_layer
@@ -145,13 +146,7 @@ def render_channels(copy, idle, what):
         path = Path(folder) / "passes.exr"
         copy.render.filepath = str(path)
         try:
-            here = {"scene": idle, "view_layer": idle.view_layers[0]}
-            with (
-                no_handlers(),
-                no_output(),
-                reading(copy, idle),
-                bpy.context.temp_override(**here),
-            ):
+            with no_handlers(), no_output(), reading(copy, idle), context_of(idle):
                 bpy.ops.render.render(write_still=True, scene=copy.name)
         except RuntimeError as error:
             reason = " ".join(str(error).split())

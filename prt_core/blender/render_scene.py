@@ -13,6 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from prt_core.blender.casters import is_temporary, mark_temporary, remove_blocks
+from prt_core.blender.operator_context import context_of
 from prt_core.blender.stand_ins import originals_render
 from prt_core.errors import PRTError
 
@@ -94,7 +95,7 @@ def as_rendered(scene, read):
             start.frame_set(scene.frame_current)
         _READING.update((target.session_uid, start.session_uid))
         try:
-            with bpy.context.temp_override(scene=start, view_layer=start.view_layers[0]):
+            with context_of(start):
                 bpy.ops.render.render(scene=target.name)
         except RuntimeError as error:
             reason = " ".join(str(error).split())

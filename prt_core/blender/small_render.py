@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 
 from prt_core.blender.casters import mark_temporary
+from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.traces import no_handlers, no_output
 from prt_core.blender.render_scene import is_rendering
 from prt_core.errors import PRTError, expect
@@ -63,8 +64,7 @@ class SmallRender:
             path = Path(folder) / "render.exr"
             render.filepath = str(path)
             # The operator evaluates the scene that it is called from as well.
-            here = {"scene": self.scene, "view_layer": self.scene.view_layers[0]}
-            with no_handlers(), no_output(), bpy.context.temp_override(**here):
+            with no_handlers(), no_output(), context_of(self.scene):
                 bpy.ops.render.render(scene=self.scene.name, write_still=True)
             expect(path.is_file(), "Cycles: its render was stopped")
             pixels = read_image(path)

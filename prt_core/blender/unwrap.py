@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from prt_core.blender.casters import mark_temporary, remove_blocks
+from prt_core.blender.operator_context import context_of
 from prt_core.errors import PRTError, expect
 
 # Faces of one chart lie within this angle of its mean, in radians: Blender's own default.
@@ -54,9 +55,8 @@ def lightmap_uvs(meshes, settings):
         item.select_set(True, view_layer=layer)
         select = item.data.polygons.foreach_set
         try:
-            with bpy.context.temp_override(
-                scene=scene,
-                view_layer=layer,
+            with context_of(
+                scene,
                 active_object=item,
                 object=item,
                 edit_object=item,

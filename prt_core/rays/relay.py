@@ -8,6 +8,7 @@ import numpy as np
 from prt_core.rays.caster import Hits
 from prt_core.runtime.main_thread import MainThreadCalls
 from prt_core.runtime.progress import Pace
+from prt_core.runtime.stillness import waiting
 from prt_core.runtime.threads import on_all_cores, started, works_alone
 
 _FEWEST = 1 << 15
@@ -95,5 +96,6 @@ def cast_on_all_cores(caster, function, items):
             calls.serve(_POLL)
     finally:
         calls.stop()
-        wait(pieces)
+        with waiting():
+            wait(pieces)
     return [piece.result() for piece in pieces]

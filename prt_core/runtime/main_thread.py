@@ -8,6 +8,7 @@ import threading
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 from prt_core.runtime.progress import Progress, run
+from prt_core.runtime.stillness import rest, waiting, working
 
 # How long work in a thread lets its caller wait at most.
 _POLL = 0.02
@@ -32,10 +33,19 @@ def each_in_thread(stage, *calls):
         Of a function and its arguments.
     """
     with ThreadPoolExecutor(len(calls)) as pool:
-        futures = [pool.submit(*call) for call in calls]
-        while wait(futures, _POLL).not_done:
-            yield Progress(stage, 0, 0)
+        futures = [pool.submit(working, *call) for call in calls]
+        try:
+            while _unfinished(futures):
+                yield Progress(stage, 0, 0)
+        finally:
+            with waiting():
+                wait(futures)
         return [future.result() for future in futures]
+
+
+def _unfinished(futures):
+    with waiting():
+        return wait(futures, _POLL).not_done
 
 
 def maybe_in_thread(allowed, stage, function, *arguments):
@@ -63,7 +73,8 @@ class MainThreadCalls:
             if self._stopped:
                 raise _Stopped
             self._asked.put((call, function, arguments))
-        return call.result()
+        with waiting():
+            return call.result()
 
     def wake(self):
         """End the wait of `serve`."""
@@ -72,7 +83,8 @@ class MainThreadCalls:
     def serve(self, timeout):
         """Wait for a call, `timeout` seconds at most, and do it."""
         try:
-            call, function, arguments = self._asked.get(timeout=timeout)
+            with waiting():
+                call, function, arguments = self._asked.get(timeout=timeout)
         except queue.Empty:
             return
         try:
@@ -105,11 +117,12 @@ def steps_in_thread(steps, calls, stage):
 
     def note(progress):
         latest[0] = progress
+        rest()
         if stopped.is_set():
             raise _Stopped
 
     with ThreadPoolExecutor(1) as pool:
-        future = pool.submit(run, steps, note)
+        future = pool.submit(working, run, steps, note)
         # So that the end of the work wakes the caller as a call does.
         future.add_done_callback(lambda _: calls.wake())
         try:
@@ -119,4 +132,6 @@ def steps_in_thread(steps, calls, stage):
         finally:
             stopped.set()
             calls.stop()
+            with waiting():
+                wait([future])
         return future.result()

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 from prt_core.runtime.cores import n_cores
+from prt_core.runtime.stillness import waiting, working
 
 _here = threading.local()
 
@@ -26,7 +27,8 @@ def on_all_cores(function, items):
         return [function(item) for item in items]
     pieces = started(function, items)
     # Also where one fails: what they work on may be closed as soon as this returns.
-    wait(pieces)
+    with waiting():
+        wait(pieces)
     return [piece.result() for piece in pieces]
 
 
@@ -37,7 +39,7 @@ def works_alone(items):
 
 def started(function, items):
     """A `concurrent.futures.Future` for `function(item)` of each, begun on all cores."""
-    return [_pool().submit(_inside, function, item) for item in items]
+    return [_pool().submit(working, _inside, function, item) for item in items]
 
 
 @cache

@@ -294,13 +294,7 @@ def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, method, kills)
         time.sleep(1.0 + 2.5 * rng.random())
         process.send_signal(signal.SIGKILL)
         process.wait()
-    # Blender as a module crashes now and then in a bake that goes on with its own rays, somewhere
-    # else each time: one more kill, which the next run goes on from.
-    for _ in range(4):
-        done = subprocess.run([*arguments, str(broken)], cwd=ROOT, capture_output=True)
-        if done.returncode != -signal.SIGSEGV:
-            break
-    assert done.returncode == 0, done.stderr
+    subprocess.run([*arguments, str(broken)], check=True, cwd=ROOT, capture_output=True)
     from prt_core.store import BakeStore
 
     one, two = BakeStore(tmp_path / "whole.prt"), BakeStore(broken)

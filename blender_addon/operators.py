@@ -37,6 +37,10 @@ from .buttons import Asks, BakeButton, Button
 from .request import request
 from .work import LongWork, status
 
+# Seconds of a step of the first look. Blender draws the 3D view after each whose rays it casts
+# itself, which takes longer than a step of other work.
+_FIRST_PACE = 0.1
+
 
 class Baking(LongWork, Button):
     """What the buttons that bake have in common."""
@@ -73,7 +77,7 @@ class Baking(LongWork, Button):
         # What is refined first shows itself on its own finer meshes.
         if pictures is not None and built is not None and refined is None:
             # The panel knows the scene, which is read once more after this.
-            yield from first_look_steps(built, settings, pictures, pace, digests)
+            yield from first_look_steps(built, settings, pictures, _FIRST_PACE, digests)
             while showing.awaits_first():
                 time.sleep(0.01)
                 yield Progress("first look", 0, 0)

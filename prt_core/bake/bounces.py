@@ -145,7 +145,7 @@ def bounce_steps(
         more = (error.of_points > settings.tolerance) & (rounds_of >= rounds) & (rounds < most)
         yield Progress("bounces", n_points, n_points)
         add_seconds(seconds, "error", time.perf_counter() - start)
-        if pictures is not None and more.any() and pictures.is_due:
+        if pictures is not None and more.any() and pictures.is_due():
             gather = read_gather(work.hits, range(rounds), blocked, *room)
             pictures.bounced(gather, error.whole)
     store.keep(ROUNDS_OF, rounds_of)

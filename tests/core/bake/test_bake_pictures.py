@@ -19,6 +19,8 @@ from prt_core import (
 from prt_core.bake.first_look import first_look_steps
 from prt_core.bake.pictures import Pictures, handed_out
 from prt_core.evaluate.metrics import colour_error
+from prt_core.sphere import CubeMap
+from prt_core.transport import visibility_bits
 from tests.core.store.conftest import expect_same
 from tests.meshes import ball_on_paint, leaf, plane, sphere
 
@@ -153,6 +155,26 @@ def test_pictures_take_no_more_than_their_share(scene, tmp_path):
     taken = baked(scene, tmp_path / "b.prt", pictures=pictures)
     # The first costs nothing; the next takes more than there is, and none comes after it.
     assert len(taken) == 2 and taken[0].known_percent < taken[1].known_percent < 100
+
+
+def test_a_picture_waits_that_would_take_too_much(scene, monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr(pictures_module.time, "perf_counter", lambda: clock[0])
+    pictures = Pictures(share=0.1)
+    cube_map, n = CubeMap(8), len(scene.points)
+    caster = scene.make_caster("auto", "diffuse", 8)
+    pictures.begin(scene, cube_map, SETTINGS, caster, ((), None, None, None, None, None))
+    assert not pictures.is_due() and pictures.take() is not None and pictures.is_due()
+    few = np.arange(150)
+    pictures.level(few, visibility_bits(scene, cube_map, caster, few))
+    pictures.take()
+    pictures.spent(1.0)
+    # All points are some n / 150 as many, which take the root of that as long.
+    needed = 10 * (1 + (n / 150) ** 0.5)
+    clock[0] = 0.99 * needed
+    assert not pictures.is_due() and pictures.is_due(150)
+    clock[0] = 1.01 * needed
+    assert pictures.is_due()
 
 
 def test_a_scene_that_is_known_is_looked_at_before_it_is_read_again(shown, scene, tmp_path):

@@ -28,12 +28,13 @@ def story(hand, report):
     scene = bpy.context.scene
     scene.prt.light, scene.prt.studio = "STUDIO", "city.exr"
     yield 1.0
-    mark = marks()
+    mark, draws = marks(), drawn()
     report["embree"], report["blender"] = {"with": [], "without": []}, {"with": []}
-    yield from bake(hand, report["blender"]["with"], mark, "blender", "with", whole=False)
+    yield from bake(hand, report["blender"]["with"], (mark, draws), "blender", "with", whole=False)
     for kind in ("with", "without"):
-        yield from bake(hand, report["embree"][kind], mark, "embree", kind)
-    yield from turned(hand, report["embree"], "embree")
+        yield from bake(hand, report["embree"][kind], (mark, draws), "embree", kind)
+    draws.clear()
+    yield from turned(hand, report["embree"], "embree", draws)
     report["points"] = part("preview").held(scene).bake.transport.n_points
 
 
@@ -72,8 +73,25 @@ def marks():
     return noted
 
 
-def bake(hand, rows, mark, caster, kind, whole=True):
+def drawn():
+    """A list to which each drawing of a 3D view adds its (wall, CPU) seconds."""
+    spent, begun = [], []
+
+    def begin():
+        begun[:] = time.perf_counter(), time.process_time()
+
+    def end():
+        wall, cpu = begun
+        spent.append((time.perf_counter() - wall, time.process_time() - cpu))
+
+    for function, when in ((begin, "PRE_VIEW"), (end, "POST_PIXEL")):
+        bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when)
+    return spent
+
+
+def bake(hand, rows, noted, caster, kind, whole=True):
     """A bake, or its beginning: what was seen when, what it cost, and what differs at the end."""
+    mark, draws = noted
     scene, showing = bpy.context.scene, part("showing")
     scene.prt.caster, scene.prt.name = caster, f"{caster}_{kind}"
     yield 0.5
@@ -82,6 +100,7 @@ def bake(hand, rows, mark, caster, kind, whole=True):
     if kind == "without":
         showing.begin = lambda scene: None
     mark.clear()
+    draws.clear()
     start, cpu = time.perf_counter(), time.process_time()
     bpy.ops.prt.bake("INVOKE_DEFAULT", restart=True)
     seen, taken = [], 0
@@ -93,6 +112,7 @@ def bake(hand, rows, mark, caster, kind, whole=True):
         yield 0.01
     showing.begin = begin
     row = {"wall": time.perf_counter() - start, "cpu": time.process_time() - cpu}
+    row["draws"] = list(draws)
     row["marks"] = [(what, wall - start, used - cpu) for what, wall, used in mark]
     yield Until("the preview has settled", settled, 300)
     final = on_meshes() if whole else None
@@ -106,7 +126,7 @@ def bake(hand, rows, mark, caster, kind, whole=True):
     print(json.dumps(row))
 
 
-def turned(hand, report, caster):
+def turned(hand, report, caster, draws):
     """The light is turned all the time while a bake runs: how often colours follow."""
     scene, showing = bpy.context.scene, part("showing")
     scene.prt.name = f"{caster}_turned"
@@ -116,6 +136,7 @@ def turned(hand, report, caster):
     yield Until("colours are there", lambda: bool(showing.delays), 120)
     taken, begun, cpu = len(showing.delays), time.perf_counter(), time.process_time()
     changes = 0
+    draws.clear()
     while status().running and changes < CHANGES:
         count = len(showing.delays)
         scene.prt.rotation += 0.1
@@ -124,7 +145,7 @@ def turned(hand, report, caster):
         changes += 1
     report["turned"] = {
         "changes": changes, "wall": time.perf_counter() - begun,
-        "cpu": time.process_time() - cpu, "delays": showing.delays[taken:],
+        "cpu": time.process_time() - cpu, "delays": showing.delays[taken:], "draws": list(draws),
     }  # fmt: skip
     hand.picture(f"{caster} turned")
     yield Until("it is done", lambda: not status().running, 900)

@@ -69,11 +69,13 @@ class RealBlender:
         """Play a story in a window of a size; its report, with what Blender printed (`said_all`)
         and its exit `code`."""
         self.bring_scripts()
+        report = self.folder / "report.json"
+        # Where Blender crashes there is none, nor that of another story.
+        report.unlink(missing_ok=True)
         done = self.run(
             "--factory-startup", "--enable-event-simulate", "--window-geometry", 0, 0, *size,
             "-P", "play.py", "--", story, user="user",
         )  # fmt: skip
-        report = self.folder / "report.json"
         said = done.stdout + done.stderr
         assert report.is_file(), said
         return json.loads(report.read_text()) | {"said_all": said, "code": done.returncode}

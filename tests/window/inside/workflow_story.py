@@ -231,9 +231,9 @@ def gltf(hand, report):
     yield 1.5
     hand.picture("gltf 2 dialog")
     window = dialog()
+    # Both at once: the key closes the dialog, and with it the window that it may have of its own.
     for value in ("PRESS", "RELEASE"):
         window.event_simulate("RET", value, x=window.width // 2, y=window.height // 2)
-        yield 0.2
     yield Until("it is written", lambda: list(FOLDER.glob("*.glb")) and not status().running, 60)
     (path,) = FOLDER.glob("*.glb")
     report["said"]["glb"] = status().message

@@ -4,7 +4,8 @@ Points become known in levels, each denser than the one before. What all neighbo
 say of a direction is taken over; where they disagree, or none can say, a ray decides. That alone
 misses what no neighbour has seen and silhouettes that move out of the neighbours' range. So some
 rays are cast where the neighbours agree: a few at random over the hemisphere, and a share of those
-next to a boundary between light and dark that has just been found. Where one of them contradicts
+next to a boundary between light and dark that has just been found; and in an enclosed place, where
+those at random hardly ever meet light, one in what the neighbours call light. Where one of them contradicts
 the neighbours, the texels around it are traced, and around those that contradict as well, until
 what was missed is surrounded; and all boundaries of that point are checked.
 """
@@ -49,7 +50,8 @@ class AgreementSettings:
     candidates : int
         Nearest known points of which the neighbours are chosen.
     checks : int
-        Rays of each point at random, where its neighbours agree.
+        Rays of each point at random, where its neighbours agree; of enclosed points one more, in
+        what these call light.
     edge_halvings : int
         One in 2^edge_halvings of the texels beside a boundary is checked, at the last level; the
         fewer points are known, the more depends on them, and the more are checked.

@@ -18,6 +18,8 @@ _BLOCK = 16384
 # Steps of following what the neighbours had missed: nearly all ends within the first, by one
 # texel each; the few large parts that are left are followed by more texels at once.
 _MOST_STEPS, _NEAR_STEPS, _FAR = 12, 5, 3
+# What random numbers of checks of what is called light depend on, beside those of the block.
+_LIGHT = 1
 # So many checks of a group have to be wrong before it is given up.
 _FEWEST_WRONG = 12
 
@@ -157,14 +159,19 @@ class AgreementState:
         self._spent("neighbours", start)
         for index, first in enumerate(range(0, len(points), _BLOCK)):
             part = slice(first, first + _BLOCK)
-            rng = generator(self._seed, Stage.AGREEMENT, *key, index)
-            yield from self._ask_block(points[part], around[part], settings, halvings, rng, reach)
+            block = points[part], around[part]
+            yield from self._ask_block(*block, settings, halvings, (*key, index), reach)
             self._tracer.done = len(known) + first
             yield self._tracer.progress()
 
-    def _ask_block(self, points, around, settings, halvings, rng, reach):
+    def _ask_block(self, points, around, settings, halvings, key, reach):
+        n_points, rng = len(points), generator(self._seed, Stage.AGREEMENT, *key)
         checks = self._timed(self._random_entries, points, settings.checks, rng)
-        asked, n_points = Asked(points, checks, self._cube_map.resolution, reach), len(points)
+        draws = None
+        if settings.checks:
+            # Random numbers of their own: nothing else depends on who is enclosed.
+            draws = generator(self._seed, Stage.AGREEMENT, *key, _LIGHT).random(n_points)
+        asked = Asked(points, checks, self._cube_map.resolution, reach, draws)
         everyone = np.arange(n_points)
         self._timed(on_rows, asked.vote, n_points, around, self.above, self.traced, self.bits)
         # Few bytes of the rows hold checks.

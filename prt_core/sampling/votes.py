@@ -8,9 +8,13 @@ import numpy as np
 
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sampling.dilate import chequer, dilate
+from prt_core.sampling.tracer import count_bits
 
 # Rows a thread takes at once.
 _ROWS = 256
+# Points that see light at most at this share of what is above their horizon are enclosed: checks
+# at random would hardly ever meet what their neighbours say is light.
+_ENCLOSED = 1 / 8
 
 
 def on_rows(function, n_rows, *arguments):
@@ -31,6 +35,9 @@ class Asked:
         Of the cube map.
     reach : int
         See `AgreementSettings.look_reach`.
+    draws : (n,) float, optional
+        At random in [0, 1): which of the entries that all neighbours of an enclosed point call
+        light is checked as well.
 
     Attributes
     ----------
@@ -44,8 +51,8 @@ class Asked:
         What to trace first: the contested entries on a chequerboard, and checks.
     """
 
-    def __init__(self, points, checks, resolution, reach=0):
-        self.points, self.checks = points, checks
+    def __init__(self, points, checks, resolution, reach=0, draws=None):
+        self.points, self.checks, self.draws = points, checks, draws
         self.resolution, self.reach = resolution, reach
         for name in ("above", "traced", "bits", "agreed", "said", "contested", "wanted"):
             setattr(self, name, np.empty_like(checks))
@@ -71,6 +78,9 @@ class Asked:
             for _ in range(self.reach):
                 near = dilate(near, self.resolution)
             self.checks[part] |= near & ~said
+        if self.draws is not None:
+            light = said & agreed
+            self.checks[part] |= _one_of_few(light, count_bits(horizon, axis=1), self.draws[part])
         self.checks[part] &= agreed & ~done
         every_other = open_entries & chequer(self.resolution)
         self.above[part], self.traced[part], self.agreed[part] = horizon, done, agreed
@@ -129,6 +139,27 @@ class Asked:
                 around = dilate(around, self.resolution)
             follow[wrong] |= around
         mask[part] = follow & agreed & ~traced
+
+
+def _one_of_few(light, most, draws):
+    """One entry at random of each row of `light` (n, n_bytes) that has few of `most` (n,)."""
+    chosen = np.zeros_like(light)
+    rows = np.flatnonzero(light.any(axis=1))
+    counts = count_bits(light[rows], axis=1)
+    enclosed = counts <= _ENCLOSED * most[rows]
+    rows, counts = rows[enclosed], counts[enclosed]
+    if not len(rows):
+        return chosen
+    few, wanted = light[rows], (draws[rows] * counts).astype(np.int64)
+    up_to = count_bits(few[..., None], axis=-1).cumsum(axis=1)
+    place = (up_to <= wanted[:, None]).sum(axis=1)
+    own = np.arange(len(rows)), place
+    left = up_to[own] - wanted
+    # The bits of the byte that are left, the last of them first.
+    bits = np.unpackbits(few[own][:, None], axis=1).cumsum(axis=1)
+    bit = 7 - (bits < left[:, None]).sum(axis=1)
+    chosen[rows, place] = np.uint8(1) << bit.astype(np.uint8)
+    return chosen
 
 
 def coin(rng, shape, halvings):

@@ -86,6 +86,26 @@ def test_a_vote_takes_what_all_agree_on_and_asks_for_the_rest(seed, reach):
     assert result["contested"].any() and result["checks"].any() and result["agreed"].any()
 
 
+def test_one_entry_that_an_enclosed_point_is_said_to_see_is_checked():
+    n, rng = 3000, np.random.default_rng(3)
+    # Neighbours that see few entries, many, none; and few, which are known of the asked already.
+    bits = np.zeros((8, N_DIRECTIONS), bool)
+    few = rng.permutation(N_DIRECTIONS)[:7]
+    bits[0, few] = bits[1, ::3] = bits[3, few] = True
+    traced = bits.copy()
+    traced[7, few[1:]] = True
+    points, around = np.repeat([4, 5, 6, 7], n), np.repeat([0, 1, 2, 3], n)[:, None]
+    checks = np.zeros((4 * n, N_DIRECTIONS // 8), np.uint8)
+    asked = Asked(points, checks, RESOLUTION, 0, rng.random(4 * n))
+    asked.vote(slice(0, 4 * n), around, packed(np.ones_like(bits)), packed(traced), packed(bits))
+    enclosed, *others, known = np.split(spread(asked.checks), 4)
+    assert (enclosed.sum(axis=1) == 1).all() and not np.any(others)
+    counts = enclosed.sum(axis=0)
+    assert counts[few].sum() == n and (abs(counts[few] - n / 7) < 5 * (n / 7) ** 0.5).all()
+    # No ray is cast again.
+    assert set(np.flatnonzero(known.any(axis=0))) == {few[0]}
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_contested_entries_are_settled_where_all_around_say_the_same(seed):
     case = Case(seed)

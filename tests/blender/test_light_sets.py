@@ -103,6 +103,10 @@ def test_each_light_is_kept_and_exported(lit, tmp_path):
     path = str(tmp_path / "out_##.npz")
     bpy.ops.prt.export(filepath=path, use_scene_range=False, first=3, last=3, each_light=True)
     assert (np.load(tmp_path / "out_Night_03.npz")["ball"] == night).all()
+    lit.prt.sets[1].name = "DAY"
+    with pytest.raises(RuntimeError, match="of two lights, 'Day' and 'DAY'; rename one"):
+        bpy.ops.prt.export(filepath=path, each_light=True)
+    lit.prt.sets[1].name = "Night"
     # The command line reads what the panel writes.
     lights, there = tmp_path / "lights.json", str(tmp_path / "cli.npz")
     assert bpy.ops.prt.export_lights(filepath=str(lights)) == {"FINISHED"}

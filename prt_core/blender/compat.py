@@ -35,17 +35,18 @@ def depsgraph_of(layer):
 
 def fcurve_of(block, path):
     """The animation curve of a data-block's property; None where it has none."""
-    found = (curves.find(path) for curves in _curves_of(block))
+    found = (curves.find(path) for curves in curves_of(block))
     return next((curve for curve in found if curve is not None), None)
 
 
 def animations_of(block):
     """Collections of a data-block's animation curves and drivers, which have `remove`."""
     drivers = [] if block.animation_data is None else [block.animation_data.drivers]
-    return _curves_of(block) + drivers
+    return curves_of(block) + drivers
 
 
-def _curves_of(block):
+def curves_of(block):
+    """Collections of a data-block's animation curves, without its drivers."""
     data = block.animation_data
     if data is None or data.action is None:
         return []

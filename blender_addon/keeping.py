@@ -132,7 +132,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def steps(self, context, pace):
-        from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
+        from prt_core.evaluate.sequence import PictureWriter, frame_path, light_paths, write_npz
 
         scene = context.scene
         frames = range(self.first, self.last + 1)
@@ -144,6 +144,8 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
             "file: save the scene first, or give a full path",
         )
         pattern = bpy.path.abspath(self.filepath)
+        sets = scene.prt.sets if self.each_light else ()
+        paths = light_paths(pattern, [each.name for each in sets] or [""])
         self.begin(context)
         before, moved = scene.frame_current, []
         held = yield from preview.load_steps(preview.path_of(scene), scene.prt.caster)
@@ -158,7 +160,7 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                 asked = request(scene, rendered=self.pictures)
                 for name, light in asked.each() if self.each_light else [("", asked)]:
                     radiance = yield from light.steps(held, pace)
-                    path = frame_path(light_path(pattern, name) if name else pattern, frame)
+                    path = frame_path(paths[name], frame)
                     write_npz(path, held.bake.colours(radiance))
                     if self.pictures:
                         camera, sky = read_camera(self.scene), light.sky(held)
@@ -193,6 +195,7 @@ class PRT_OT_turntable(Button, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         start = scene.prt.rotation
+        _forget_between(scene, scene.frame_start, scene.frame_end + 1)
         # The frame after the last is the first again: a loop without a stop.
         ends = ((scene.frame_start, start), (scene.frame_end + 1, start + 2 * np.pi))
         for frame, angle in ends:
@@ -203,6 +206,16 @@ class PRT_OT_turntable(Button, bpy.types.Operator):
         scene.prt.rotation = start
         work.say(f"One turn from frame {scene.frame_start} to {scene.frame_end}")
         return {"FINISHED"}
+
+
+def _forget_between(scene, first, last):
+    """Take away keyframes of the rotation between two frames, at which the turn would stop."""
+    curve = fcurve_of(scene, "prt.rotation")
+    if curve is None:
+        return
+    for key in reversed(curve.keyframe_points):
+        if first < key.co.x < last:
+            curve.keyframe_points.remove(key)
 
 
 register, unregister = bpy.utils.register_classes_factory(

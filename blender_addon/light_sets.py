@@ -1,10 +1,12 @@
 """Buttons of the lights that are kept by name: day, night, dusk, each with a weight."""
 
+import re
+
 import bpy
 import numpy as np
 from bpy.props import IntProperty, StringProperty
 
-from prt_core.blender.compat import PATH_OPTIONS
+from prt_core.blender.compat import PATH_OPTIONS, animations_of
 from prt_core.errors import expect
 from prt_core.relight.light_file import write_lights
 
@@ -15,6 +17,7 @@ from .request import image_of
 
 # What the panel's own light and a set have in common.
 _VALUES = [name for name in Light.__annotations__ if name != "emitters"]
+_SET = re.compile(r"prt\.sets\[(\d+)\]")
 _HOW = ("name", "strength", "recolour", "colour")
 
 
@@ -70,11 +73,28 @@ class PRT_OT_light_set_remove(_SetButton, bpy.types.Operator):
 
     def execute(self, context):
         settings = context.scene.prt
-        settings.sets.remove(min(settings.active_set, len(settings.sets) - 1))
+        index = min(settings.active_set, len(settings.sets) - 1)
+        settings.sets.remove(index)
+        _forget_keys(context.scene, index)
         settings.active_set = max(0, settings.active_set - 1)
         live.touch(context.scene)
         live.start()
         return {"FINISHED"}
+
+
+def _forget_keys(scene, index):
+    """Take away the animation of a set that is gone; those behind it keep theirs.
+
+    Animation knows a set by its place, which is another one now.
+    """
+    for curves in animations_of(scene):
+        for curve in list(curves):
+            match = _SET.match(curve.data_path)
+            place = int(match[1]) if match else -1
+            if place == index:
+                curves.remove(curve)
+            elif place > index:
+                curve.data_path = f"prt.sets[{place - 1}]{curve.data_path[match.end() :]}"
 
 
 class PRT_OT_light_set_only(_SetButton, bpy.types.Operator):

@@ -233,7 +233,12 @@ def moved(scene, depsgraph=None):
     names = []
     for uid in {**read.shape, **now}:
         old, new = read.shape.get(uid), now.get(uid)
-        if old is None or new is None or old[2] != new[2] or not np.allclose(old[1], new[1], 1e-6):
+        if (
+            old is None
+            or new is None
+            or old[2:] != new[2:]
+            or not np.allclose(old[1], new[1], 1e-6)
+        ):
             names.append((new or old)[0])
     return names
 

@@ -5,6 +5,8 @@ import numpy as np
 from prt_core.blender.stand_ins import ORIGINAL, is_copy, is_kept, renders
 from prt_core.errors import expect
 
+from .deforming import deforms
+
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
@@ -19,8 +21,8 @@ def shape_of(scene, depsgraph=None):
 
     Returns
     -------
-    dict of int -> (str, (4, 4) float, int)
-        By `session_uid`: name, matrix and number of corners.
+    dict of int -> (str, (4, 4) float, int, float or None)
+        By `session_uid`: name, matrix and number of corners; the frame where it deforms over time.
     """
     shapes = {}
     for item in scene.objects if scene is not None else ():
@@ -30,7 +32,8 @@ def shape_of(scene, depsgraph=None):
             continue
         seen = item if depsgraph is None else item.evaluated_get(depsgraph)
         corners = len(item.data.loops) if item.type == "MESH" else 0
-        shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners
+        frame = scene.frame_current_final if deforms(item) else None
+        shapes[item.session_uid] = item.name, np.array(seen.matrix_world), corners, frame
     return shapes
 
 

@@ -35,20 +35,30 @@ def depsgraph_of(layer):
 
 def fcurve_of(block, path):
     """The animation curve of a data-block's property; None where it has none."""
+    found = (curves.find(path) for curves in curves_of(block))
+    return next((curve for curve in found if curve is not None), None)
+
+
+def animations_of(block):
+    """Collections of a data-block's animation curves and drivers, which have `remove`."""
+    drivers = [] if block.animation_data is None else [block.animation_data.drivers]
+    return curves_of(block) + drivers
+
+
+def curves_of(block):
+    """Collections of a data-block's animation curves, without its drivers."""
     data = block.animation_data
     if data is None or data.action is None:
-        return None
+        return []
     action = data.action
     if hasattr(action, "fcurves"):
-        return action.fcurves.find(path)
+        return [action.fcurves]
     # Since 5.0 an action's curves are kept in layers, for each slot apart.
-    for layer in action.layers:
-        for strip in layer.strips:
-            bag = strip.channelbag(data.action_slot)
-            curve = bag.fcurves.find(path) if bag else None
-            if curve is not None:
-                return curve
-    return None
+    if data.action_slot is None:
+        return []
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    bags = [strip.channelbag(data.action_slot) for strip in strips]
+    return [bag.fcurves for bag in bags if bag]
 
 
 def custom_camera_missing():

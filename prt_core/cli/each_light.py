@@ -39,7 +39,9 @@ def each_light(options, lights, outputs, relight, expect_request):
             alone["lamp_samples"] = None
         asked = [(name, {**light, **alone}) for name, light in asked] + _apart(options)
     names = [_safe(name) for name, _ in asked]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    # Some systems take capitals for small letters.
+    folded = [name.casefold() for name in names]
+    twice = sorted({name for name in names if folded.count(name.casefold()) > 1})
     expect(
         not twice,
         f"--light: {', '.join(twice)}: the name of several lights, after which their outputs are "

@@ -75,11 +75,35 @@ def baked_for(options):
     if options.blend:
         import_bpy()
     baked = load(options.bake)
+    if options.blend and not options.scene and not options.in_blender:
+        _expect_other_file(baked, options.blend)
     expect(
         not options.image or baked.scene.image is not None,
         "--image: this bake holds none; bake with --camera-pixels, --geometry-image or --atlas",
     )
     return baked
+
+
+def _expect_other_file(baked, path):
+    """Refuse to put built meshes in the place of the .blend that was baked."""
+    file, path = baked.origin.get("file"), Path(path)
+    if not file or not isinstance(baked.path, Path):
+        return
+    own = baked.path.parent / file
+    expect(
+        not (own.is_file() and path.is_file() and path.samefile(own)),
+        f"{path}: is the scene that was baked, and would be replaced by its meshes alone; give "
+        f"--blend another name, and --scene {path} for a copy of the scene with the colours",
+    )
+
+
+def expect_no_input(paths, *inputs):
+    """Refuse outputs, resolved `paths`, that are among the files that are read."""
+    for given in filter(None, inputs):
+        expect(
+            Path(given).resolve() not in paths,
+            f"{given}: is read, and would be written over; give the output another name",
+        )
 
 
 def write_blend(baked, colours, options, after=None, **how):

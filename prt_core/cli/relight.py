@@ -19,6 +19,7 @@ from prt_core.cli.each_light import each_light
 from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
 from prt_core.cli.outputs import (
     baked_for,
+    expect_no_input,
     expect_png_bits,
     image_notes,
     write_blend,
@@ -247,6 +248,7 @@ def _expect_request(options):
             paths.append(expect_output(f"--{name}", path, _OUTPUTS[name]).resolve())
     twice = [path for path in paths if paths.count(path) > 1]
     expect(not twice, f"{twice and twice[0]}: named for two outputs; give each its own")
+    expect_no_input(paths, options.light)
     if options.scene:
         scene = expect_blend(options.scene).resolve()
         expect(scene not in paths, f"{options.scene}: would be replaced by its own copy; give "

@@ -12,7 +12,7 @@ from prt_core.cli.arguments import bpy_for_rays, is_place
 from prt_core.cli.relight_view import asked_view
 from prt_core.errors import expect
 from prt_core.evaluate import to_srgb, write_png
-from prt_core.evaluate.sequence import PictureWriter, light_path, write_npz
+from prt_core.evaluate.sequence import PictureWriter, light_paths, write_npz
 from prt_core.relight.blend import LightBlend
 from prt_core.relight.light_file import read_lights
 from prt_core.runtime.files import expect_output
@@ -62,13 +62,8 @@ def relight_lights(options):
     chosen = {light.name: [replace(light, weight=1.0)] for light in lights}
     if not options.each:
         chosen = {"": lights}
-    paths = {
-        name: {kind: light_path(path, name) if name else path for kind, path in outputs.items()}
-        for name in chosen
-    }
-    given = [path for by_kind in paths.values() for path in by_kind.values()]
-    twice = [path for path in given if given.count(path) > 1]
-    expect(not twice, f"{twice and twice[0]}: is of two lights; give them other names")
+    by_kind = {kind: light_paths(path, list(chosen)) for kind, path in outputs.items()}
+    paths = {name: {kind: named[name] for kind, named in by_kind.items()} for name in chosen}
     camera, view = asked_view(options, baked)
     size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     blend = LightBlend(baked, options.caster, options.form)

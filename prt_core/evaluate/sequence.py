@@ -7,6 +7,7 @@ import numpy as np
 
 from prt_core.errors import (
     expect,
+    expect_all,
     expect_kind,
     expect_offers,
     expect_pair,
@@ -41,6 +42,25 @@ def light_path(pattern, name):
     expect(name, f"{path}: expected the name of a light, got an empty one")
     start, number = re.fullmatch("(.*?)(_?#*)", path.stem).groups()
     return path.with_name(f"{start}_{name}{number}{path.suffix}")
+
+
+def light_paths(pattern, names):
+    """`light_path` of each of several lights, by name; of an empty name the pattern itself.
+
+    Raises
+    ------
+    PRTError
+        Two would have one file, also where capitals and small letters are the same.
+    """
+    paths, owners = {}, {}
+    for name in expect_all("names", names, str, "names of lights"):
+        paths[name] = light_path(pattern, name) if name else expect_path("lights", pattern)
+        other = owners.setdefault(paths[name].name.casefold(), name)
+        expect(
+            other == name,
+            f"{paths[name]}: would be of two lights, '{other}' and '{name}'; rename one of them",
+        )
+    return paths
 
 
 def write_npz(path, colours):

@@ -42,10 +42,18 @@ def read_lights(path, bake):
     path = expect_path("lights", path)
     with system_errors(path):
         text = path.read_text(encoding="utf-8", errors="replace")
+    twice = []
+
+    def by_name(pairs):
+        names = [name for name, _ in pairs]
+        twice.extend(name for name in names if names.count(name) > 1)
+        return dict(pairs)
+
     try:
-        lights = json.loads(text)
+        lights = json.loads(text, object_pairs_hook=by_name)
     except ValueError as error:
         raise PRTError(f"{path}: is no .json file ({error})") from error
+    expect(not twice, f"{path}: '{twice and twice[0]}' is there twice; rename one of them")
     return lights_by_name(lights, bake, path, path.parent)
 
 

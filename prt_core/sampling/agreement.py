@@ -3,11 +3,11 @@
 Points become known in levels, each denser than the one before. What all neighbours of a new point
 say of a direction is taken over; where they disagree, or none can say, a ray decides. That alone
 misses what no neighbour has seen and silhouettes that move out of the neighbours' range. So some
-rays are cast where the neighbours agree: a few at random over the hemisphere, and a share of those
-next to a boundary between light and dark that has just been found; and in an enclosed place, where
-those at random hardly ever meet light, one in what the neighbours call light. Where one of them contradicts
-the neighbours, the texels around it are traced, and around those that contradict as well, until
-what was missed is surrounded; and all boundaries of that point are checked.
+rays are cast where the neighbours agree: a few at random over the hemisphere; in an enclosed place,
+where those hardly ever meet light, one in what the neighbours call light; and a share of those next
+to a boundary between light and dark that has just been found. Where one of them contradicts the
+neighbours, the texels around it are traced, and around those that contradict as well, until what
+was missed is surrounded; and all boundaries of that point are checked.
 """
 
 from dataclasses import dataclass, replace

@@ -42,10 +42,15 @@ class LobeCut:
 
 
 def parts_along(side, width, resolution):
-    """Parts along the edge of a block, for lobes of a width: a power of two, 1 to 4."""
+    """Parts along the edge of a block, for lobes of a width: a power of two, 1 to 4.
+
+    They may be smaller than the `resolution` texels of the light, for a lobe that is seen at a
+    slant is narrow even where the light is not; but neither may cut the other.
+    """
     size, parts = np.pi / 2 / side, 1
     while size / parts > _OF_SMALLEST * width and parts < _MOST_PARTS:
-        if resolution % (2 * side * parts):
+        finer = 2 * side * parts
+        if resolution % finer and finer % resolution:
             break
         parts *= 2
     return parts
@@ -134,8 +139,12 @@ def detail_of(light, cube_map, side, parts):
 
 
 def _means(light, cube_map, side):
-    """(6 side^2, 3) means over blocks, by solid angle."""
-    step = cube_map.resolution // side
+    """(6 side^2, 3) means over blocks, by solid angle; blocks within a texel have its value."""
+    n = cube_map.resolution
+    if side > n:
+        faces, times = light.reshape(6, n, n, -1), side // n
+        return faces.repeat(times, axis=1).repeat(times, axis=2).reshape(6 * side**2, -1)
+    step = n // side
     angles = cube_map.solid_angles[:, None]
 
     def sums(values):

@@ -147,3 +147,21 @@ def test_a_bake_that_cannot_begin_leaves_nothing(blend, tmp_path, capfd):
         errors = [line for line in capfd.readouterr().err.splitlines() if "prt: " in line]
         assert len(errors) == 1 and what in errors[0]
         assert not list(tmp_path.iterdir())
+
+
+def test_what_is_read_is_never_written_over(blend, tmp_path, capfd):
+    scene, sky = tmp_path / "scene.blend", tmp_path / "sky.exr"
+    scene.write_bytes(blend.read_bytes())
+    images.write_image(sky, np.ones((4, 8, 3), np.float32))
+    before = scene.read_bytes(), sky.read_bytes()
+    baked = str(tmp_path / "scene.prt")
+    assert main(["bake", str(scene), "-o", baked, "--resolution", "4", "--quiet"]) == 0
+    capfd.readouterr()
+    for command in ("relight", "occlusion"):
+        light = ["--light", str(sky)] if command == "relight" else []
+        assert main([command, baked, *light, "--blend", str(scene)]) == 2
+        assert "is the scene that was baked, and would be replaced by" in capfd.readouterr().err
+    assert main(["relight", baked, "--light", str(sky), "--image", str(sky)]) == 2
+    assert "sky.exr: is read, and would be written over" in capfd.readouterr().err
+    assert before == (scene.read_bytes(), sky.read_bytes())
+    assert main(["relight", baked, "--light", str(sky), "--blend", str(tmp_path / "o.blend")]) == 0

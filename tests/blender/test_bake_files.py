@@ -436,6 +436,34 @@ def test_frames_say_what_moves(baked_floor, capfd):
     assert "(ball at frame 2)" in capfd.readouterr().out
 
 
+@pytest.mark.parametrize("how", ["shape keys", "modifier", "armature"])
+def test_frames_say_what_deforms(baked_floor, capfd, how):
+    ball = baked_floor.objects["ball"]
+    if how == "shape keys":
+        ball.shape_key_add()
+        moves, value = ball.shape_key_add(), "value"
+    elif how == "modifier":
+        moves, value = ball.modifiers.new("Bend", "SIMPLE_DEFORM"), "angle"
+    else:
+        moves, value = bpy.data.objects.new("rig", bpy.data.armatures.new("rig")), "rotation_euler"
+        baked_floor.collection.objects.link(moves)
+        ball.modifiers.new("Rig", "ARMATURE").object = moves
+    for frame, amount in ((1, 0.0), (5, 0.5)):
+        setattr(moves, value, (amount,) * 3 if how == "armature" else amount)
+        moves.keyframe_insert(value, frame=frame)
+    baked_floor.frame_set(1)
+    bpy.ops.prt.bake()
+    baked_floor.frame_set(1)
+    assert preview.held(baked_floor).warned == ""
+    capfd.readouterr()
+    for frame in (3, 4):
+        baked_floor.frame_set(frame)
+        assert "(ball changed)" in preview.held(baked_floor).warned
+    assert capfd.readouterr().out.count("WARNING") == 1
+    baked_floor.frame_set(1)
+    assert preview.held(baked_floor).warned == ""
+
+
 def test_a_slider_reads_no_scene(baked_floor, monkeypatch):
     reads = []
     read_steps = plan.read_steps

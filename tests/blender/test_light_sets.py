@@ -61,6 +61,26 @@ def test_weights_blend_and_follow_the_timeline(lit):
         np.testing.assert_allclose(colours_on("ball"), wanted, rtol=1e-4, atol=1e-6)
 
 
+def test_keys_stay_with_their_lights_when_one_is_forgotten(lit):
+    bpy.ops.prt.light_set_add()
+    sets = lit.prt.sets
+    sets[1].driver_add("rotation")
+    for frame, weights in ((1, (0.0, 0.25, 1.0)), (11, (1.0, 0.5, 0.0))):
+        lit.frame_set(frame)
+        for each, weight in zip(sets, weights, strict=True):
+            each.weight = weight
+        bpy.ops.prt.light_set_key()
+    kept = [each.name for each in sets][1:]
+    lit.prt.active_set = 0
+    assert bpy.ops.prt.light_set_remove() == {"FINISHED"}
+    assert [each.name for each in sets] == kept
+    for frame, weights in ((1, (0.25, 1.0)), (11, (0.5, 0.0))):
+        lit.frame_set(frame)
+        assert [each.weight for each in sets] == list(weights)
+    assert fcurve_of(lit, "prt.sets[2].weight") is None
+    assert [each.data_path for each in lit.animation_data.drivers] == ["prt.sets[0].rotation"]
+
+
 def test_lamps_of_a_set_are_its_own(lit):
     with_lamp = alone(1)
     desk = lit.prt.sets[1].lamps["Desk"]
@@ -83,6 +103,10 @@ def test_each_light_is_kept_and_exported(lit, tmp_path):
     path = str(tmp_path / "out_##.npz")
     bpy.ops.prt.export(filepath=path, use_scene_range=False, first=3, last=3, each_light=True)
     assert (np.load(tmp_path / "out_Night_03.npz")["ball"] == night).all()
+    lit.prt.sets[1].name = "DAY"
+    with pytest.raises(RuntimeError, match="of two lights, 'Day' and 'DAY'; rename one"):
+        bpy.ops.prt.export(filepath=path, each_light=True)
+    lit.prt.sets[1].name = "Night"
     # The command line reads what the panel writes.
     lights, there = tmp_path / "lights.json", str(tmp_path / "cli.npz")
     assert bpy.ops.prt.export_lights(filepath=str(lights)) == {"FINISHED"}

@@ -42,6 +42,14 @@ def expect_place(output, one_file):
         not page.is_file() or _MARK in page.read_bytes()[:_HEAD],
         f"{page}: is another's page; name another folder",
     )
+    # Without a page, files of these names are of somebody else.
+    names = () if one_file or page.is_file() else (_STYLE, DATA, FIELD_DATA, *SCRIPTS)
+    there = [name for name in names if (folder / name).exists()]
+    expect(
+        not there,
+        f"{folder}: has a {there and there[0]} already, which is of no page of prt; name another "
+        "folder, or delete it",
+    )
     return folder, folder, bool(one_file)
 
 

@@ -17,7 +17,7 @@ from prt_core.bake.pictures import Pictures
 from prt_core.bake.plan import plan_steps
 from prt_core.bake.preflight import preflight
 from prt_core.blender_access import expect_blend
-from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, write_npz
+from prt_core.evaluate.sequence import PictureWriter, frame_path, light_path, light_paths, write_npz
 from prt_core.export.glb import glb_steps
 from prt_core.relight.blend import LightBlend, WeightedLight
 from prt_core.relight.light_file import read_lights, write_lights
@@ -187,6 +187,7 @@ CALLS = {
         pattern=Path("a_#.png"),
         name="day",
     ),
+    "light_paths": plain(light_paths, any_of("pattern"), pattern=Path("a_#.png"), names=["day"]),
     "frame_path": plain(frame_path, any_of("pattern"), pattern=Path("a_#.png"), frame=3),
     "PictureWriter": lambda t: Call(
         lambda path, radiance, camera, **rest: PictureWriter(**rest).write(path, radiance, camera),

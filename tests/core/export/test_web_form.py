@@ -154,6 +154,10 @@ def test_what_is_wrong_is_said_before_the_work(bake, tmp_path):
         with pytest.raises(PRTError, match=what):
             prt_core.export_web(bake, tmp_path / "page.html", **settings)
     assert not list(tmp_path.iterdir())
+    (tmp_path / "style.css").write_text("my own style")
+    with pytest.raises(PRTError, match="has a style.css already, which is of no page of prt"):
+        prt_core.export_web(bake, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["style.css"]
     (tmp_path / "index.html").write_text("my own page")
     with pytest.raises(PRTError, match="another's page"):
         prt_core.export_web(bake, tmp_path)

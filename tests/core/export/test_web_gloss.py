@@ -64,7 +64,7 @@ def shown(bake, tmp_path_factory):
     page = tmp_path_factory.mktemp("page") / "page"
     report = prt_core.export_web(bake, page, lamp_samples=64)
     assert "gloss.js" in report["files"]
-    assert not report["notes"]
+    assert report["notes"] == ["metal that is seen in metal reflects no lamps on the page"]
     with Browser(480, 270) as browser:
         browser.open(page / "index.html")
         assert said_on(browser) == "" and not browser.errors

@@ -114,6 +114,7 @@ def test_a_file_of_lights_is_what_was_written(bake, lights):
     [
         ("[]", "expected lights by name"),
         ("{", "is no .json file"),
+        ('{"day": {"lamps": true}, "day": {}}', "'day' is there twice"),
         ('{"day": {"colour": 3}}', "light 'day': has no colour; there are environment"),
         ('{"day": {}}', "light 'day': light: give an environment image"),
         ('{"day": {"lamps": {"Moon": 1}}}', "has no lamp 'Moon'; there are Desk"),

@@ -83,6 +83,23 @@ def test_lobes_over_the_field_are_near_the_dense_sum(case, way, alpha, bound):
     assert relative(ours[seen], case.dense(alpha, outgoing)[seen]) < bound
 
 
+@pytest.mark.parametrize("cosine", [0.1, 0.2, 0.35])
+def test_a_slanted_lobe_keeps_its_light_where_the_light_has_coarse_texels(cosine):
+    scene, n = Scene.from_meshes([plane(2)]), 16
+    cube_map, points = CubeMap(n), np.arange(len(scene.points))
+    bits = visibility_bits(scene, cube_map, caster_of(scene), points)
+    blocks, nothing = Blocks(cube_map, n), np.zeros((len(points), 6 * n * n))
+    tables = [(nothing.astype(np.int32) - 1, nothing.astype(np.uint8))]
+    field = IncomingField(Reflections.of_tables(points, blocks, tables), bits)
+    field.update(np.ones((6 * n * n, 3), np.float32), np.zeros((len(points), 3), np.float32))
+    way, alpha = np.float32([[0, np.sqrt(1 - cosine**2), cosine]]), np.float32([0.09])
+    ours = GlossyView(field, scene.points.normals).reflected(points[:1], way, alpha, white(1))
+    fine, up = CubeMap(256), np.float32([[0, 0, 1]])
+    (lobe,) = lobe_values(fine.directions.T.astype(np.float32), up, way, alpha, None, 1)
+    # Of coarse texels alone two thirds would be lost.
+    np.testing.assert_allclose(ours, (lobe[0] * fine.solid_angles).sum(), rtol=0.12)
+
+
 def test_a_round_lobe_with_axes_is_the_round_lobe(case):
     n = len(case.scene.points)
     case.field.update(case.light, case.sent)

@@ -51,7 +51,7 @@ def highlights(materials, frames, lamp, received, world, outgoing, power=POWER):
     direction, angle = lamp.seen_from(world)
     wide = np.zeros(len(world), bool)
     if power is not None and isinstance(lamp, Lamp) and not lamp.is_small:
-        wide = angle > _SMALL * _alpha(materials)
+        wide = angle > _SMALL * narrowest_alpha(materials)
     result = np.zeros((len(world), 3))
     some = np.flatnonzero(~wide)
     if len(some):
@@ -113,8 +113,8 @@ class _Seen:
         return self._arriving * factor
 
 
-def _alpha(materials):
-    """(k,): of the narrowest lobe."""
+def narrowest_alpha(materials):
+    """(k,) float: alpha of the narrowest lobe of each of k `Materials`."""
     coat = np.where(materials.coat[:, 0] > 0, materials.coat_roughness[:, 0], 1)
     return np.minimum(materials.roughness[:, 0], coat) ** 2
 

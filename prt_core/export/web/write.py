@@ -31,13 +31,15 @@ from prt_core.export.web.sources import (
 from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
 from prt_core.reflectance.mean_gloss import more_by_gloss
+from prt_core.relight.highlights import narrowest_alpha
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.scene import ended_at
 from prt_core.transport.sent import Sent
 from prt_core.version import __version__
 
-# Half the width of a lamp, in radians, from which on its highlight shows its shape.
+# Of glossy points the share from which a lamp looks wider than their lobes: then it is said that
+# its highlight has not its shape (8 % off at one and a half times as wide).
 _WIDE = 0.1
 
 
@@ -196,12 +198,14 @@ def _notes(bake, facts, images, sources):
 def _wide_lamps(bake, sources):
     """A line on lamps whose highlights are not of their shape, where there are any."""
     points = bake.scene.points
-    world = bake.scene.to_world(points.positions[points.visible])
+    glossy = np.concatenate([part.points for part in bake.reflections])
+    world = bake.scene.to_world(points.positions[glossy])
+    alpha = narrowest_alpha(points.materials[glossy])
     wide = [
         repr(source.name)
         for source in sources
         if source.lamp is not None and source.lamp.highlights
-        and np.median(source.lamp.seen_from(world)[1]) > _WIDE
+        and (source.lamp.seen_from(world)[1] > alpha).mean() > _WIDE
     ]  # fmt: skip
     if wide:
         yield f"lamps {', '.join(wide)}: look large; the page shows their highlights round and soft"

@@ -17,6 +17,7 @@ from prt_core.export.web.sources import page_images
 from prt_core.export.web.surface import surface_of
 from prt_core.light import Lamp
 from prt_core.relight import Relighter
+from prt_core.relight.glossy_points import GlossyPoints
 from prt_core.runtime.progress import run
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap
@@ -53,7 +54,7 @@ def bake(tmp_path_factory):
         of(sphere(9, 0.4, (-0.4, 0, 0.42), name="gold", albedo=(0.9, 0.6, 0.25)), **GOLD),
         of(sphere(8, 0.35, (0.5, -0.1, 0.37), name="lacquer", albedo=(0.5, 0.1, 0.1)), **LACQUER),
     ]
-    lamp = Lamp("point", [30.0, 20, 10], position=[-0.7, -0.9, 1.5], radius=0.1, name="lamp")
+    lamp = Lamp("point", [30.0, 20, 10], position=[-0.7, -0.9, 1.5], radius=0.02, name="lamp")
     return baked(tmp_path_factory.mktemp("gloss") / "a.prt", meshes, [lamp])
 
 
@@ -103,7 +104,9 @@ def test_gloss_under_images_from_two_sides(bake, shown):
     assert not browser.errors
 
 
-def test_highlights_of_a_lamp(bake, shown):
+def test_highlights_of_a_lamp(bake, shown, monkeypatch):
+    """Without what the page says that it leaves out: lamps in metal that is seen in metal."""
+    monkeypatch.setattr(GlossyPoints, "glimpsed_highlights", lambda *_: np.float32(0))
     browser = shown[0]
     browser.run("PRT.page.strengths = [1]; PRT.page.choose('None')")
     near, plain = error(bake, shown, None, lamps=True, lamp_samples=64)
@@ -152,3 +155,11 @@ def test_what_a_page_does_not_show_is_said(tmp_path):
     notes = prt_core.export_web(bake, tmp_path / "small", bits=False)["notes"]
     assert "an even colour" in json.dumps(notes)
     assert not (tmp_path / "small" / "gloss.js").exists()
+
+
+@pytest.mark.parametrize(("roughness", "said"), [(0.2, True), (0.6, False)])
+def test_a_lamp_that_looks_wider_than_lobes_is_said(tmp_path, roughness, said):
+    lamp = Lamp("point", [30.0, 20, 10], position=[0, 0, 1.2], radius=0.15, name="bulb")
+    bake = baked(tmp_path / "a.prt", [of(plane(4), **GOLD | {"roughness": roughness})], [lamp], 8)
+    notes = prt_core.export_web(bake, tmp_path / "page", lamp_samples=4)["notes"]
+    assert any("'bulb': look large" in note for note in notes) == said, notes

@@ -154,16 +154,19 @@ def curve_plot(rows, x, y, panels, series, labels=None, logarithmic=("x", "y")):
                 _logarithmic(axis, way)
             axis.set(title=name, xlabel=labels.get(key, key), ylabel=labels.get(y, y))
             axis.grid(True, which="both", alpha=0.25)
-    _legend(figure, axes, 2 * len(keys))
+    _legend(figure, axes)
     return _png(figure)
 
 
-def _legend(figure, axes, columns):
+def _legend(figure, axes):
     """All series of all panels, above them, where no point is hidden."""
     lines = {}
     for axis in axes.flat:
         for line in axis.get_lines():
             lines.setdefault(line.get_label(), line)
+    # In points, at the size of the text: some of them for a letter, and for the line beside it.
+    widest = 4.2 * max(map(len, lines), default=1) + 45
+    columns = max(1, int(72 * figure.get_figwidth() / widest))
     figure.legend(
         lines.values(), lines.keys(), fontsize=8, ncols=columns, loc="outside upper center"
     )

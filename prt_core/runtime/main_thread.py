@@ -8,7 +8,7 @@ import threading
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 from prt_core.runtime.progress import Progress, run
-from prt_core.runtime.stillness import rest, waiting, working
+from prt_core.runtime.stillness import as_work, rest, waiting
 
 # How long work in a thread lets its caller wait at most.
 _POLL = 0.02
@@ -33,7 +33,7 @@ def each_in_thread(stage, *calls):
         Of a function and its arguments.
     """
     with ThreadPoolExecutor(len(calls)) as pool:
-        futures = [pool.submit(working, *call) for call in calls]
+        futures = [pool.submit(as_work(function), *arguments) for function, *arguments in calls]
         try:
             while _unfinished(futures):
                 yield Progress(stage, 0, 0)
@@ -122,7 +122,7 @@ def steps_in_thread(steps, calls, stage):
             raise _Stopped
 
     with ThreadPoolExecutor(1) as pool:
-        future = pool.submit(working, run, steps, note)
+        future = pool.submit(as_work(run), steps, note)
         # So that the end of the work wakes the caller as a call does.
         future.add_done_callback(lambda _: calls.wake())
         try:

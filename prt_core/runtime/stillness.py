@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from contextlib import contextmanager
+from functools import partial
 
 _here = threading.local()
 _changed = threading.Condition()
@@ -19,17 +20,25 @@ _NEEDED = sys.version_info < (3, 12)
 _TAIL = 0.002
 
 
-def working(function, *arguments):
-    """The result of a function that a thread of ours is busy with until it returns."""
+def as_work(function):
+    """What a thread of ours calls for a function: begins when it need not keep still.
+
+    Nobody waits for itself: what the thread that others keep still for gives out begins at once.
+    """
+    return partial(_work, function, keeps_others_still())
+
+
+def _work(function, keeps, *arguments):
     if works():
         return function(*arguments)
-    _count(1)
+    _here.keeps = keeps
+    _begin()
     _here.works = True
     try:
         return function(*arguments)
     finally:
-        _here.works = False
-        _count(-1)
+        _here.works, _here.keeps = False, 0
+        _end()
 
 
 def works():
@@ -43,19 +52,16 @@ def waiting():
     if not works():
         yield
         return
-    _count(-1)
+    _end()
     try:
         yield
     finally:
-        global _at_work
-        with _changed:
-            _changed.wait_for(lambda: not _asked)
-            _at_work += 1
+        _begin()
 
 
 def rest():
     """Where a thread at work can stop: does so for as long as others have to keep still."""
-    if _asked:
+    if _asked and not keeps_others_still():
         with waiting():
             pass
 
@@ -75,15 +81,31 @@ def others_still():
         _changed.wait_for(lambda: not _at_work)
     try:
         time.sleep(_TAIL)
-        yield
+        _here.keeps = keeps_others_still() + 1
+        try:
+            yield
+        finally:
+            _here.keeps -= 1
     finally:
         with _changed:
             _asked -= 1
             _changed.notify_all()
 
 
-def _count(more):
+def keeps_others_still():
+    """In how many `others_still` the calling thread is, or works for one that is."""
+    return getattr(_here, "keeps", 0)
+
+
+def _begin():
     global _at_work
     with _changed:
-        _at_work += more
+        _changed.wait_for(lambda: keeps_others_still() or not _asked)
+        _at_work += 1
+
+
+def _end():
+    global _at_work
+    with _changed:
+        _at_work -= 1
         _changed.notify_all()

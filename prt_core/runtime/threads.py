@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 from prt_core.runtime.cores import n_cores
-from prt_core.runtime.stillness import waiting, working
+from prt_core.runtime.stillness import as_work, keeps_others_still, waiting
 
 _here = threading.local()
 
@@ -34,12 +34,13 @@ def on_all_cores(function, items):
 
 def works_alone(items):
     """Whether pieces of work are done where they are asked for, one after the other."""
-    return len(items) < 2 or getattr(_here, "inside", False)
+    # All threads may be held by pieces that keep still for this one.
+    return len(items) < 2 or getattr(_here, "inside", False) or keeps_others_still()
 
 
 def started(function, items):
     """A `concurrent.futures.Future` for `function(item)` of each, begun on all cores."""
-    return [_pool().submit(working, _inside, function, item) for item in items]
+    return [_pool().submit(as_work(_inside), function, item) for item in items]
 
 
 @cache

@@ -9,7 +9,7 @@ from prt_core.runtime import stillness
 from prt_core.runtime.main_thread import MainThreadCalls, each_in_thread, steps_in_thread
 from prt_core.runtime.progress import Progress, run
 from prt_core.runtime.stillness import others_still
-from prt_core.runtime.threads import on_all_cores
+from prt_core.runtime.threads import on_all_cores, started
 
 
 @pytest.fixture(autouse=True)
@@ -78,6 +78,32 @@ def test_a_single_piece_of_work_is_waited_for():
     with others_still():
         assert len(ends) == 2
     run(steps)
+
+
+def test_work_begins_when_others_need_not_keep_still():
+    counts, pieces = [], []
+    with others_still():
+        giver = threading.Thread(target=lambda: pieces.extend(started(counts.append, range(4))))
+        giver.start()
+        giver.join()
+        time.sleep(0.05)
+        assert not counts
+    for piece in pieces:
+        piece.result(5)
+    assert sorted(counts) == [0, 1, 2, 3]
+
+
+def test_who_others_keep_still_for_works_meanwhile():
+    """While all threads are held by pieces that wait for it."""
+    held = []
+    with others_still():
+        giver = threading.Thread(target=lambda: held.extend(started(abs, range(-8, 0))))
+        giver.start()
+        giver.join()
+        assert on_all_cores(abs, range(-3, 0)) == [3, 2, 1]
+        calls = (on_all_cores, abs, range(-2, 0)), (abs, -2)
+        assert run(each_in_thread("work", *calls)) == [[2, 1], 2]
+    assert [piece.result(5) for piece in held] == list(range(8, 0, -1))
 
 
 def test_steps_that_are_closed_while_others_keep_still_end():

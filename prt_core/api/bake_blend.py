@@ -1,7 +1,7 @@
 """The bake of a .blend file, or of an open scene, as a generator: read, refine, bake."""
 
 from dataclasses import asdict
-from functools import partial
+from functools import cache, partial
 
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.distribute import distribute_steps
@@ -134,8 +134,8 @@ def bake_blend_steps(
     lights = None
     method = chosen_method(settings.method, len(built.points), cube_map.n_directions)
     if settings.gloss or method != "exhaustive":
-        # Where they are Blender tells here; they are read when the certificate asks for them.
-        lights = partial(studio_lights, studio_images(), cube_map)
+        # Where they are Blender tells here; they are read when a certificate first asks for them.
+        lights = cache(partial(studio_lights, studio_images(), cube_map))
     if plan or cluster is not None:
         stages = yield from plan_steps(
             built, output, settings, lamps, world, camera, source, lights, origin, cameras, memory,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from prt_core.bake.bake import Bake
-from prt_core.bake.reflections import read_reflections
+from prt_core.bake.reflections import reflection_tables
 from prt_core.bake.visibility import add_seconds, read_visibility
 from prt_core.errors import expect
 from prt_core.reflectance.mean_gloss import more_by_gloss
@@ -87,11 +87,15 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         if points.materials.through.any() else None,
     )  # fmt: skip
     rng = generator(settings.seed, Stage.GLOSS_CERTIFICATE)
-    reflections = read_reflections(store, scene, cube_map)
-    n_glossy = sum(len(part) for part in reflections)
-    count = min(_POINTS, max(_FEWEST, n_glossy // _ONE_OF)) // len(reflections)
-    parts = [_some(part, points, cube_map, rng, count) for part in reflections]
-    parts = [part for part in parts if len(part)]
+    tables = list(reflection_tables(store, scene, cube_map))
+    n_glossy = sum(len(of) for of, _, _ in tables)
+    count = min(_POINTS, max(_FEWEST, n_glossy // _ONE_OF)) // len(tables)
+    parts = []
+    for of, divided, read in tables:
+        rows = _some(of, points, cube_map, rng, count)
+        if len(rows):
+            some = [tuple(table[rows] for table in read())]
+            parts.append(Reflections.of_tables(of[rows], divided, some))
     if not parts:
         return None
     bake = Bake(scene, transport, [], None, None, settings.stored(), {})
@@ -108,10 +112,7 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         seen.append(_traced(scene, cube_map, caster, rows))
         rays += seen[-1].n_rays
         yield Progress("gloss certificate", begin + len(rows), len(some))
-    weights = [
-        ViewWeights(scene, transport, parts, lobes, view, glossy[0].narrowest, METAL)
-        for view in views
-    ]
+    weights = ViewWeights(scene, transport, parts, lobes, views[0], glossy[0].narrowest, METAL)
     more, shown, lit = more_by_gloss(transport.materials), {}, {}
     lights = (lights() if callable(lights) else lights) or probe_lights(cube_map)
     for name, light in lights.items():
@@ -126,32 +127,29 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         lit[name] = light, sent, even
         yield Progress("gloss certificate", len(shown), len(shown))
     sums = {name: np.zeros(2) for name in lit}
-    for turn, weight in enumerate(weights):
-        for name, truth in zip(lit, _truths(weight, some, seen, lit.values()), strict=True):
+    for turn, view in enumerate(views):
+        truths = _truths(weights.toward(view), some, seen, lit.values())
+        for name, truth in zip(lit, truths, strict=True):
             away = (shown[name][turn] - truth).astype(np.float64)
             sums[name] += (away**2).sum(), (truth.astype(np.float64) ** 2).sum()
-        yield Progress("gloss certificate", turn + 1, len(weights))
+        yield Progress("gloss certificate", turn + 1, len(views))
     errors = {name: float(np.sqrt(a / b)) if b else 0.0 for name, (a, b) in sums.items()}
     add_seconds(seconds, "gloss certificate", time.perf_counter() - start)
     return GlossError(errors, len(some), _VIEWS, rays)
 
 
-def _some(reflections, points, cube_map, rng, count):
-    """Some of the points that `Reflections` are of, whose lobes no mirrors are: their own part."""
-    lobes = PointLobes(points.materials[reflections.points], points.normals[reflections.points])
+def _some(candidates, points, cube_map, rng, count):
+    """(n,) int: the places of some of the glossy points (k,) whose lobes no mirrors are."""
+    lobes = PointLobes(points.materials[candidates], points.normals[candidates])
     # As seen from straight above: a mirror stays one.
-    groups, _ = lobes.at(np.arange(len(reflections)), np.ones(len(reflections), np.float32))
+    groups, _ = lobes.at(np.arange(len(candidates)), np.ones(len(candidates), np.float32))
     widest = np.max([np.where(p.any(axis=(1, 2)), a.max(axis=1), 9) for a, p in groups], axis=0)
     least = np.min([np.where(p.any(axis=(1, 2)), a.min(axis=1), 9) for a, p in groups], axis=0)
     texel = np.pi / 2 / cube_map.resolution
-    good = np.flatnonzero((widest < 9) & (least > texel / 2) & points.visible[reflections.points])
+    good = np.flatnonzero((widest < 9) & (least > texel / 2) & points.visible[candidates])
     if len(good) > count:
         good = np.sort(rng.choice(good, count, replace=False))
-    entries = [np.arange(reflections.start[row], reflections.start[row + 1]) for row in good]
-    start = np.concatenate([[0], np.cumsum([len(each) for each in entries])]).astype(np.int64)
-    entries = np.concatenate(entries) if entries else np.zeros(0, np.int64)
-    kept = (getattr(reflections, name)[entries] for name in ("block", "met", "share"))
-    return Reflections(reflections.points[good], reflections.blocks, start, *kept)
+    return good
 
 
 def _view(scene, some, rng):

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -143,7 +144,26 @@ def read_reflections(store, scene, cube_map):
     PRTError
         They are missing, damaged or out of range.
     """
-    n_points, result = len(scene.points), []
+    result = []
+    for points, divided, read in reflection_tables(store, scene, cube_map):
+        met, share = read()
+        tables = ((met[part], share[part]) for part in blocks(len(points)))
+        result.append(Reflections.of_tables(points, divided, tables))
+    return tuple(result)
+
+
+def reflection_tables(store, scene, cube_map):
+    """What `read_reflections` is made of, for each size of blocks.
+
+    Yields
+    ------
+    points : (n,) int32
+        That have such blocks, ascending.
+    divided : Blocks
+    read : callable() -> (n, n_blocks) int32, (n, n_blocks) uint8
+        What they have met, and shares, as `Seen` has them.
+    """
+    n_points = len(scene.points)
     with damage_as_error(store.path, "'reflections'"):
         sides = list(store.attributes.get("reflections", []))
         expect(
@@ -155,13 +175,14 @@ def read_reflections(store, scene, cube_map):
         points = store.read(_name(side, "points"), (None,), "int32")
         good = len(points) and points[0] >= 0 and points[-1] < n_points
         _expect(store, "points", good and (np.diff(points) > 0).all())
-        shape = len(points), len(divided)
-        met = store.read(_name(side, "met"), shape, "int32")
-        share = store.read(_name(side, "share"), shape, "uint8")
-        _expect(store, "met", met.min() >= DARK and met.max() < n_points)
-        tables = ((met[part], share[part]) for part in blocks(len(points)))
-        result.append(Reflections.of_tables(points, divided, tables))
-    return tuple(result)
+        yield points, divided, partial(_read, store, side, (len(points), len(divided)), n_points)
+
+
+def _read(store, side, shape, n_points):
+    met = store.read(_name(side, "met"), shape, "int32")
+    share = store.read(_name(side, "share"), shape, "uint8")
+    _expect(store, "met", met.min() >= DARK and met.max() < n_points)
+    return met, share
 
 
 def _expect(store, name, good):

@@ -4,6 +4,9 @@ Visibility says that a direction is blocked, not by what. So from each glossy po
 into every block that is blocked at least in part, through one of its blocked texels, and what it
 meets is handed to a bake point as bounce rays are (see `transport.sharing`). That point's radiance
 stands for all that is in the way in the block.
+
+Small blocks lie so close together that every other one is enough, as on a chequerboard: those
+between take what one of their neighbours has met. Lobes are much wider than that.
 """
 
 from dataclasses import dataclass
@@ -19,6 +22,8 @@ from prt_core.transport.visibility import expect_bits, horizon_bits
 
 # Shares are stored in steps of this.
 _STEP = 255
+# Every other block is enough where a face has more of them along an edge.
+_WHOLE = 8
 
 
 @dataclass(frozen=True)
@@ -158,7 +163,8 @@ def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0):
     share = blocks.pattern_sums(patterns, cube_map.solid_angles) / blocks.solid_angles
     share = np.rint(np.minimum(share, 1) * _STEP).astype(np.uint8)
     rng = generator(seed, Stage.REFLECTIONS, key)
-    row, block = np.nonzero(share)
+    taken = _Neighbours(share, blocks.side, rng) if blocks.side > _WHOLE else None
+    row, block = np.nonzero(share if taken is None else taken.cast)
     texel = blocks.texels[block, _one_of(patterns[row, block], blocks.n_texels, rng)]
     directions = cube_map.samples[texel].astype(np.float32)
     pick = rng.random(len(row), np.float32)
@@ -166,10 +172,59 @@ def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0):
     ends, n_short = _ends(caster, sharing, starts, directions, pick)
     met = np.full(share.shape, MISS, np.int32)
     met[row, block] = ends
-    lost = ends == MISS
-    if lost.any():
+    if taken is not None:
+        taken.fill(met)
+    lost = np.count_nonzero(ends == MISS)
+    if lost:
         _fill(met, share)
-    return Seen(met, share, len(row), n_short, int(np.count_nonzero(lost)))
+    return Seen(met, share, len(row), n_short, int(lost))
+
+
+class _Neighbours:
+    """Which blocks take what one beside them has met.
+
+    Parameters
+    ----------
+    share : (n, n_blocks) uint8
+        Not 0 where something is in the way.
+    side : int
+        Blocks along an edge of a face.
+    rng : numpy.random.Generator
+
+    Attributes
+    ----------
+    cast : (n, n_blocks) bool
+        The others of those in which something is in the way.
+    """
+
+    def __init__(self, share, side, rng):
+        n = len(share)
+        place = np.arange(share.shape[1])
+        odd = (place + place // side) % 2 == 1
+        # Which half it is differs from point to point, and which of the neighbours.
+        half = odd ^ rng.integers(0, 2, (n, 1)).astype(bool)
+        wanted = share > 0
+        self.cast = wanted & half
+        self._rows, self._blocks = np.nonzero(wanted & ~half)
+        self._from = np.full(len(self._rows), -1, np.int32)
+        x, y = self._blocks % side, self._blocks // side % side
+        first = rng.integers(0, 4, len(self._rows), np.uint8)
+        sides = ((x > 0, -1), (y > 0, -side), (x < side - 1, 1), (y < side - 1, side))
+        for turn in range(4):
+            for way, (inside, step) in enumerate(sides):
+                mine = np.flatnonzero((self._from < 0) & ((first + turn) % 4 == way) & inside)
+                beside = self._blocks[mine] + step
+                there = self.cast[self._rows[mine], beside]
+                self._from[mine[there]] = beside[there]
+        alone = self._from < 0
+        self.cast[self._rows[alone], self._blocks[alone]] = True
+        self._rows, self._blocks, self._from = (
+            values[~alone] for values in (self._rows, self._blocks, self._from)
+        )
+
+    def fill(self, met):
+        """Give these blocks what the others have met, (n, n_blocks) int32."""
+        met[self._rows, self._blocks] = met[self._rows, self._from]
 
 
 def _one_of(patterns, n_texels, rng):

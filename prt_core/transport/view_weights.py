@@ -6,6 +6,7 @@ point sees; where something is in the way it weighs what the bake point that sta
 a reflection sends a lobe of its own (see `transport.seen_lobes`).
 """
 
+from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -69,9 +70,7 @@ class ViewWeights:
 
     def __init__(self, scene, transport, reflections, lobes, outgoing, mirrors, metal):
         self._transport = expect_kind("transport", transport, Transport)
-        shape = transport.n_points, 3
-        outgoing = expect_array("outgoing", outgoing, shape, np.float32, -UNIT, UNIT)
-        self._scene, self._lobes, self._outgoing = scene, lobes, outgoing
+        self._scene, self._lobes, self._outgoing = scene, lobes, self._expect_outgoing(outgoing)
         self._reflections, self._mirrors = reflections, mirrors
         self._part = np.full(transport.n_points, -1, np.int32)
         self._row = np.zeros(transport.n_points, np.int64)
@@ -91,6 +90,16 @@ class ViewWeights:
         self._even = shown - transport.materials.stand_in
         # To others, with what gloss sends in the mean.
         self._front = shown + more_by_gloss(transport.materials)
+
+    def toward(self, outgoing):
+        """`ViewWeights` of the same towards another viewer, (n_points, 3) unit vectors."""
+        other = copy(self)
+        other._outgoing = self._expect_outgoing(outgoing)
+        return other
+
+    def _expect_outgoing(self, outgoing):
+        shape = self._transport.n_points, 3
+        return expect_array("outgoing", outgoing, shape, np.float32, -UNIT, UNIT)
 
     def of(self, points):
         """The `Weights` of some points, (n,) int."""

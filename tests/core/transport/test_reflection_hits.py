@@ -4,6 +4,7 @@ import pytest
 from prt_core.scene import Scene
 from prt_core.sphere import Blocks, CubeMap
 from prt_core.transport import Reflections, Sharing, reflection_hits, visibility_bits
+from prt_core.transport.reflections import _Neighbours
 from prt_core.transport.sharing import DARK, MISS
 from tests.meshes import caster_of, plane, sphere, wall
 
@@ -97,3 +98,35 @@ def test_the_same_seed_sees_the_same():
     meshes = [plane(5, name="floor"), wall(0.9, 2.0, 1.0, n=5)]
     one, two = (seen_from(meshes)[3] for _ in range(2))
     np.testing.assert_array_equal(one.met, two.met)
+
+
+def test_of_small_blocks_every_other_one_sees_for_its_neighbour():
+    scene, blocks, _, seen = seen_from([sphere(8, inside=True)], resolution=32, side=16)
+    hidden = seen.share > 0
+    assert 0.5 <= seen.n_rays / hidden.sum() < 0.53
+    assert not (seen.met[hidden] == MISS).any() and (seen.met[~hidden] == MISS).all()
+    rows, columns = np.nonzero(seen.met >= 0)
+    ways = scene.points.positions[seen.met[rows, columns]] - scene.points.positions[rows]
+    length = np.linalg.norm(ways, axis=1)
+    cosine = np.einsum("mx,mx->m", ways, blocks.directions[columns]) / np.maximum(length, 1e-9)
+    # Bake points lie a few blocks apart, seen from the other side.
+    assert np.quantile(cosine[length > 0.5], 0.05) > 0.95
+
+
+def test_a_small_block_by_itself_is_cast():
+    neighbours = _Neighbours(np.eye(3, 6 * 16**2, dtype=np.uint8), 16, np.random.default_rng(0))
+    np.testing.assert_array_equal(neighbours.cast, np.eye(3, 6 * 16**2, dtype=bool))
+
+
+def test_neighbours_are_of_the_same_face_and_of_all_four_sides():
+    side, n = 16, 200
+    share = np.ones((n, 6 * side**2), np.uint8)
+    neighbours = _Neighbours(share, side, np.random.default_rng(0))
+    met = np.where(neighbours.cast, np.arange(share.shape[1]), MISS)
+    neighbours.fill(met)
+    taken = ~neighbours.cast
+    here, there = np.broadcast_to(np.arange(share.shape[1]), met.shape)[taken], met[taken]
+    assert (here // side**2 == there // side**2).all()
+    steps, counts = np.unique(there - here, return_counts=True)
+    assert steps.tolist() == [-side, -1, 1, side]
+    np.testing.assert_allclose(counts / taken.sum(), 0.25, atol=0.01)

@@ -100,24 +100,29 @@ class Blocks:
             return patterns.astype(np.uint8)[..., None]
         return patterns.view(np.uint8).reshape(len(bits), len(self), 2)
 
-    def pattern_sums(self, patterns, values):
-        """Sums of the values of the texels whose bits are set.
+    def pattern_shares(self, patterns):
+        """How much of the solid angle of each block the texels have whose bits are set.
 
         Parameters
         ----------
         patterns : (n, n_blocks, n_bytes) uint8
             See `patterns`.
-        values : (n_directions,) or (n_directions, k) float
 
         Returns
         -------
-        (n, n_blocks) or (n, n_blocks, k) float32
+        (n, n_blocks) float32
+            1 at most, but for rounding.
         """
-        tables, base = self.pattern_tables(values), 256 * np.arange(len(self), dtype=np.int32)
+        tables, base = self._share_tables, 256 * np.arange(len(self), dtype=np.int32)
         total = tables[0].take(base + patterns[..., 0], axis=0)
         for byte in range(1, patterns.shape[2]):
             total += tables[byte].take(base + patterns[..., byte], axis=0)
         return total
+
+    @cached_property
+    def _share_tables(self):
+        whole = np.repeat(self.solid_angles, 256)
+        return (self.pattern_tables(self.cube_map.solid_angles) / whole).astype(np.float32)
 
     def pattern_tables(self, values):
         """What each byte of a pattern adds up to.

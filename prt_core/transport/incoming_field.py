@@ -82,11 +82,9 @@ class IncomingField:
     def open(self):
         """(n, n_blocks) uint8: how much of each block the sky shows in, in 255ths."""
         blocks = self.reflections.blocks
-        angles = blocks.cube_map.solid_angles
-        whole = np.maximum(blocks.sums(angles), 1e-30)
 
         def one(part):
-            share = blocks.pattern_sums(self._patterns(part), angles) / whole
+            share = blocks.pattern_shares(self._patterns(part))
             return np.rint(255 * np.minimum(share, 1)).astype(np.uint8)
 
         parts = on_all_cores(one, self._parts)

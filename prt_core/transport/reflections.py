@@ -160,8 +160,8 @@ def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0):
     expect(len(points) == len(bits), f"bits: expected {len(points)} rows, got {len(bits)}")
     blocked = horizon_bits(scene, cube_map, points) & ~bits
     patterns = blocks.patterns(blocked)
-    share = blocks.pattern_sums(patterns, cube_map.solid_angles) / blocks.solid_angles
-    share = np.rint(np.minimum(share, 1) * _STEP).astype(np.uint8)
+    share = np.minimum(blocks.pattern_shares(patterns), 1)
+    share = np.rint(share * _STEP).astype(np.uint8)
     rng = generator(seed, Stage.REFLECTIONS, key)
     taken = _Neighbours(share, blocks.side, rng) if blocks.side > _WHOLE else None
     row, block = np.nonzero(share if taken is None else taken.cast)

@@ -359,8 +359,7 @@ def _in_the_way(bake, blocks, rows, patch_of):
             table = np.take_along_axis(table, chosen, axis=2)[..., 0]
             share = share.sum(axis=2)
             bits = bake.transport.bits[part.points[some]]
-            seen = blocks.pattern_sums(blocks.patterns(bits), angles)
-            rest = 1 - seen / blocks.solid_angles
+            rest = 1 - blocks.pattern_shares(blocks.patterns(bits))
             ratio = np.clip(share / np.maximum(rest, 1e-6), 0, 1)
             mine = where >= 0
             patch = np.where(share > 0, patch_of[table], 0)

@@ -17,15 +17,15 @@ def test_blocks_share_out_all_texels_and_their_solid_angle(resolution, side):
 
 
 @pytest.mark.parametrize(("resolution", "side"), [(32, 8), (16, 8), (8, 8), (12, 4), (6, 1)])
-def test_sums_over_patterns_are_those_over_the_bits(resolution, side):
+def test_shares_of_patterns_are_those_of_the_bits(resolution, side):
     rng = np.random.default_rng(3)
     blocks = Blocks(CubeMap(resolution), side)
     seen = rng.random((5, 6 * resolution**2)) < 0.4
-    values = rng.random((6 * resolution**2, 3))
     bits = np.packbits(seen, axis=1, bitorder="little")
-    sums = blocks.pattern_sums(blocks.patterns(bits), values)
-    wanted = np.stack([blocks.sums(row[:, None] * values) for row in seen])
-    np.testing.assert_allclose(sums, wanted, rtol=1e-5)
+    shares = blocks.pattern_shares(blocks.patterns(bits))
+    angles = blocks.cube_map.solid_angles
+    wanted = np.stack([blocks.sums(row * angles) / blocks.sums(angles) for row in seen])
+    np.testing.assert_allclose(shares, wanted, rtol=1e-5)
 
 
 def test_a_side_that_does_not_divide_the_resolution_is_refused():

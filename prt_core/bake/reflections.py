@@ -10,6 +10,7 @@ from prt_core.bake import visibility
 from prt_core.bake.visibility import add_seconds, blocks
 from prt_core.errors import expect
 from prt_core.rays import cast_on_all_cores
+from prt_core.relight.glossy_points import metal_among
 from prt_core.runtime.cores import n_cores
 from prt_core.runtime.progress import Progress
 from prt_core.sphere import Blocks
@@ -91,7 +92,9 @@ def reflection_steps(store, scene, cube_map, caster, settings, seconds):
         return ReflectionResult()
     start, sharing, result = time.perf_counter(), Sharing(scene), np.zeros(_N_FIGURES, np.int64)
     kinds = np.unique(sides[sides > 0]).tolist()
-    bits = store.array("visibility")
+    bits, metal = store.array("visibility"), np.zeros(len(scene.points), bool)
+    glossy = np.flatnonzero(sides)
+    metal[glossy] = metal_among(scene.points, glossy)
     for side in kinds:
         points = np.flatnonzero(sides == side).astype(np.int32)
         store.keep(_name(side, "points"), points)
@@ -112,7 +115,8 @@ def reflection_steps(store, scene, cube_map, caster, settings, seconds):
             rows = points[parts[index]]
             seen = _rows(bits, rows)
             key = (side << 32) + parts[index].start
-            return reflection_hits(scene, caster, sharing, divided, rows, seen, settings.seed, key)
+            work = scene, caster, sharing, divided, rows, seen, settings.seed, key, metal
+            return reflection_hits(*work)
 
         group = max(caster.threads, n_cores()) * _TOGETHER
         yield Progress("reflections", 0, len(points))

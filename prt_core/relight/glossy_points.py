@@ -3,6 +3,7 @@
 import numpy as np
 
 from prt_core.relight.highlights import POWER, highlights
+from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.transport.glimpse import LEAST, Glimpses, lifted
 from prt_core.transport.glossy_view import GlossyView
@@ -258,6 +259,17 @@ class GlossyPoints:
 
         on_all_cores(one, range(0, len(rows), _SIGHTS))
         return result
+
+
+def metal_among(points, rows):
+    """(k,) bool: which of the bake points by `rows` (k,) are metal to others that see them.
+
+    Parameters
+    ----------
+    points : BakePoints
+    rows : (k,) int
+    """
+    return PointLobes(points.materials[rows], points.normals[rows]).strength() > METAL
 
 
 def narrowest_of(cube_map):

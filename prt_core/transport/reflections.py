@@ -24,6 +24,8 @@ from prt_core.transport.visibility import expect_bits, horizon_bits
 _STEP = 255
 # Every other block is enough where a face has more of them along an edge.
 _WHOLE = 8
+# Cosine between normals of metal above which neighbours mirror about the same.
+_EVEN = 0.999
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ class Seen:
     n_lost: int
 
 
-def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0):
+def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0, metal=None):
     """What some points see in the blocks in which something is in the way.
 
     Parameters
@@ -149,6 +151,8 @@ def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0):
         Their visibility.
     seed, key : int
         Random numbers depend on these alone.
+    metal : (n_points,) bool, optional
+        Points that reflect as metals do: where these are curved each block is cast.
 
     Returns
     -------
@@ -163,21 +167,40 @@ def reflection_hits(scene, caster, sharing, blocks, points, bits, seed, key=0):
     share = np.minimum(blocks.pattern_shares(patterns), 1)
     share = np.rint(share * _STEP).astype(np.uint8)
     rng = generator(seed, Stage.REFLECTIONS, key)
-    taken = _Neighbours(share, blocks.side, rng) if blocks.side > _WHOLE else None
-    row, block = np.nonzero(share if taken is None else taken.cast)
-    texel = blocks.texels[block, _one_of(patterns[row, block], blocks.n_texels, rng)]
-    directions = cube_map.samples[texel].astype(np.float32)
-    pick = rng.random(len(row), np.float32)
-    starts = scene.ray_origins[points][row]
-    ends, n_short = _ends(caster, sharing, starts, directions, pick)
-    met = np.full(share.shape, MISS, np.int32)
-    met[row, block] = ends
-    if taken is not None:
-        taken.fill(met)
-    lost = np.count_nonzero(ends == MISS)
-    if lost:
-        _fill(met, share)
-    return Seen(met, share, len(row), n_short, int(lost))
+    rays = _Rays(scene, caster, sharing, blocks, points, patterns, rng)
+    if blocks.side <= _WHOLE:
+        rays.cast(*np.nonzero(share))
+    else:
+        taken = _Neighbours(share, blocks.side, rng)
+        rays.cast(*np.nonzero(taken.cast))
+        if metal is not None:
+            rays.cast(*taken.leave(rays.met, metal, scene.points.normals))
+        taken.fill(rays.met)
+    if rays.n_lost:
+        _fill(rays.met, share)
+    return Seen(rays.met, share, rays.n_rays, rays.n_short, rays.n_lost)
+
+
+class _Rays:
+    """Rays through blocked texels of blocks, and what they have met: (n, n_blocks) int32."""
+
+    def __init__(self, scene, caster, sharing, blocks, points, patterns, rng):
+        self._starts, self._caster, self._sharing = scene.ray_origins[points], caster, sharing
+        self._blocks, self._patterns, self._rng = blocks, patterns, rng
+        self.met = np.full(patterns.shape[:2], MISS, np.int32)
+        self.n_rays = self.n_short = self.n_lost = 0
+
+    def cast(self, row, block):
+        """One ray for each block of a row."""
+        blocks, rng = self._blocks, self._rng
+        texel = blocks.texels[block, _one_of(self._patterns[row, block], blocks.n_texels, rng)]
+        directions = blocks.cube_map.samples[texel].astype(np.float32)
+        pick = rng.random(len(row), np.float32)
+        ends, n_short = _ends(self._caster, self._sharing, self._starts[row], directions, pick)
+        self.met[row, block] = ends
+        self.n_rays += len(row)
+        self.n_short += n_short
+        self.n_lost += int(np.count_nonzero(ends == MISS))
 
 
 class _Neighbours:
@@ -198,29 +221,49 @@ class _Neighbours:
     """
 
     def __init__(self, share, side, rng):
-        n = len(share)
         place = np.arange(share.shape[1])
         odd = (place + place // side) % 2 == 1
         # Which half it is differs from point to point, and which of the neighbours.
-        half = odd ^ rng.integers(0, 2, (n, 1)).astype(bool)
+        half = odd ^ rng.integers(0, 2, (len(share), 1)).astype(bool)
         wanted = share > 0
         self.cast = wanted & half
         self._rows, self._blocks = np.nonzero(wanted & ~half)
-        self._from = np.full(len(self._rows), -1, np.int32)
         x, y = self._blocks % side, self._blocks // side % side
-        first = rng.integers(0, 4, len(self._rows), np.uint8)
         sides = ((x > 0, -1), (y > 0, -side), (x < side - 1, 1), (y < side - 1, side))
+        self._beside = np.full((4, len(self._rows)), -1, np.int32)
+        for beside, (inside, step) in zip(self._beside, sides, strict=True):
+            mine = np.flatnonzero(inside)
+            there = self._blocks[mine] + step
+            beside[mine] = np.where(self.cast[self._rows[mine], there], there, -1)
+        first = rng.integers(0, 4, len(self._rows), np.uint8)
+        self._from = np.full(len(self._rows), -1, np.int32)
         for turn in range(4):
-            for way, (inside, step) in enumerate(sides):
-                mine = np.flatnonzero((self._from < 0) & ((first + turn) % 4 == way) & inside)
-                beside = self._blocks[mine] + step
-                there = self.cast[self._rows[mine], beside]
-                self._from[mine[there]] = beside[there]
+            mine = np.flatnonzero(self._from < 0)
+            self._from[mine] = self._beside[(first[mine] + turn) % 4, mine]
         alone = self._from < 0
         self.cast[self._rows[alone], self._blocks[alone]] = True
+        self._keep(~alone)
+
+    def _keep(self, some):
         self._rows, self._blocks, self._from = (
-            values[~alone] for values in (self._rows, self._blocks, self._from)
+            values[some] for values in (self._rows, self._blocks, self._from)
         )
+        self._beside = self._beside[:, some]
+
+    def leave(self, met, metal, normals):
+        """(rows, blocks) that take nothing after all: beside them is metal, and it is not even."""
+        mine = np.flatnonzero(metal[met[self._rows, self._from]])
+        mine = mine[met[self._rows[mine], self._from[mine]] >= 0]
+        rows, own = self._rows[mine], normals[met[self._rows[mine], self._from[mine]]]
+        uneven = np.zeros(len(mine), bool)
+        for beside in self._beside[:, mine]:
+            there = met[rows, beside]
+            even = (there >= 0) & (np.einsum("mx,mx->m", own, normals[there]) > _EVEN)
+            uneven |= (beside >= 0) & ~even
+        left = mine[uneven]
+        result = self._rows[left], self._blocks[left]
+        self._keep(~np.isin(np.arange(len(self._rows)), left))
+        return result
 
     def fill(self, met):
         """Give these blocks what the others have met, (n, n_blocks) int32."""

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 from prt_core.errors import expect
 from prt_core.export.web.gloss_lobes import pack_lobes
 from prt_core.export.web.pack import shared_exponent
-from prt_core.relight.glossy_points import METAL, SeenMetal
-from prt_core.relight.point_lobes import PointLobes
+from prt_core.relight.glossy_points import SeenMetal, metal_among
 from prt_core.sphere import Blocks
 from prt_core.transport.incoming_field import FINER, divisor
 from prt_core.transport.lobe_cuts import parts_along
@@ -294,7 +293,7 @@ def _numbers(bake, tree, seen, place):
     """
     points = bake.scene.points
     glossy = np.concatenate([part.points for part in bake.reflections])
-    strong = PointLobes(points.materials[glossy], points.normals[glossy]).strength() > METAL
+    strong = metal_among(points, glossy)
     strong = np.split(strong, np.cumsum([len(part) for part in bake.reflections])[:-1])
     keys = SeenMetal(bake.reflections, strong, len(points)).keys
     sides = [part.blocks.side for part in bake.reflections]

@@ -10,7 +10,7 @@ import numpy as np
 from prt_core.reflectance.fresnel_powers import N_POWERS
 from prt_core.reflectance.mean_gloss import with_mean_gloss
 from prt_core.reflectance.view_factors import ViewFactors
-from prt_core.relight.glossy_points import METAL, narrowest_of
+from prt_core.relight.glossy_points import metal_among, narrowest_of
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.scene import ended_at
 
@@ -59,7 +59,7 @@ def pack_lobes(pack, bake, points):
         What the page is told of them: lobes (the group of each), surfaces, nodes, parts.
     """
     own, normals = bake.scene.points.materials[points], bake.scene.points.normals[points]
-    strong = PointLobes(own, normals).strength() > METAL
+    strong = metal_among(bake.scene.points, points)
     # What lets light pass is drawn as much less often as it is clear.
     materials = own.of_rays_that_end(ended_at(own))
     lobes = PointLobes(materials, normals)

@@ -17,7 +17,9 @@ def seen_from(meshes, resolution=16, side=8, **options):
     blocks = Blocks(cube_map, side)
     given = options.get("bits")
     given = bits if given is None else given
-    seen = reflection_hits(scene, caster, Sharing(scene), blocks, points, given, 0)
+    metal = np.full(len(points), options.get("metal", False))
+    work = scene, caster, Sharing(scene), blocks, points, given, 0, 0, metal
+    seen = reflection_hits(*work)
     return scene, blocks, bits, seen
 
 
@@ -130,3 +132,16 @@ def test_neighbours_are_of_the_same_face_and_of_all_four_sides():
     steps, counts = np.unique(there - here, return_counts=True)
     assert steps.tolist() == [-side, -1, 1, side]
     np.testing.assert_allclose(counts / taken.sum(), 0.25, atol=0.01)
+
+
+def test_of_curved_metal_each_small_block_is_cast_and_of_flat_metal_every_other_one():
+    rays = {}
+    for name, meshes in {
+        "curved": [sphere(8, inside=True)],
+        "flat": [plane(9, name="floor"), wall(0.9, 2.0, 1.0, n=9)],
+    }.items():
+        for metal in (False, True):
+            _, _, _, seen = seen_from(meshes, resolution=32, side=16, metal=metal)
+            rays[name, metal] = seen.n_rays / (seen.share > 0).sum()
+    assert rays["curved", False] < 0.53 and rays["curved", True] > 0.9
+    assert rays["flat", True] == rays["flat", False] < 0.53

@@ -152,6 +152,7 @@ def bounce_steps(
     counts = work.cut(rounds)
     store.update(rounds=rounds, seconds=seconds)
     cast, short, hidden, *backs = counts[...].sum(axis=(0, 1)).tolist()
+    short += work.edge_rays
     skipped["gather_rays"] = n_points * rounds * ROUND - cast
     share = hidden / max(cast, 1)
     dark = sum(backs) / max(cast, 1)

@@ -51,6 +51,8 @@ class GatherBlocks:
         The points of each block.
     group : int
         Blocks that are best computed together.
+    edge_rays : int
+        Rays that told where nobody has to ask which bake points a place sees.
     """
 
     def __init__(
@@ -61,7 +63,8 @@ class GatherBlocks:
         self._caster, self._seed, self._kept = caster, seed, kept
         self._rounds_of = rounds_of
         self._clear = _Clear(store.array("visibility"), cube_map)
-        self._sharing = Sharing(scene)
+        self._sharing = Sharing(scene, caster)
+        self.edge_rays = self._sharing.n_rays
         one_thread = _TOGETHER * n_cores()
         self.group = caster.threads if caster.threads > 1 else one_thread
 

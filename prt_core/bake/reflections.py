@@ -90,7 +90,8 @@ def reflection_steps(store, scene, cube_map, caster, settings, seconds):
         if store.attributes.get("reflections"):
             store.update(reflections=[])
         return ReflectionResult()
-    start, sharing, result = time.perf_counter(), Sharing(scene), np.zeros(_N_FIGURES, np.int64)
+    start, sharing = time.perf_counter(), Sharing(scene, caster)
+    result = np.array([0, sharing.n_rays, 0], np.int64)
     kinds = np.unique(sides[sides > 0]).tolist()
     bits, metal = store.array("visibility"), np.zeros(len(scene.points), bool)
     glossy = np.flatnonzero(sides)

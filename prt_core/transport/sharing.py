@@ -4,12 +4,16 @@ A hit lies in a cell of its triangle's lattice, and is handed to one of the thre
 around it with the probability of its barycentric weight. But a wall may stand on that cell, with a
 corner behind it: then light of the other side would be let in. So a short ray asks whether the
 place that was met sees the chosen point; if it does not, another of the three is chosen, in
-proportion to their weights. Where there are points inside of cells (see `transport.details`) the
-nearest of them comes first, and where no corner is seen they are all that is left.
+proportion to their weights. Most cells are clear: their corners see each other (see
+`transport.clear_cells`), and nobody asks. Where there are points inside of cells (see
+`transport.details`) the nearest of them comes first, and where no corner is seen they are all that
+is left.
 """
 
 import numpy as np
 from scipy.spatial import cKDTree
+
+from prt_core.transport.clear_cells import clear_cells
 
 MISS, DARK = -1, -2
 # A detail serves places nearer to it than any corner, and than this share of the farthest one.
@@ -65,11 +69,22 @@ class Sharing:
     Parameters
     ----------
     scene : Scene
+    caster : RayCaster, optional
+        Then one look at all cells of triangles finds those in which no place has to be asked what
+        it sees (see `transport.clear_cells`).
+
+    Attributes
+    ----------
+    n_rays : int
+        That this look took.
     """
 
-    def __init__(self, scene):
-        self._scene = scene
+    def __init__(self, scene, caster=None):
+        self._scene, self._clear, self.n_rays = scene, None, 0
         self._near_details = _triangles_near(scene)
+        if caster is not None:
+            self._clear, self.n_rays = clear_cells(scene, caster)
+            self._clear[self._near_details] = False
         points, details = scene.points, scene.details.point
         self._details = points.positions[details]
         # Sides that face otherwise are far away.
@@ -98,17 +113,34 @@ class Sharing:
         short : (m,) uint8
             Rays that were cast from each place to see who may share it.
         """
+        ends = np.full(len(directions), MISS, np.int32)
+        unlit, hidden = np.zeros((2, len(directions)), bool)
+        short = np.zeros(len(directions), np.uint8)
         hit = np.flatnonzero(hits.triangle >= 0)
+        if self._clear is not None:
+            hit = self._hand_clear(hit, hits, directions, pick, ends)
         places = Places(self._scene, hits.triangle[hit], hits.barycentric[hit], directions[hit])
         chosen, asked = self.choose(caster, places, pick[hit])
-        ends = np.full(len(directions), MISS, np.int32)
         ends[hit] = np.where(chosen >= 0, chosen, DARK)
-        unlit, hidden = np.zeros((2, len(directions)), bool)
         unlit[hit] = places.around[:, 0] < 0
         hidden[hit] = (chosen < 0) & (places.around[:, 0] >= 0)
-        short = np.zeros(len(directions), np.uint8)
         short[hit] = asked
         return ends, unlit, hidden, short
+
+    def _hand_clear(self, hit, hits, directions, pick, ends):
+        """Hand hits in clear cells to bake points, into `ends`; returns the others."""
+        scene, triangle = self._scene, hits.triangle.take(hit)
+        way = directions.take(hit, axis=0)
+        back = np.einsum("mx,mx->m", way, scene.triangle_normals.take(triangle, axis=0)) > 0
+        clear = self._clear[triangle, back.view(np.uint8)]
+        mine = np.flatnonzero(clear)
+        own = hit[mine]
+        around, weights = scene.hit_points(triangle[mine], hits.barycentric[own], back[mine])
+        # One of the three, by weights that sum to 1.
+        first = weights[:, 0].astype(np.float64)
+        corner = (pick[own] >= first).view(np.uint8) + (pick[own] >= first + weights[:, 1])
+        ends[own] = around[np.arange(len(own)), corner]
+        return hit[~clear]
 
     def choose(self, caster, places, pick):
         """Hand places to bake points.
@@ -186,7 +218,7 @@ class Sharing:
                 break
             shares = weights[left] / total
             ends = np.cumsum(shares, axis=1)
-            corner = np.minimum((pick[left, None] >= ends[:, :2]).sum(axis=1), 2)
+            corner = (pick[left, None] >= ends[:, :2]).sum(axis=1)
             row = np.arange(len(left))
             points = places.around[left, corner]
             seen = self._hand(caster, places, left, points, handed)

@@ -88,7 +88,8 @@ class Gloss:
     @property
     def nbytes(self):
         """Of the fields, of maps of views, and of what is kept for metal that metal sees."""
-        kept = sum(one.nbytes for _, one in self._glimpses)
+        kept = sum(one.nbytes for one in self._glimpses)
+        kept += 0 if self._metal is None else self._metal.nbytes
         for matrices in self._again or ():
             # The three have their indices in common.
             kept += sum(matrix.data.nbytes for matrix in matrices)
@@ -140,9 +141,8 @@ class Gloss:
     def _change_of_seen(self, seen, standing, tolerance, lamps):
         """(k, 3) radiance of what is seen beyond what stood in for it, (n_points, 3)."""
         before = np.zeros((len(seen), 3), np.float32)
-        for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
+        for part, mine in zip(self._parts, seen.parts, strict=True):
             before[mine] = standing[part.points[seen.row[mine]]]
-            glimpses.light()
         stood, once = before, self._of_seen(seen, lamps)
         reflected = once
         for _ in range(_SWEEPS - 1):
@@ -158,21 +158,21 @@ class Gloss:
             reflections = [part.field.reflections for part in self._parts]
             strong = [part.strength() > METAL for part in self._parts]
             seen = self._metal = SeenMetal(reflections, strong, len(self._world))
-            for index, part in enumerate(self._parts):
-                mine = np.flatnonzero(seen.part == index)
-                glimpses = part.glimpses(seen.row[mine], seen.outgoing[mine])
-                self._glimpses.append((mine, glimpses))
+            self._glimpses = [
+                part.glimpses(seen.row[mine], seen.outgoing.of(mine))
+                for part, mine in zip(self._parts, seen.parts, strict=True)
+            ]
         return self._metal if len(self._metal) else None
 
     def _of_seen(self, seen, lamps):
         """(k, 3) radiance that what is seen reflects towards where it is seen from."""
         result = np.zeros((len(seen), 3), np.float32)
-        for part, (mine, glimpses) in zip(self._parts, self._glimpses, strict=True):
-            shown = glimpses.reflected()
+        for index, mine in enumerate(seen.parts):
+            shown = self._glimpses[index].reflected()
             for lamp, received in lamps:
-                way = seen.row[mine], seen.outgoing[mine]
-                shown += part.glimpsed_highlights(lamp, received, self._world, *way)
-            result[mine] = shown / self._ended_at(seen, mine)
+                work = lamp, received, self._world, seen.row[mine], seen.outgoing.of(mine)
+                shown += self._parts[index].glimpsed_highlights(*work)
+            result[mine] = shown / self._ended_at(seen, index)
         return result
 
     def _seen_again(self, seen, change):
@@ -180,22 +180,20 @@ class Gloss:
         if self._again is None:
             self._again = [
                 glimpses.returned(*entries, len(seen))
-                for (_, glimpses), entries in zip(self._glimpses, seen.entries, strict=True)
+                for glimpses, entries in zip(self._glimpses, seen.entries, strict=True)
             ]
         result = np.zeros((len(seen), 3), np.float32)
-        for (mine, _), matrices in zip(self._glimpses, self._again, strict=True):
+        for index, (mine, matrices) in enumerate(zip(seen.parts, self._again, strict=True)):
             for channel, matrix in enumerate(matrices):
                 result[mine, channel] = matrix @ change[:, channel]
-            result[mine] /= self._ended_at(seen, mine)
+            result[mine] /= self._ended_at(seen, index)
         return result
 
-    def _ended_at(self, seen, mine):
-        """Of rays at some of what is seen the share that ends there: (k, 1), or 1."""
+    def _ended_at(self, seen, index):
+        """Of rays at what is seen of a part the share that ends there: (k, 1), or 1."""
         if self._ended is None:
             return np.float32(1)
-        glossy = np.concatenate([part.points for part in self._parts])
-        first = np.cumsum([0, *(len(part.points) for part in self._parts)])
-        return self._ended[glossy[first[seen.part[mine]] + seen.row[mine]]]
+        return self._ended[self._parts[index].points[seen.row[seen.parts[index]]]]
 
     @property
     def maps_views(self):

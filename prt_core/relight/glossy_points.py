@@ -153,7 +153,7 @@ class GlossyPoints:
         return result
 
     def glimpses(self, rows, outgoing):
-        """`Glimpses` of points by `rows` (k,) from where `outgoing` (k, 3) leads."""
+        """`Glimpses` of points by `rows` (k,) from where `outgoing`, `Ways`, lead."""
         kinds, lobes_of = self._lobes_by_kind(np.ones(len(self.points), bool))
         return Glimpses(self.field, self._normals, rows, outgoing, kinds, lobes_of)
 
@@ -291,14 +291,13 @@ class SeenMetal:
 
     Attributes
     ----------
-    keys : (k,) int64
-        Ascending: ((part n_points + row) n_blocks + block) of what is seen, where blocks of each of
-        the reflections follow those of the one before.
-    part, row : (k,) int
-        Whose points they are, and which.
-    outgoing : (k, 3) float32
-        From there to who sees it.
-    entries : list of (int array, int array)
+    parts : list of slice
+        What is seen of each of the reflections' points.
+    row : (k,) int32
+        Which of these points it is.
+    outgoing : Ways
+        From there to who sees it, (k, 3).
+    entries : list of (int array, int32 array)
         Of each part the entries of its reflections that see one, and which these are.
     """
 
@@ -313,6 +312,8 @@ class SeenMetal:
         for index, part in enumerate(reflections):
             # Negative numbers, of what returns no light, count from the end: of no part.
             entries = np.flatnonzero(owner[part.met] >= 0)
+            if len(part.met) <= np.iinfo(np.int32).max:
+                entries = entries.astype(np.int32)
             met = part.met[entries]
             seen = owner[met] * np.int64(n_points) + row[met]
             keys.append(seen * first[-1] + first[index] + part.block[entries])
@@ -321,10 +322,63 @@ class SeenMetal:
         which = which.astype(np.int32)
         ends = np.cumsum([len(entries) for entries in chosen])[:-1]
         self.entries = list(zip(chosen, np.split(which, ends), strict=True))
-        self.keys = keys
         seen, direction = np.divmod(keys, first[-1])
-        self.part, self.row = np.divmod(seen, n_points)
-        self.outgoing = -np.concatenate(directions).astype(np.float32)[direction]
+        part, row = np.divmod(seen, n_points)
+        self.row = row.astype(np.int32)
+        ends = np.searchsorted(part, np.arange(len(reflections) + 1))
+        self.parts = [slice(*map(int, each)) for each in zip(ends[:-1], ends[1:], strict=True)]
+        self.outgoing = Ways(-np.concatenate(directions).astype(np.float32), direction)
+        self._n_points, self._n_blocks = n_points, int(first[-1])
 
     def __len__(self):
         return len(self.row)
+
+    @property
+    def keys(self):
+        """(k,) int64, ascending: ((part n_points + row) n_blocks + block) of what is seen, where
+        blocks of each of the reflections follow those of the one before."""
+        keys = np.empty(len(self), np.int64)
+        for index, part in enumerate(self.parts):
+            seen = self.row[part] + np.int64(index * self._n_points)
+            keys[part] = seen * self._n_blocks + self.outgoing.which[part]
+        return keys
+
+    @property
+    def nbytes(self):
+        """Of what is there for as long as it is."""
+        entries = sum(one.nbytes + which.nbytes for one, which in self.entries)
+        return self.row.nbytes + self.outgoing.nbytes + entries
+
+
+class Ways:
+    """Directions that are looked up in a table where they are asked for.
+
+    Parameters
+    ----------
+    table : (n, 3) float32
+    which : (k,) int
+
+    Attributes
+    ----------
+    which : (k,) uint16 or int32
+    """
+
+    def __init__(self, table, which):
+        self._table = table
+        self.which = which.astype(np.uint16 if len(table) <= 1 << 16 else np.int32, copy=False)
+
+    def __len__(self):
+        return len(self.which)
+
+    def __getitem__(self, part):
+        """(m, 3) float32: those of a slice."""
+        return self._table.take(self.which[part], axis=0)
+
+    def of(self, part):
+        """`Ways` of a slice, with the same table."""
+        return Ways(self._table, self.which[part])
+
+    @property
+    def nbytes(self):
+        """Of the arrays."""
+        return self._table.nbytes + self.which.nbytes

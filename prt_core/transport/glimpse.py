@@ -30,7 +30,7 @@ class Glimpses:
     """About what lobes send: quick, and right in the mean over many points and directions.
 
     A few facets of each lobe mirror the blocks that they face, which are the same under every
-    light. Bright texels are exact; they are the same however often light goes to and fro.
+    light. Bright texels are exact.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Glimpses:
         Of the points of the field.
     rows : (k,) int
         Points of the field, in any order and number.
-    outgoing : (k, 3) float32
+    outgoing : (k, 3) float32, or what gives as much for a slice
         Unit vectors towards the viewer, in the world.
     kinds : (n,) int32
         Points of the field that have the same lobes are of one kind, but for what no one sees.
@@ -50,14 +50,14 @@ class Glimpses:
 
     def __init__(self, field, normals, rows, outgoing, kinds, lobes_at):
         self._field, self._normals = field, normals
-        self._rows, self._outgoing = np.asarray(rows, np.int64), outgoing
+        self._rows, self._outgoing = rows, outgoing
         self._kinds, self._lobes_at, self._kept = kinds, lobes_at, {}
-        self._bright = np.zeros((len(self._rows), 3), np.float32)
         self._keeps = len(self._rows) <= _MOST_KEPT
 
-    def light(self):
-        """Take in the bright texels of the light that the field is filled in for."""
+    def _of_bright(self):
+        """(k, 3) float32: what is sent of the bright texels of the field's light."""
         bright = BrightLobes(self._field.merged, self._kinds, self._lobes_of)
+        result = np.zeros((len(self._rows), 3), np.float32)
 
         def one(first):
             part = slice(first, first + _BRIGHT)
@@ -65,9 +65,10 @@ class Glimpses:
             normals = self._normals.take(rows, axis=0)
             cosine = np.einsum("kx,kx->k", outgoing, normals)
             work = rows, normals, lifted(outgoing, normals), cosine
-            self._bright[part] = bright.reflected(*work)
+            result[part] = bright.reflected(*work)
 
         on_all_cores(one, range(0, len(self._rows), _BRIGHT))
+        return result
 
     def _lobes_of(self, kinds, cosine):
         """Lobes of kinds as `BrightLobes` takes them: round ones, and not too narrow."""
@@ -75,12 +76,12 @@ class Glimpses:
 
     def reflected(self):
         """(k, 3) float32: what is sent of the field as it is, and of the bright texels."""
-        result = self._bright.copy()
+        result = self._of_bright()
         values, n_nodes = self._field.values.reshape(-1), len(self._field.nodes)
 
         def one(first):
             part = slice(first, first + _MANY)
-            start = self._rows[part] * (3 * n_nodes)
+            start = self._rows[part].astype(np.int64) * (3 * n_nodes)
             for some, block, factor in self._facets_at(first):
                 index = start[some] + block
                 for channel in range(3):
@@ -117,7 +118,7 @@ class Glimpses:
             places = []
             for some, block, factor in self._facets_at(first):
                 mine = first + some.astype(np.int64)
-                wanted = self._rows[mine] * n_blocks + block
+                wanted = self._rows[mine].astype(np.int64) * n_blocks + block
                 place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
                 facet, lobe = np.nonzero(keys[place] == wanted)
                 place = place[facet, lobe]
@@ -195,7 +196,7 @@ class Glimpses:
     def nbytes(self):
         """Of what is kept."""
         kept = [array for facets in self._kept.values() for parts in facets for array in parts]
-        return self._bright.nbytes + sum(array.nbytes for array in kept)
+        return sum(array.nbytes for array in kept)
 
 
 def _width(alpha):

@@ -120,17 +120,19 @@ def test_what_is_seen_from_several_points_along_one_direction_is_there_once(bake
     strong = [part.strength() > METAL for part in parts]
     seen = SeenMetal([part.field.reflections for part in parts], strong, len(points))
     assert (np.diff(seen.keys) > 0).all()
-    sights = np.column_stack([seen.part, seen.row, seen.outgoing])
+    lengths = [part.stop - part.start for part in seen.parts]
+    owner, outgoing = np.repeat(np.arange(len(parts)), lengths), seen.outgoing[:]
+    sights = np.column_stack([owner, seen.row, outgoing])
     assert 0 < len(np.unique(sights, axis=0)) == len(seen)
     assert len(seen) < sum(len(entries) for entries, _ in seen.entries)
     ball = points.object_index == 1
     for part, (entries, which) in zip(parts, seen.entries, strict=True):
         reflections = part.field.reflections
         met = reflections.met[entries]
-        who = [parts[p].points[row] for p, row in zip(seen.part, seen.row, strict=True)]
+        who = [parts[p].points[row] for p, row in zip(owner, seen.row, strict=True)]
         np.testing.assert_array_equal(np.array(who)[which], met)
         ways = -reflections.blocks.directions[reflections.block[entries]]
-        np.testing.assert_allclose(seen.outgoing[which], ways, atol=1e-6)
+        np.testing.assert_allclose(outgoing[which], ways, atol=1e-6)
         # The floor reflects less than metals do.
         assert ball[met].all()
         assert (ball[reflections.met] & (reflections.met >= 0)).sum() == len(entries)

@@ -179,6 +179,11 @@ CASES = {
         added(glossy(0.125, Color=(0.25,) * 4), glossy(0.625, Color=(0.75,) * 4)),
         {"glossy": (1, 1, 1), "roughness": 0.5, "stand_in": None},
     ),
+    "one bounce": (
+        mixed(0.25, principled(Metallic=1.0), lambda tree: of_distribution(tree, "GGX")),
+        {"metal": (0.6,) * 3, "glossy": (0.2,) * 3, "roughness": 0.5, "single": 0.25,
+         "stand_in": None},
+    ),
     "muted": (muted, {"metal": (0.8,) * 3, "roughness": 0.5, "stand_in": None}),
     "plastic": (
         plastic("Fresnel", IOR=1.5),

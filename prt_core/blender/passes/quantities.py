@@ -12,7 +12,8 @@ from prt_core.reflectance import QUANTITIES
 # What is known of gloss where it is asked for.
 GLOSS = (
     "stand_in", "glossy", "metal", "metal_edge", "dielectric", "tint", "ior", "roughness",
-    "anisotropy", "tangent", "coat", "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
+    "anisotropy", "tangent", "single", "coat", "coat_roughness", "coat_ior", "coat_tint",
+    "diffuse_roughness",
 )  # fmt: skip
 
 

@@ -435,6 +435,51 @@ def bent(tree):
     return node
 
 
+def told_apart(tree):
+    node = principled()(tree)
+    path = add(tree, "LightPath")
+    tree.links.new(path.outputs["Is Glossy Ray"], node.inputs["Roughness"])
+    return node
+
+
+def bent_in_group(name, outside):
+    """Its shader, a Diffuse BSDF, is bent by a map in the group, or by what the group is given."""
+    inner = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    inner.interface.new_socket("Bent", in_out="INPUT", socket_type="NodeSocketVector")
+    inner.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketShader")
+    begin, end = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+    paper, bump = add(inner, "BsdfDiffuse"), add(inner, "Bump")
+    given = begin if outside else add(inner, "NormalMap", Color=(0.6, 0.5, 1, 1))
+    inner.links.new(given.outputs[0], bump.inputs["Normal"])
+    inner.links.new(bump.outputs[0], paper.inputs["Normal"])
+    inner.links.new(paper.outputs[0], end.inputs[0])
+    return inner
+
+
+@pytest.mark.parametrize("outside", [True, False])
+def test_shaders_of_different_normals_are_said(outside):
+    def build(tree):
+        node = mixed(0.5, bent, bent)(tree)
+        coated, gloss = (node.inputs[k].links[0].from_node for k in (1, 2))
+        map_of_coated = coated.inputs["Normal"].links[0].from_node
+        coated.inputs["Coat Weight"].default_value = 0.5
+        if outside:
+            tree.links.new(map_of_coated.outputs[0], coated.inputs["Coat Normal"])
+            tree.links.new(map_of_coated.outputs[0], gloss.inputs["Normal"])
+        group = tree.nodes.new("ShaderNodeGroup")
+        group.node_tree = bent_in_group("group", outside)
+        tree.links.new(map_of_coated.outputs[0], group.inputs[0])
+        both = add(tree, "AddShader")
+        tree.links.new(node.outputs[0], both.inputs[0])
+        tree.links.new(group.outputs[0], both.inputs[1])
+        return both
+
+    plate("thing", build)
+    lines = " ".join(read(gloss=True)[1])
+    assert ("its shaders have different normals" in lines) is not outside
+    assert ("its coat has the normals of what lies below" in lines) is not outside
+
+
 @pytest.mark.parametrize(
     "build, said",
     [
@@ -443,6 +488,8 @@ def bent(tree):
         (shader("BsdfToon"), "its toon reflection is left out"),
         (shader("BsdfHairPrincipled"), "its hair shader is left out; it belongs on strands"),
         (glossy(0.5, Anisotropy=0.9), "is more anisotropic than 1 of a Principled BSDF, which"),
+        (principled(IOR=0.7), "its IOR is below 1; it reflects as with 1 / IOR"),
+        (told_apart, "its Light Path tells glossy rays from diffuse ones"),
         (bent, "its normal map bends reflections at the bake points only; subdivide"),
         (lambda tree: of_distribution(tree, "BECKMANN"), "its microfacets are not GGX"),
     ],

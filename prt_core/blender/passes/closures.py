@@ -128,6 +128,10 @@ LEFT_OUT = {
     "hair": "its hair shader is left out; it belongs on strands",
     "thin film": "the colours of its thin film are left out",
     "coat normal": "its coat has the normals of what lies below",
+    "normals": "its shaders have different normals; all of them have the mean",
+    "ior": "its IOR is below 1; it reflects as with 1 / IOR",
+    "glossy rays": "its Light Path tells glossy rays from diffuse ones; reflections show it as "
+    "diffuse rays meet it",
     "distribution": "its microfacets are not GGX, and are taken as if they were",
     "closure": "it has a shader that is not known here, whose reflection is left out",
     "bent": "its normal map bends reflections at the bake points only; subdivide the mesh where "

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 import bpy
 
 from prt_core.blender.compat import has_nodes
+from prt_core.blender.passes.closure_normals import ClosureNormals
 from prt_core.blender.passes.closures import CLOSURES, OTHERS
-from prt_core.blender.passes.light_paths import CERTAIN
+from prt_core.blender.passes.light_paths import CERTAIN, tells_gloss_apart
 
 # Nodes that give the same everywhere on one object, when what goes into them does.
 _EVEN = {
@@ -141,12 +142,13 @@ def graph_of(material, gloss=False):
     graph.displaced = [link for link in output.inputs["Displacement"].links if not link.is_muted]
     bends = getattr(material, "displacement_method", "BUMP") == "BUMP"
     graph.bumpy = bool(graph.displaced) and bends
-    for node in _nodes_behind(output.inputs["Surface"]):
+    nodes = list(_nodes_behind(output.inputs["Surface"]))
+    for node in nodes:
         _note(graph, node)
         if gloss and not node.mute:
             _note_gloss(graph, node)
-    if gloss and graph.bends:
-        graph.left_out.add("bent")
+    if gloss:
+        _note_normals(graph, ClosureNormals(nodes))
     return graph
 
 
@@ -228,12 +230,24 @@ def _note_gloss(graph, node):
     for name, socket in (("sheen", "Sheen Weight"), ("thin film", "Thin Film Thickness")):
         if _is_some(node, socket):
             left_out.add(name)
-    coat = node.inputs.get("Coat Normal")
-    if coat is not None and coat.is_linked and _is_some(node, "Coat Weight"):
-        left_out.add("coat normal")
+    ior = node.inputs.get("IOR") if kind in {"BSDF_PRINCIPLED", "BSDF_GLASS"} else None
+    if ior is not None and not ior.is_linked and ior.default_value < 1:
+        left_out.add("ior")
+    if kind == "LIGHT_PATH" and tells_gloss_apart(node):
+        left_out.add("glossy rays")
     if getattr(node, "distribution", "") in {"BECKMANN", "ASHIKHMIN_SHIRLEY"}:
         if kind != "BSDF_REFRACTION":
             left_out.add("distribution")
+
+
+def _note_normals(graph, normals):
+    """What of normals that are bent is not carried."""
+    if graph.bends:
+        graph.left_out.add("bent")
+    if normals.differ():
+        graph.left_out.add("normals")
+    if normals.coat_differs():
+        graph.left_out.add("coat normal")
 
 
 def _by_uv(node):

@@ -143,7 +143,7 @@ def culling_remarks(scene):
 
 
 def holdout_remarks(source, owner, layer):
-    """Lines on an object that is a hole in pictures; to light it is as others.
+    """Lines on an object that is a hole in pictures, or shadows alone; to light it is as others.
 
     Parameters
     ----------
@@ -154,6 +154,11 @@ def holdout_remarks(source, owner, layer):
     """
     if source.is_holdout or owner.is_holdout or owner.original.holdout_get(view_layer=layer):
         yield f"{owner.name}: is a holdout; renders have a hole there, pictures of a bake show it"
+    elif source.is_shadow_catcher or owner.is_shadow_catcher:
+        yield (
+            f"{owner.name}: is a shadow catcher; renders have its shadows alone, "
+            "pictures of a bake show it"
+        )
 
 
 def missing_remarks():

@@ -132,6 +132,15 @@ def test_holdout_and_indirect_only_collections_still_bounce_light(scene, home):
     assert not by_name()["wall"].camera_rays
 
 
+def test_a_shadow_catcher_is_said(scene, home):
+    cube("ground", home).is_shadow_catcher = True
+    names, messages = read()
+    assert set(names) == {"ground"}
+    assert messages == [
+        "ground: is a shadow catcher; renders have its shadows alone, pictures of a bake show it"
+    ]
+
+
 def test_an_instance_of_a_holdout_is_one(scene, home):
     inner = bpy.data.collections.new("inner")
     cube("mask", inner).is_holdout = True

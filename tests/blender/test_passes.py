@@ -546,6 +546,13 @@ def test_a_holdout_shader_is_black_and_said():
     assert any(line.startswith("material 'mask': a holdout is black") for line in messages)
 
 
+def test_a_ray_portal_is_clear_and_said():
+    plate("gate", surface(lambda tree: add(tree, "BsdfRayPortal")))
+    meshes, messages = read()
+    np.testing.assert_allclose(meshes["gate"].materials.opacity, 0, atol=1e-3)
+    assert "material 'gate': a Ray Portal leads nowhere; light goes straight through it" in messages
+
+
 def test_what_depends_on_the_direction_of_view_is_said():
     def facing(tree):
         return add(tree, "BsdfDiffuse", Color=add(tree, "LayerWeight").outputs["Facing"])

@@ -79,9 +79,9 @@ class Graph:
         Whether they tell shadow rays from diffuse ones.
     lengths : bool
         Whether they ask how long rays are, or how often they were reflected.
-    rough, scatters, tinted, toon : bool
+    rough, scatters, tinted, toon, portals : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
-        may have a colour; light leaves in steps.
+        may have a colour; light leaves in steps; rays go on from elsewhere.
     bumpy : bool
         Whether there is bump that is left out; Cycles' bakes leave it out as well.
     translucent : list of bpy.types.Node
@@ -113,6 +113,7 @@ class Graph:
     scatters: bool = False
     tinted: bool = False
     toon: bool = False
+    portals: bool = False
     bumpy: bool = False
     translucent: list = field(default_factory=list)
     paths: list = field(default_factory=list)
@@ -184,6 +185,7 @@ def _note(graph, node):
     graph.backs |= bool(asked & _OF_A_SIDE.get(kind, set()))
     graph.views |= bool(asked & _OF_A_VIEW.get(kind, set()))
     graph.toon |= kind == "BSDF_TOON"
+    graph.portals |= kind == "BSDF_RAY_PORTAL"
     before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
     if any(other.type != "BUMP" for other in before):
         graph.bends, graph.flat = True, False

@@ -4,6 +4,7 @@ from prt_core.blender.compat import has_nodes
 from prt_core.blender.node_trees import all_nodes
 from prt_core.blender.passes.closures import LEFT_OUT
 from prt_core.blender.passes.light_paths import tells_gloss_apart
+from prt_core.blender.render_scene import rendered_world
 from prt_core.blender.stand_ins import is_copy, rendered_objects
 
 # What reflections show of each kind, where glossy rays do not meet it, and where only they do.
@@ -42,7 +43,7 @@ def glossy_remarks(scene):
             kind = "surface" if item.type != "LIGHT" else "sun" if data.type == "SUN" else "lamp"
             lines += _line(item.name, kind, item.visible_diffuse, item.visible_glossy)
             lines += _by_nodes(item.name, data) if item.type == "LIGHT" else []
-    world = scene.world
+    world = rendered_world(scene)
     if world is not None:
         rays = world.cycles_visibility
         lines += _line(f"world '{world.name}'", "world", rays.diffuse, rays.glossy)

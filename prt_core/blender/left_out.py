@@ -9,6 +9,8 @@ from prt_core.blender.render_scene import rendered_layer
 from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
 
 _DISPLACED = {"DISPLACEMENT", "BOTH"}
+# Diffuse bounces that Cycles has unless it is told otherwise.
+_USUAL_BOUNCES = 4
 # What Blender shows for a face without material.
 NO_MATERIAL = (0.8, 0.8, 0.8)
 
@@ -96,7 +98,7 @@ def scene_remarks(scene, kinds):
             "they were made of are baked"
         )
     lines += layer_remarks(*rendered_layer(scene))
-    return [*lines, *culling_remarks(scene), *missing_remarks()]
+    return [*lines, *culling_remarks(scene), *render_remarks(scene), *missing_remarks()]
 
 
 def say_copies(meshes, messages):
@@ -140,6 +142,22 @@ def culling_remarks(scene):
         for item in scene.objects:
             if getattr(getattr(item, "cycles", None), f"use_{kind}_cull", False):
                 yield f"{item.name}: is baked, though renders may cull it by {kind}"
+
+
+def render_remarks(scene):
+    """Lines on settings of renders that make all of a picture brighter or darker."""
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None:
+        return
+    exposure, bounces = cycles.film_exposure, min(cycles.max_bounces, cycles.diffuse_bounces)
+    if exposure != 1:
+        way = f"--exposure {np.log2(exposure):.3g} is as much" if exposure > 0 else "they are black"
+        yield f"renders have a film exposure of {exposure:g}, a bake has none; {way}"
+    if bounces < _USUAL_BOUNCES:
+        yield (
+            f"renders end light after {bounces} diffuse bounces, a bake has all of them; "
+            f"--bounces {bounces} has as many"
+        )
 
 
 def holdout_remarks(source, owner, layer):

@@ -432,6 +432,17 @@ def test_true_displacement_is_named(scene):
     assert message.startswith("rock: true displacement by its material is not baked")
 
 
+def test_film_exposure_and_few_bounces_are_said(scene):
+    cube("box", scene.collection)
+    assert not read()[1]
+    scene.cycles.film_exposure, scene.cycles.diffuse_bounces = 4, 2
+    assert read()[1] == [
+        "renders have a film exposure of 4, a bake has none; --exposure 2 is as much",
+        "renders end light after 2 diffuse bounces, a bake has all of them; --bounces 2 has as "
+        "many",
+    ]
+
+
 def test_culling_by_the_camera_is_said(scene):
     item = cube("box", scene.collection)
     scene.render.use_simplify = scene.cycles.use_distance_cull = True

@@ -428,6 +428,15 @@ def test_glossy_and_plain_surfaces_are_kept_apart(monkeypatch):
     assert both["metal"].materials.equals(glossed["metal"].materials)
 
 
+def test_gloss_is_read_where_the_scene_has_osl():
+    plate("metal", principled(Metallic=1.0, Roughness=0.25))
+    bpy.context.scene.cycles.shading_system = True
+    materials = read(gloss=True)[0]["metal"].materials
+    np.testing.assert_allclose(materials.metal, 0.8, atol=3e-4)
+    np.testing.assert_allclose(materials.roughness, 0.25, atol=3e-4)
+    assert bpy.context.scene.cycles.shading_system
+
+
 def bent(tree):
     node = principled()(tree)
     bend = add(tree, "NormalMap", Color=(0.6, 0.5, 1, 1))

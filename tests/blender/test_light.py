@@ -79,6 +79,16 @@ def test_a_limit_of_bounces_of_a_world_is_said(world):
     assert messages == ["world 'w': its limit of 1 bounces is ignored"]
 
 
+def test_a_world_in_coordinates_of_the_camera_is_said(world):
+    tree, messages = world.node_tree, []
+    place = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(place.outputs["Window"], tree.nodes["Background"].inputs["Color"])
+    read_environment(messages=messages)
+    assert messages == [
+        "world 'w': Window and Camera coordinates in it are not those of the camera"
+    ]
+
+
 def test_a_world_of_any_nodes_is_what_cycles_renders_of_it(world):
     tree = world.node_tree
     place = tree.nodes.new("ShaderNodeTexCoord")

@@ -129,6 +129,7 @@ LEFT_OUT = {
     "thin film": "the colours of its thin film are left out",
     "coat normal": "its coat has the normals of what lies below",
     "normals": "its shaders have different normals; all of them have the mean",
+    "script": "its OSL script gives nothing, as gloss is read without OSL",
     "ior": "its IOR is below 1; it reflects as with 1 / IOR",
     "glossy rays": "its Light Path tells glossy rays from diffuse ones; reflections show it as "
     "diffuse rays meet it",

@@ -46,7 +46,11 @@ _OF_A_VIEW = {
     "LAYER_WEIGHT": {"Fresnel", "Facing"},
     "FRESNEL": {"Factor", "Fac"},
     "NEW_GEOMETRY": {"Incoming"},
-    "TEX_COORD": {"Camera", "Window", "Reflection"},
+    "TEX_COORD": {"Reflection"},
+}
+# What nodes say that is of the camera's own.
+_OF_A_CAMERA = {
+    "TEX_COORD": {"Camera", "Window"},
     "CAMERA": {"View Vector", "View Z Depth", "View Distance"},
 }
 
@@ -153,6 +157,14 @@ def graph_of(material, gloss=False):
     return graph
 
 
+def asks_camera(node):
+    """Whether a node gives something in coordinates that are a camera's own."""
+    if node.type == "VECT_TRANSFORM":
+        return "CAMERA" in (node.convert_from, node.convert_to)
+    asked = {socket.name for socket in node.outputs if socket.is_linked}
+    return bool(asked & _OF_A_CAMERA.get(node.type, set()))
+
+
 def _nodes_behind(socket):
     """Every node that feeds a socket, those of groups as well."""
     seen, waiting = set(), [link.from_node for link in socket.links]
@@ -183,7 +195,7 @@ def _note(graph, node):
     graph.noisy |= kind in _NOISY
     asked = {socket.name for socket in node.outputs if socket.is_linked}
     graph.backs |= bool(asked & _OF_A_SIDE.get(kind, set()))
-    graph.views |= bool(asked & _OF_A_VIEW.get(kind, set()))
+    graph.views |= bool(asked & _OF_A_VIEW.get(kind, set())) or asks_camera(node)
     graph.toon |= kind == "BSDF_TOON"
     graph.portals |= kind == "BSDF_RAY_PORTAL"
     before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
@@ -235,6 +247,8 @@ def _note_gloss(graph, node):
     ior = node.inputs.get("IOR") if kind in {"BSDF_PRINCIPLED", "BSDF_GLASS"} else None
     if ior is not None and not ior.is_linked and ior.default_value < 1:
         left_out.add("ior")
+    if kind == "SCRIPT":
+        left_out.add("script")
     if kind == "LIGHT_PATH" and tells_gloss_apart(node):
         left_out.add("glossy rays")
     if getattr(node, "distribution", "") in {"BECKMANN", "ASHIKHMIN_SHIRLEY"}:

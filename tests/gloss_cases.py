@@ -108,6 +108,7 @@ def _turned_tangent(normals):
 
 
 _SPECULAR = {"Base Color": (0, 0, 0), "IOR": 1.5}
+_GGX, _SINGLE = {"distribution": "GGX"}, {"single": 1}
 _COAT = {"Coat Weight": 1.0, "Coat Roughness": 0.3}
 _TINTED = {"Coat Weight": 0.7, "Coat Roughness": 0.3, "Coat IOR": 1.6, "Coat Tint": BLUE}
 _TINTED_KNOWN = {"coat": 0.7, "coat_roughness": 0.3, "coat_ior": 1.6, "coat_tint": BLUE}
@@ -146,6 +147,14 @@ CASES = {
     "half metal 0.5": _metal(
         0.5, {"Metallic": 0.5},
         {"metal": tuple(c / 2 for c in GOLD), "dielectric": 0.5}, sky="sides"
+    ),
+    "metal 0.8 of one bounce": _metal(0.8, quantities=_SINGLE, settings=_GGX, sky="sides"),
+    "all of one bounce": Case(
+        {"Base Color": GREY, "Metallic": 0.3, "Roughness": 0.9, "Specular IOR Level": 1.0,
+         "IOR": 1.8},
+        {"metal": tuple(0.3 * c for c in GREY), "dielectric": 0.7, "roughness": 0.9,
+         "ior": _level(1.0, 1.8), **_SINGLE},
+        passes="COMBINED", settings=_GGX,
     ),
     "dielectric 0.3": Case(
         {**_SPECULAR, "Roughness": 0.3}, {"dielectric": 1, "roughness": 0.3}
@@ -209,14 +218,14 @@ def materials_of(case, albedo):
     """Something that has the quantities of a case at every place, as `Materials` would."""
     values = {
         "albedo": albedo, "stand_in": 0, "glossy": 0, "metal": 0, "metal_edge": 1, "dielectric": 0,
-        "tint": 1, "ior": 1.5, "roughness": 1, "anisotropy": 0, "tangent": 0, "coat": 0,
-        "coat_roughness": 0.03, "coat_ior": 1.5, "coat_tint": 1, "diffuse_roughness": 0,
+        "tint": 1, "ior": 1.5, "roughness": 1, "anisotropy": 0, "tangent": 0, "single": 0,
+        "coat": 0, "coat_roughness": 0.03, "coat_ior": 1.5, "coat_tint": 1, "diffuse_roughness": 0,
         "opacity": 1, **case.quantities,
     }  # fmt: skip
     if callable(values["tangent"]):
         values["tangent"] = values["tangent"](places()[0])
-    one = {"dielectric", "ior", "roughness", "anisotropy", "coat", "coat_roughness", "coat_ior",
-           "diffuse_roughness", "opacity"}  # fmt: skip
+    one = {"dielectric", "ior", "roughness", "anisotropy", "single", "coat", "coat_roughness",
+           "coat_ior", "diffuse_roughness", "opacity"}  # fmt: skip
     return SimpleNamespace(**{
         name: np.broadcast_to(np.asarray(value, float), (N_PLACES, 1 if name in one else 3))
         for name, value in values.items()

@@ -83,8 +83,9 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
     bits = read_visibility(store, shape, memory)
     points = scene.points
     transport = Transport(
-        cube_map, bits, None, points.normals, points.materials, opposite=scene.opposite
-        if points.materials.through.any() else None,
+        cube_map, bits, None, points.normals, points.materials,
+        mean_materials=points.mean_materials,
+        opposite=scene.opposite if points.materials.through.any() else None,
     )  # fmt: skip
     rng = generator(settings.seed, Stage.GLOSS_CERTIFICATE)
     tables = list(reflection_tables(store, scene, cube_map))

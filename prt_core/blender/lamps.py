@@ -14,7 +14,7 @@ from prt_core.light.local import Lamp
 
 _KINDS = {"POINT": "point", "SPOT": "spot", "AREA": "area", "SUN": "sun"}
 # More bounces than these change nothing that can be seen.
-_ALL_BOUNCES = 64
+ALL_BOUNCES = 64
 
 
 def read_lamps(scene=None, messages=None, depsgraph=None):
@@ -151,7 +151,7 @@ def _see(scene, source, owner, matrix, linking):
     axes = matrix[:3, :3] / np.maximum(lengths, 1e-30)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
         ignored.append("its shear")
-    if data.original.cycles.max_bounces < _ALL_BOUNCES:
+    if data.original.cycles.max_bounces < ALL_BOUNCES:
         ignored.append(f"its limit of {data.original.cycles.max_bounces} bounces")
     settings = _shape(data, lengths)
     lamp = Lamp(

@@ -9,6 +9,8 @@ from prt_core.blender.render_scene import rendered_layer
 from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
 
 _DISPLACED = {"DISPLACEMENT", "BOTH"}
+# Diffuse bounces that Cycles has unless it is told otherwise.
+_USUAL_BOUNCES = 4
 # What Blender shows for a face without material.
 NO_MATERIAL = (0.8, 0.8, 0.8)
 
@@ -96,7 +98,7 @@ def scene_remarks(scene, kinds):
             "they were made of are baked"
         )
     lines += layer_remarks(*rendered_layer(scene))
-    return [*lines, *culling_remarks(scene), *missing_remarks()]
+    return [*lines, *culling_remarks(scene), *render_remarks(scene), *missing_remarks()]
 
 
 def say_copies(meshes, messages):
@@ -142,8 +144,24 @@ def culling_remarks(scene):
                 yield f"{item.name}: is baked, though renders may cull it by {kind}"
 
 
+def render_remarks(scene):
+    """Lines on settings of renders that make all of a picture brighter or darker."""
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None:
+        return
+    exposure, bounces = cycles.film_exposure, min(cycles.max_bounces, cycles.diffuse_bounces)
+    if exposure != 1:
+        way = f"--exposure {np.log2(exposure):.3g} is as much" if exposure > 0 else "they are black"
+        yield f"renders have a film exposure of {exposure:g}, a bake has none; {way}"
+    if bounces < _USUAL_BOUNCES:
+        yield (
+            f"renders end light after {bounces} diffuse bounces, a bake has all of them; "
+            f"--bounces {bounces} has as many"
+        )
+
+
 def holdout_remarks(source, owner, layer):
-    """Lines on an object that is a hole in pictures; to light it is as others.
+    """Lines on an object that is a hole in pictures, or shadows alone; to light it is as others.
 
     Parameters
     ----------
@@ -154,6 +172,11 @@ def holdout_remarks(source, owner, layer):
     """
     if source.is_holdout or owner.is_holdout or owner.original.holdout_get(view_layer=layer):
         yield f"{owner.name}: is a holdout; renders have a hole there, pictures of a bake show it"
+    elif source.is_shadow_catcher or owner.is_shadow_catcher:
+        yield (
+            f"{owner.name}: is a shadow catcher; renders have its shadows alone, "
+            "pictures of a bake show it"
+        )
 
 
 def missing_remarks():

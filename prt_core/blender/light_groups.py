@@ -8,6 +8,7 @@ import bpy
 from prt_core.blender.identity import UniqueNames, by_uid
 from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.traces import switched
+from prt_core.blender.render_scene import rendered_world
 from prt_core.blender.stand_ins import rendered_objects
 from prt_core.errors import expect
 
@@ -60,7 +61,7 @@ def lights_of(scene, emitting, messages):
             continue
         lights.append(Light(item.name_full, "lamp", item.session_uid))
     lights += [Light(item.name_full, "object", item.session_uid) for item in emitting]
-    world = scene.world
+    world = rendered_world(scene)
     if world is not None and not _is_black(world):
         lights.append(Light(_WORLD, "world", world.session_uid))
     expect(

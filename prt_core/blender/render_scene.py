@@ -180,6 +180,12 @@ def rendered_layer(scene):
     return first, [layer.name for layer in layers if layer != first]
 
 
+def rendered_world(scene):
+    """The world of the layer of a scene that is baked, which may have one of its own, or None."""
+    # Since 4.3.
+    return getattr(rendered_layer(scene)[0], "world_override", None) or scene.world
+
+
 @contextmanager
 def _temporary(block):
     """A data-block that is removed again."""

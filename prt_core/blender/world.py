@@ -8,9 +8,10 @@ import numpy as np
 
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import has_known_colours, pixels_of
-from prt_core.blender.lamps import read_lamps
+from prt_core.blender.lamps import ALL_BOUNCES, read_lamps
 from prt_core.blender.node_trees import all_nodes, linked_to, tree_signature
-from prt_core.blender.render_scene import rendered_layer
+from prt_core.blender.passes.graphs import asks_camera
+from prt_core.blender.render_scene import rendered_layer, rendered_world
 from prt_core.blender.world_image import world_image
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
@@ -106,10 +107,13 @@ def read_environment(scene=None, messages=None):
         As `read_world`.
     """
     scene = scene or bpy.context.scene
-    world = scene.world
+    world = rendered_world(scene)
     if world is None or not world.cycles_visibility.diffuse or not rendered_layer(scene)[0].use_sky:
         return None
     what = f"world '{world.name}'"
+    most = world.original.cycles.max_bounces
+    if most < ALL_BOUNCES and messages is not None:
+        messages.append(f"{what}: its limit of {most} bounces is ignored")
     if not has_nodes(world):
         return _even(world.color, 1.0, what)
     tree = world.node_tree
@@ -120,6 +124,8 @@ def read_environment(scene=None, messages=None):
         messages.append(f"{what}: its volume is ignored")
     if not output.inputs["Surface"].is_linked:
         return None
+    if messages is not None and any(asks_camera(node) for node in all_nodes(tree)):
+        messages.append(f"{what}: Window and Camera coordinates in it are not those of the camera")
     _expect_images(tree, what)
     plain = _plain(tree, output, what)
     if plain is not None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.errors import expect_flag, expect_offers
+from prt_core.errors import expect_offers
 from prt_core.reflectance.arrays import (
     both_above,
     channel_of,
@@ -76,8 +76,8 @@ class Microfacet:
         Roughness along x and y, 0 to 1; at least `SMALLEST_ALPHA` is taken. See `alphas`.
     fresnel : callable, optional
         A term of `prt_core.reflectance.fresnel`; default: white from all sides.
-    multiple : bool
-        Whether light of further bounces is added.
+    multiple : bool, float or (...) array_like
+        Whether light of further bounces is added, or how much of it: 0 to 1.
     """
 
     def __init__(self, alpha_x, alpha_y, fresnel=None, multiple=True):
@@ -89,9 +89,10 @@ class Microfacet:
             wanted = "a term of prt_core.reflectance.fresnel"
             expect_offers("fresnel", fresnel, ("n_channels", "mean"), wanted)
         self.fresnel = Constant() if fresnel is None else fresnel
-        self.multiple = expect_flag("multiple", multiple)
+        multiple = float(multiple) if isinstance(multiple, bool) else multiple
+        self.multiple = expect_parameter("multiple", multiple, 0, 1)
         # What has to fit the directions.
-        self._each = self.alpha_x, self.alpha_y, self.fresnel.mean[..., 0]
+        self._each = self.alpha_x, self.alpha_y, self.fresnel.mean[..., 0], self.multiple
 
     @property
     def n_channels(self):
@@ -117,7 +118,7 @@ class Microfacet:
         # Of two unit vectors: half the length of their sum is the cosine with the half vector.
         cosine = np.minimum(np.sqrt(_squared(half)) / 2, 1)
         fresnel = self.fresnel(cosine)
-        gain = self.gain(outgoing) if self.multiple else np.ones(1, value.dtype)
+        gain = self.gain(outgoing) if self.multiple.any() else np.ones(1, value.dtype)
         return from_channels(
             self.n_channels,
             lambda k: channel_of(fresnel, k) * channel_of(gain, k) * value,
@@ -152,13 +153,13 @@ class Microfacet:
         albedo, mean = ggx_albedo(rough, outgoing[..., 2]), ggx_mean_albedo(rough)[..., None]
         colour = self.fresnel.mean
         further = colour * mean / (1 - colour * (1 - mean))
-        gain = 1 + further * (1 / albedo - 1)[..., None]
+        gain = 1 + further * (self.multiple * (1 / albedo - 1))[..., None]
         return gain.astype(outgoing.dtype, copy=False)
 
     def darkening(self, outgoing):
         """`gain` of outgoing (..., 3) in parts of that of a white lobe: (..., n_channels)."""
-        albedo = ggx_albedo(self.roughness, outgoing[..., 2])
-        return self.gain(outgoing) * albedo[..., None].astype(outgoing.dtype, copy=False)
+        white = 1 + self.multiple * (1 / ggx_albedo(self.roughness, outgoing[..., 2]) - 1)
+        return self.gain(outgoing) / white[..., None].astype(outgoing.dtype, copy=False)
 
 
 def _stretched(directions, alpha_x, alpha_y):

@@ -25,7 +25,7 @@ from prt_core.reflectance.oren_nayar import OrenNayar
 # What is read of materials, and the number of channels of each.
 _READ = {
     "albedo": 3, "stand_in": 3, "glossy": 3, "metal": 3, "metal_edge": 3, "dielectric": 1,
-    "tint": 3, "ior": 1, "roughness": 1, "anisotropy": 1, "tangent": 3, "coat": 1,
+    "tint": 3, "ior": 1, "roughness": 1, "anisotropy": 1, "tangent": 3, "single": 1, "coat": 1,
     "coat_roughness": 1, "coat_ior": 1, "coat_tint": 3, "diffuse_roughness": 1, "opacity": 1,
 }  # fmt: skip
 GLOSSY_LOBES = ("metal", "dielectric", "glossy", "coat")
@@ -337,20 +337,20 @@ def _glossy_lobes(read, metal_weight):
     # Without a tangent there is no direction to be rough along.
     anisotropy = np.where(read["tangent"].any(axis=1), read["anisotropy"][:, 0], 0)
     facets = alphas(read["roughness"][:, 0], anisotropy)
-    one = np.ones_like(metal_weight)
-    # Where a lobe is, what weight it has, and how rough its facets are.
+    one, many = np.ones_like(metal_weight), 1 - read["single"][:, 0]
+    # Where a lobe is, its weight, how rough its facets are and how much light bounces between them.
     each = {
-        "metal": (metal_weight[:, 0] > 0, one, facets),
-        "dielectric": (read["ior"][:, 0] != 1, read["dielectric"], facets),
-        "glossy": (read["glossy"].any(axis=1), one, facets),
-        "coat": (one[:, 0] > 0, read["coat"], alphas(read["coat_roughness"][:, 0])),
+        "metal": (metal_weight[:, 0] > 0, one, (*facets, many)),
+        "dielectric": (read["ior"][:, 0] != 1, read["dielectric"], (*facets, many)),
+        "glossy": (read["glossy"].any(axis=1), one, (*facets, many)),
+        "coat": (one[:, 0] > 0, read["coat"], (*alphas(read["coat_roughness"][:, 0]), one[:, 0])),
     }
-    for name, (there, weight, alpha) in each.items():
+    for name, (there, weight, (*alpha, multiple)) in each.items():
         rows = _rows(there & (weight[:, 0] > 0))
         if rows is not None:
             here = {key: values[rows, None] for key, values in read.items()}
             fresnel = _fresnel(name, here, metal_weight[rows, None])
-            lobe = Microfacet(*(a[rows, None] for a in alpha), fresnel)
+            lobe = Microfacet(*(a[rows, None] for a in alpha), fresnel, multiple[rows, None])
             yield Lobe(name, rows, lobe, weight[rows, None])
 
 

@@ -98,6 +98,8 @@ QUANTITIES = {
     "roughness": Quantity(1, 0, 1, step=1 / 32, default=1.0),
     "anisotropy": Quantity(1, 0, 1, step=1 / 32, default=0.0),
     "tangent": Quantity(3, -1, 1, step=1 / 32, default=0.0, is_direction=True),
+    # The part of these three lobes that is without the light of further bounces between facets.
+    "single": Quantity(1, 0, 1, step=1 / 32, default=0.0),
     # A clear layer over everything; light that crosses it once, straight, takes on its tint.
     "coat": Quantity(1, 0, 1, step=1 / 32, default=0.0),
     "coat_roughness": Quantity(1, 0, 1, step=1 / 32, default=0.03),

@@ -13,7 +13,7 @@ from prt_core.reflectance.principled import GLOSSY_LOBES, principled_lobes
 _N, _MOST = 49, 4096
 _NAMES = (
     "albedo", "glossy", "metal", "metal_edge", "dielectric", "tint", "ior", "roughness",
-    "anisotropy", "coat", "coat_roughness", "coat_ior", "coat_tint", "opacity",
+    "anisotropy", "single", "coat", "coat_roughness", "coat_ior", "coat_tint", "opacity",
 )  # fmt: skip
 _STEP = 1 / 64
 

@@ -132,6 +132,15 @@ def test_holdout_and_indirect_only_collections_still_bounce_light(scene, home):
     assert not by_name()["wall"].camera_rays
 
 
+def test_a_shadow_catcher_is_said(scene, home):
+    cube("ground", home).is_shadow_catcher = True
+    names, messages = read()
+    assert set(names) == {"ground"}
+    assert messages == [
+        "ground: is a shadow catcher; renders have its shadows alone, pictures of a bake show it"
+    ]
+
+
 def test_an_instance_of_a_holdout_is_one(scene, home):
     inner = bpy.data.collections.new("inner")
     cube("mask", inner).is_holdout = True
@@ -421,6 +430,17 @@ def test_true_displacement_is_named(scene):
     raised.displacement_method = "BOTH"
     (message,) = read()[1]
     assert message.startswith("rock: true displacement by its material is not baked")
+
+
+def test_film_exposure_and_few_bounces_are_said(scene):
+    cube("box", scene.collection)
+    assert not read()[1]
+    scene.cycles.film_exposure, scene.cycles.diffuse_bounces = 4, 2
+    assert read()[1] == [
+        "renders have a film exposure of 4, a bake has none; --exposure 2 is as much",
+        "renders end light after 2 diffuse bounces, a bake has all of them; --bounces 2 has as "
+        "many",
+    ]
 
 
 def test_culling_by_the_camera_is_said(scene):

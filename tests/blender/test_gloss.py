@@ -179,6 +179,11 @@ CASES = {
         added(glossy(0.125, Color=(0.25,) * 4), glossy(0.625, Color=(0.75,) * 4)),
         {"glossy": (1, 1, 1), "roughness": 0.5, "stand_in": None},
     ),
+    "one bounce": (
+        mixed(0.25, principled(Metallic=1.0), lambda tree: of_distribution(tree, "GGX")),
+        {"metal": (0.6,) * 3, "glossy": (0.2,) * 3, "roughness": 0.5, "single": 0.25,
+         "stand_in": None},
+    ),
     "muted": (muted, {"metal": (0.8,) * 3, "roughness": 0.5, "stand_in": None}),
     "plastic": (
         plastic("Fresnel", IOR=1.5),
@@ -423,11 +428,65 @@ def test_glossy_and_plain_surfaces_are_kept_apart(monkeypatch):
     assert both["metal"].materials.equals(glossed["metal"].materials)
 
 
+def test_gloss_is_read_where_the_scene_has_osl():
+    plate("metal", principled(Metallic=1.0, Roughness=0.25))
+    bpy.context.scene.cycles.shading_system = True
+    materials = read(gloss=True)[0]["metal"].materials
+    np.testing.assert_allclose(materials.metal, 0.8, atol=3e-4)
+    np.testing.assert_allclose(materials.roughness, 0.25, atol=3e-4)
+    assert bpy.context.scene.cycles.shading_system
+
+
 def bent(tree):
     node = principled()(tree)
     bend = add(tree, "NormalMap", Color=(0.6, 0.5, 1, 1))
     tree.links.new(bend.outputs[0], node.inputs["Normal"])
     return node
+
+
+def told_apart(tree):
+    node = principled()(tree)
+    path = add(tree, "LightPath")
+    tree.links.new(path.outputs["Is Glossy Ray"], node.inputs["Roughness"])
+    return node
+
+
+def bent_in_group(name, outside):
+    """Its shader, a Diffuse BSDF, is bent by a map in the group, or by what the group is given."""
+    inner = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    inner.interface.new_socket("Bent", in_out="INPUT", socket_type="NodeSocketVector")
+    inner.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketShader")
+    begin, end = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+    paper, bump = add(inner, "BsdfDiffuse"), add(inner, "Bump")
+    given = begin if outside else add(inner, "NormalMap", Color=(0.6, 0.5, 1, 1))
+    inner.links.new(given.outputs[0], bump.inputs["Normal"])
+    inner.links.new(bump.outputs[0], paper.inputs["Normal"])
+    inner.links.new(paper.outputs[0], end.inputs[0])
+    return inner
+
+
+@pytest.mark.parametrize("outside", [True, False])
+def test_shaders_of_different_normals_are_said(outside):
+    def build(tree):
+        node = mixed(0.5, bent, bent)(tree)
+        coated, gloss = (node.inputs[k].links[0].from_node for k in (1, 2))
+        map_of_coated = coated.inputs["Normal"].links[0].from_node
+        coated.inputs["Coat Weight"].default_value = 0.5
+        if outside:
+            tree.links.new(map_of_coated.outputs[0], coated.inputs["Coat Normal"])
+            tree.links.new(map_of_coated.outputs[0], gloss.inputs["Normal"])
+        group = tree.nodes.new("ShaderNodeGroup")
+        group.node_tree = bent_in_group("group", outside)
+        tree.links.new(map_of_coated.outputs[0], group.inputs[0])
+        both = add(tree, "AddShader")
+        tree.links.new(node.outputs[0], both.inputs[0])
+        tree.links.new(group.outputs[0], both.inputs[1])
+        return both
+
+    plate("thing", build)
+    lines = " ".join(read(gloss=True)[1])
+    assert ("its shaders have different normals" in lines) is not outside
+    assert ("its coat has the normals of what lies below" in lines) is not outside
 
 
 @pytest.mark.parametrize(
@@ -438,6 +497,8 @@ def bent(tree):
         (shader("BsdfToon"), "its toon reflection is left out"),
         (shader("BsdfHairPrincipled"), "its hair shader is left out; it belongs on strands"),
         (glossy(0.5, Anisotropy=0.9), "is more anisotropic than 1 of a Principled BSDF, which"),
+        (principled(IOR=0.7), "its IOR is below 1; it reflects as with 1 / IOR"),
+        (told_apart, "its Light Path tells glossy rays from diffuse ones"),
         (bent, "its normal map bends reflections at the bake points only; subdivide"),
         (lambda tree: of_distribution(tree, "BECKMANN"), "its microfacets are not GGX"),
     ],

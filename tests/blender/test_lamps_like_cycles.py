@@ -173,6 +173,21 @@ def test_what_glossy_rays_meet_otherwise_is_followed_or_said():
     assert line.startswith("Plane: glossy rays do not meet it") and "all the same" in line
 
 
+@pytest.mark.parametrize("output, told", [("Is Glossy Ray", True), ("Is Camera Ray", False)])
+def test_worlds_and_lamps_whose_nodes_tell_glossy_rays_apart_are_said(output, told):
+    item, scene = lamp_of("POINT"), bpy.context.scene
+    scene.world = bpy.data.worlds.new("sky")
+    for data, kind in ((item.data, "EMISSION"), (scene.world, "BACKGROUND")):
+        if data.node_tree is None:
+            data.use_nodes = True
+        tree = data.node_tree
+        (shader,) = (node for node in tree.nodes if node.type == kind)
+        path = tree.nodes.new("ShaderNodeLightPath")
+        tree.links.new(path.outputs[output], shader.inputs["Strength"])
+    names = [line.split(": its Light Path")[0] for line in glossy_remarks(scene)]
+    assert names == (["lamp", "world 'sky'"] if told else [])
+
+
 def test_what_a_lamp_has_that_is_not_followed_is_said():
     item, messages = lamp_of("POINT"), []
     item.data.cycles.max_bounces = 2

@@ -61,6 +61,34 @@ def test_the_mapping_turns_the_light_as_cycles_does(world, hdri, kind, sign):
     np.testing.assert_allclose(read_world(cube_map), wanted, rtol=1e-4)
 
 
+def test_the_world_of_the_view_layer_goes_before_the_scene_s(world):
+    layer = bpy.context.view_layer
+    if not hasattr(layer, "world_override"):
+        pytest.skip("view layers have worlds of their own since Blender 4.3")
+    own = layer.world_override = world.copy()
+    own.node_tree.nodes["Background"].inputs["Color"].default_value = (0.1, 0.2, 0.3, 1)
+    np.testing.assert_allclose(read_world(CubeMap(3)), np.tile([0.1, 0.2, 0.3], (54, 1)), rtol=1e-6)
+    own.cycles_visibility.diffuse = False
+    assert read_environment() is None
+
+
+def test_a_limit_of_bounces_of_a_world_is_said(world):
+    messages = []
+    world.cycles.max_bounces = 1
+    read_environment(messages=messages)
+    assert messages == ["world 'w': its limit of 1 bounces is ignored"]
+
+
+def test_a_world_in_coordinates_of_the_camera_is_said(world):
+    tree, messages = world.node_tree, []
+    place = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(place.outputs["Window"], tree.nodes["Background"].inputs["Color"])
+    read_environment(messages=messages)
+    assert messages == [
+        "world 'w': Window and Camera coordinates in it are not those of the camera"
+    ]
+
+
 def test_a_world_of_any_nodes_is_what_cycles_renders_of_it(world):
     tree = world.node_tree
     place = tree.nodes.new("ShaderNodeTexCoord")

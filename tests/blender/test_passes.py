@@ -546,6 +546,24 @@ def test_a_holdout_shader_is_black_and_said():
     assert any(line.startswith("material 'mask': a holdout is black") for line in messages)
 
 
+def test_a_ray_portal_is_clear_and_said():
+    plate("gate", surface(lambda tree: add(tree, "BsdfRayPortal")))
+    meshes, messages = read()
+    np.testing.assert_allclose(meshes["gate"].materials.opacity, 0, atol=1e-3)
+    assert "material 'gate': a Ray Portal leads nowhere; light goes straight through it" in messages
+
+
+def test_what_is_in_coordinates_of_the_camera_is_said():
+    def matcap(tree):
+        turned = add(tree, "VectorTransform", Vector=add(tree, "NewGeometry").outputs["Normal"])
+        turned.convert_to = "CAMERA"
+        return add(tree, "BsdfDiffuse", Color=turned.outputs[0])
+
+    plate("matcap", surface(matcap))
+    _, messages = read()
+    assert any(line.startswith("material 'matcap': Layer Weight, Fresnel") for line in messages)
+
+
 def test_what_depends_on_the_direction_of_view_is_said():
     def facing(tree):
         return add(tree, "BsdfDiffuse", Color=add(tree, "LayerWeight").outputs["Facing"])

@@ -19,6 +19,7 @@
 | `corners.py` | which corners are sampled |
 | `lattices.py` | places between the corners, more where they differ |
 | `graphs.py` | what there is to know of a material's nodes without understanding them |
+| `closure_normals.py` | whether the shaders of a material have one normal |
 | `light_paths.py` | what Light Path nodes answer for a while |
 | `digests.py` | whether a material is what it was |
 """

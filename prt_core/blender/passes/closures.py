@@ -17,6 +17,7 @@ PLANES = {
     "weights": "w of metal; w, and w x F0, of dielectrics",
     "rough": "L; L x roughness; L x roughness^2",
     "tangent": "L x anisotropy x tangent",
+    "single": "as rough, of facets between which light does not bounce",
     "others": "L x anisotropy; w, and w x roughness, of diffuse reflection",
     "coat": "w; w x roughness; w x F0 of coats",
     "coat_tint": "w x (1 - tint) of coats",
@@ -51,6 +52,7 @@ def principled(a, node):
     _add_dielectric(a, sums, a.times(rest, through), f0, tint, roughness)
     body = a.times(rest, a.left(through))
     _add_dielectric(a, sums, body, a.scalar("MINIMUM", level, 0.99), tint, roughness, lie)
+    _note_single(sums, node)
     # Since 4.4.
     if node.inputs.get("Diffuse Roughness") is not None:
         own = a.times(a.left(a.saturated(get("Subsurface Weight"))), a.mean(base))
@@ -70,6 +72,7 @@ def glossy(a, node):
     roughness = a.saturated(get("Roughness"))
     sums.add(a, "glossy", colour)
     _add_rough(a, sums, a.mean(colour), roughness, _lie_of_glossy(a, node, get))
+    _note_single(sums, node)
     return sums
 
 
@@ -85,6 +88,7 @@ def metallic(a, node):
         edge = a.vector("DIVIDE", at_edge, schlick)
     lie = _lie(a, node, a.saturated(get("Anisotropy")), get("Rotation"))
     _add_metal(a, sums, 1.0, a.saturated_colour(base), edge, a.saturated(get("Roughness")), lie)
+    _note_single(sums, node)
     return sums
 
 
@@ -95,6 +99,7 @@ def glass(a, node):
     weight = a.largest(colour)
     tint = a.vector("DIVIDE", colour, weight)
     _add_dielectric(a, sums, weight, _f0(a, get("IOR")), tint, a.saturated(get("Roughness")))
+    _note_single(sums, node)
     return sums
 
 
@@ -123,6 +128,11 @@ LEFT_OUT = {
     "hair": "its hair shader is left out; it belongs on strands",
     "thin film": "the colours of its thin film are left out",
     "coat normal": "its coat has the normals of what lies below",
+    "normals": "its shaders have different normals; all of them have the mean",
+    "script": "its OSL script gives nothing, as gloss is read without OSL",
+    "ior": "its IOR is below 1; it reflects as with 1 / IOR",
+    "glossy rays": "its Light Path tells glossy rays from diffuse ones; reflections show it as "
+    "diffuse rays meet it",
     "distribution": "its microfacets are not GGX, and are taken as if they were",
     "closure": "it has a shader that is not known here, whose reflection is left out",
     "bent": "its normal map bends reflections at the bake points only; subdivide the mesh where "
@@ -160,7 +170,7 @@ def as_dielectric(a, sums, ior):
     result.add(a, "weights", a.together(0.0, weight, a.times(weight, f0)))
     stained = a.vector("SUBTRACT", 1.0, a.vector("DIVIDE", colour, weight))
     result.add(a, "tint", a.scaled(stained, weight))
-    for name in ("rough", "tangent", "others"):
+    for name in ("rough", "tangent", "single", "others"):
         if name in sums:
             result.add(a, name, a.scaled(sums[name], _even(a, f0)))
     return result
@@ -220,6 +230,12 @@ def _add_rough(a, sums, reflected, roughness, lie):
         amount = a.times(reflected, anisotropy)
         sums.add(a, "others", a.together(amount, 0.0, 0.0))
         sums.add(a, "tangent", a.scaled(tangent, amount))
+
+
+def _note_single(sums, node):
+    """Say that all lobes so far are without light of further bounces, where the node says so."""
+    if node.distribution != "MULTI_GGX" and "rough" in sums:
+        sums["single"] = sums["rough"]
 
 
 def _add_diffuse(a, sums, weight, roughness):

@@ -221,7 +221,7 @@ class Evaluation:
             notes.append(line or (kind, name))
         for slot in np.unique(record.slot_of_corner):
             graph = self._materials.graph(record.slot(slot))
-            kinds = "rough scatters tinted bumpy toon lengths views holdouts".split()
+            kinds = "rough scatters tinted bumpy toon portals lengths views holdouts".split()
             notes += [(kind, graph.name) for kind in kinds if getattr(graph, kind)]
             notes += [("line", line) for line in _missing_images(graph)]
             notes += [("line", _left_out(record, graph.name, k)) for k in sorted(graph.left_out)]

@@ -74,6 +74,8 @@ def _put_roughness(values, sums):
     mean, shiny = _ratio(rough, reflected), reflected > _NOTHING
     signs = {}
     _put(values, "roughness", mean, shiny)
+    if "single" in sums:
+        _put(values, "single", _ratio(sums["single"][:, 0], reflected), shiny)
     if "tangent" in sums:
         anisotropy = _ratio(sums["others"][:, 0], reflected)
         # What Cycles takes of a tangent lies in the surface.

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 import bpy
 
 from prt_core.blender.compat import has_nodes
+from prt_core.blender.passes.closure_normals import ClosureNormals
 from prt_core.blender.passes.closures import CLOSURES, OTHERS
-from prt_core.blender.passes.light_paths import CERTAIN
+from prt_core.blender.passes.light_paths import CERTAIN, tells_gloss_apart
 
 # Nodes that give the same everywhere on one object, when what goes into them does.
 _EVEN = {
@@ -45,7 +46,11 @@ _OF_A_VIEW = {
     "LAYER_WEIGHT": {"Fresnel", "Facing"},
     "FRESNEL": {"Factor", "Fac"},
     "NEW_GEOMETRY": {"Incoming"},
-    "TEX_COORD": {"Camera", "Window", "Reflection"},
+    "TEX_COORD": {"Reflection"},
+}
+# What nodes say that is of the camera's own.
+_OF_A_CAMERA = {
+    "TEX_COORD": {"Camera", "Window"},
     "CAMERA": {"View Vector", "View Z Depth", "View Distance"},
 }
 
@@ -78,9 +83,9 @@ class Graph:
         Whether they tell shadow rays from diffuse ones.
     lengths : bool
         Whether they ask how long rays are, or how often they were reflected.
-    rough, scatters, tinted, toon : bool
+    rough, scatters, tinted, toon, portals : bool
         Whether diffuse reflection is rough; light scatters below the surface; what is transparent
-        may have a colour; light leaves in steps.
+        may have a colour; light leaves in steps; rays go on from elsewhere.
     bumpy : bool
         Whether there is bump that is left out; Cycles' bakes leave it out as well.
     translucent : list of bpy.types.Node
@@ -112,6 +117,7 @@ class Graph:
     scatters: bool = False
     tinted: bool = False
     toon: bool = False
+    portals: bool = False
     bumpy: bool = False
     translucent: list = field(default_factory=list)
     paths: list = field(default_factory=list)
@@ -141,13 +147,22 @@ def graph_of(material, gloss=False):
     graph.displaced = [link for link in output.inputs["Displacement"].links if not link.is_muted]
     bends = getattr(material, "displacement_method", "BUMP") == "BUMP"
     graph.bumpy = bool(graph.displaced) and bends
-    for node in _nodes_behind(output.inputs["Surface"]):
+    nodes = list(_nodes_behind(output.inputs["Surface"]))
+    for node in nodes:
         _note(graph, node)
         if gloss and not node.mute:
             _note_gloss(graph, node)
-    if gloss and graph.bends:
-        graph.left_out.add("bent")
+    if gloss:
+        _note_normals(graph, ClosureNormals(nodes))
     return graph
+
+
+def asks_camera(node):
+    """Whether a node gives something in coordinates that are a camera's own."""
+    if node.type == "VECT_TRANSFORM":
+        return "CAMERA" in (node.convert_from, node.convert_to)
+    asked = {socket.name for socket in node.outputs if socket.is_linked}
+    return bool(asked & _OF_A_CAMERA.get(node.type, set()))
 
 
 def _nodes_behind(socket):
@@ -180,8 +195,9 @@ def _note(graph, node):
     graph.noisy |= kind in _NOISY
     asked = {socket.name for socket in node.outputs if socket.is_linked}
     graph.backs |= bool(asked & _OF_A_SIDE.get(kind, set()))
-    graph.views |= bool(asked & _OF_A_VIEW.get(kind, set()))
+    graph.views |= bool(asked & _OF_A_VIEW.get(kind, set())) or asks_camera(node)
     graph.toon |= kind == "BSDF_TOON"
+    graph.portals |= kind == "BSDF_RAY_PORTAL"
     before = [link.from_node for s in node.inputs if s.name == "Normal" for link in s.links]
     if any(other.type != "BUMP" for other in before):
         graph.bends, graph.flat = True, False
@@ -228,12 +244,26 @@ def _note_gloss(graph, node):
     for name, socket in (("sheen", "Sheen Weight"), ("thin film", "Thin Film Thickness")):
         if _is_some(node, socket):
             left_out.add(name)
-    coat = node.inputs.get("Coat Normal")
-    if coat is not None and coat.is_linked and _is_some(node, "Coat Weight"):
-        left_out.add("coat normal")
+    ior = node.inputs.get("IOR") if kind in {"BSDF_PRINCIPLED", "BSDF_GLASS"} else None
+    if ior is not None and not ior.is_linked and ior.default_value < 1:
+        left_out.add("ior")
+    if kind == "SCRIPT":
+        left_out.add("script")
+    if kind == "LIGHT_PATH" and tells_gloss_apart(node):
+        left_out.add("glossy rays")
     if getattr(node, "distribution", "") in {"BECKMANN", "ASHIKHMIN_SHIRLEY"}:
         if kind != "BSDF_REFRACTION":
             left_out.add("distribution")
+
+
+def _note_normals(graph, normals):
+    """What of normals that are bent is not carried."""
+    if graph.bends:
+        graph.left_out.add("bent")
+    if normals.differ():
+        graph.left_out.add("normals")
+    if normals.coat_differs():
+        graph.left_out.add("coat normal")
 
 
 def _by_uv(node):

@@ -11,6 +11,13 @@ ANSWERS = {
 # Outputs whose answer is certain: a ray of light has been cast by a diffuse surface.
 _KINDS = ("Camera", "Shadow", "Diffuse", "Glossy", "Singular", "Reflection", "Transmission")
 CERTAIN = {f"Is {kind} Ray" for kind in (*_KINDS, "Volume Scatter")}
+# Outputs that are one thing to glossy rays and another to diffuse ones.
+_APART = {"Is Diffuse Ray", "Is Glossy Ray", "Is Singular Ray", "Diffuse Depth", "Glossy Depth"}
+
+
+def tells_gloss_apart(node):
+    """Whether a Light Path node is asked whether a ray is glossy or diffuse."""
+    return any(output.is_linked for output in node.outputs if output.name in _APART)
 
 
 @contextmanager

@@ -66,6 +66,8 @@ class Probe:
         planes : set of str
             That they write (see `closures.PLANES`).
         """
+        # With OSL materials have no passes of their own.
+        self.scene.cycles.shading_system = False
         planes, layer = set(planes), self.scene.view_layers[0]
         if layer.material_override is not None:
             # The one material that everything has lies on the plate as well, and knows it.

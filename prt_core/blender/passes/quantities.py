@@ -12,7 +12,8 @@ from prt_core.reflectance import QUANTITIES
 # What is known of gloss where it is asked for.
 GLOSS = (
     "stand_in", "glossy", "metal", "metal_edge", "dielectric", "tint", "ior", "roughness",
-    "anisotropy", "tangent", "coat", "coat_roughness", "coat_ior", "coat_tint", "diffuse_roughness",
+    "anisotropy", "tangent", "single", "coat", "coat_roughness", "coat_ior", "coat_tint",
+    "diffuse_roughness",
 )  # fmt: skip
 
 
@@ -51,6 +52,7 @@ LINES = {
     "rough": "diffuse roughness is ignored, light leaves evenly to all sides",
     "scatters": "subsurface scattering counts as diffuse",
     "toon": "toon shading is ignored, light leaves evenly to all sides",
+    "portals": "a Ray Portal leads nowhere; light goes straight through it",
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
     "lengths": "Light Path: lengths and depths are those of a ray of length 1 after one bounce",
     "sampled": "Light Path: its emission is that of diffuse rays; Cycles also takes other rays'",

@@ -74,6 +74,17 @@ def test_mirrors_are_not_certified(tmp_path, monkeypatch):
     assert report["gloss_error"]["points"] <= 7
 
 
+def test_what_reflects_more_than_arrives_is_certified(tmp_path):
+    grey = np.float32([0.7, 0.7, 0.7])
+    bright = of(plane(9, name="bright"), glossy=grey, stand_in=grey, albedo=2 * grey)
+    bright = of(bright, roughness=0.5)
+    scene = Scene.from_meshes([bright, sphere(6, 0.4, (0, 0, 0.5))], max_hidden=0)
+    settings = BakeSettings(resolution=8, caster=CASTER, gloss=True)
+    report = run(bake_steps(scene, tmp_path / "a.prt", settings))
+    assert max(report["gloss_error"]["errors"].values()) < 0.05
+    assert load(tmp_path / "a.prt").transport.materials.albedo.max() > 1.3
+
+
 def test_transfer_matrices_are_stored_and_relight_views(path, tmp_path):
     report = compress(path, method="transfer", tolerance=0.2, lights=SKIES)
     assert report["of"] == "gloss" and report["stored"] and report["tolerance_met"]

@@ -14,7 +14,8 @@ SETTINGS = BakeSettings(resolution=3, tolerance=0.2, caster="brute")
 GLOSS = dict(
     stand_in=0.125, glossy=0.25, metal=(0.5, 0.25, 0.125), metal_edge=0.5, dielectric=0.75,
     tint=(1, 0.5, 0.5), ior=1.25, roughness=0.375, anisotropy=0.5, tangent=(0.6, 0.8, 0),
-    coat=0.5, coat_roughness=0.125, coat_ior=2.0, coat_tint=(0.5, 1, 1), diffuse_roughness=0.25,
+    single=0.25, coat=0.5, coat_roughness=0.125, coat_ior=2.0, coat_tint=(0.5, 1, 1),
+    diffuse_roughness=0.25,
 )  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from tests.core.reflectance.directions import hemisphere, mirror, towards
 DEFAULTS = {
     "albedo": (0.5, 0.4, 0.3), "stand_in": (0, 0, 0), "glossy": (0, 0, 0), "metal": (0, 0, 0),
     "metal_edge": (1, 1, 1), "dielectric": 0, "tint": (1, 1, 1), "ior": 1.5, "roughness": 1,
-    "anisotropy": 0, "tangent": (0, 0, 0), "coat": 0, "coat_roughness": 0.03, "coat_ior": 1.5,
-    "coat_tint": (1, 1, 1), "diffuse_roughness": 0, "opacity": 1,
+    "anisotropy": 0, "tangent": (0, 0, 0), "single": 0, "coat": 0, "coat_roughness": 0.03,
+    "coat_ior": 1.5, "coat_tint": (1, 1, 1), "diffuse_roughness": 0, "opacity": 1,
 }  # fmt: skip
 UP = np.array([[[0, 0, 1.0]]])
 PLASTIC = {"dielectric": 1, "roughness": 0.4}

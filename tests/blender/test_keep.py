@@ -354,3 +354,29 @@ def test_a_name_that_one_mesh_cannot_take_is_on_none(baked_floor):
     with pytest.raises(RuntimeError, match="ball: 'Mask' is one of its vertex groups"):
         bpy.ops.prt.relight()
     assert "Mask" not in floor.data.attributes
+
+
+def test_an_object_that_its_library_hides_behind_a_copy_is_named(floor_scene, tmp_path):
+    ball, props = floor_scene.objects["ball"], bpy.data.collections.new("props")
+    floor_scene.collection.children.link(props)
+    props.objects.link(ball)
+    ball.modifiers.new("Cut", "TRIANGULATE")
+    bpy.ops.prt.bake()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+
+    def said(names):
+        bpy.ops.wm.read_homefile(use_empty=True)
+        with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+            wanted.collections = names
+        scene, messages = bpy.context.scene, []
+        for number, collection in enumerate(wanted.collections):
+            instance_of(f"each {number}", collection, scene.collection)
+        cube("box", scene.collection)
+        read_meshes(messages=messages)
+        return [line for line in messages if "stands in" in line]
+
+    assert said(["props"]) == [
+        "ball: is hidden in renders, and not baked: in 'library.blend' a copy with colours stands "
+        "in for it; link that as well, or press Restore there and save it"
+    ]
+    assert said(["props", "PRT"]) == []

@@ -109,6 +109,12 @@ def test_a_file_of_lights_is_what_was_written(bake, lights):
     assert np.allclose(dusk.lighting.lamps[0].power, np.array(DESK.power) / 2)
 
 
+def test_a_file_of_lights_that_an_editor_marked_as_unicode(bake, lights):
+    plain = [light.name for light in read_lights(lights, bake)]
+    lights.write_text(lights.read_text(), encoding="utf-8-sig")
+    assert [light.name for light in read_lights(lights, bake)] == plain
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -158,6 +158,7 @@ def test_the_command_line_gives_the_same(bake, lights, tmp_path, capsys):
     for flags, message in (
         (["--light", "a.exr"], "--light: is for one light"),
         (["--each", "--weights", "day=1"], "--weights: each light is shown alone"),
+        (["--weights", "day=1", "day=2"], "--weights: 'day' is there twice; leave one out"),
         (["--weights", "noon=1"], "has no light 'noon'; there are day, dusk"),
     ):
         assert main([*asked, "--output", str(mixed), *flags]) == 2

@@ -58,9 +58,15 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
         yield from freshness.warn_steps(self, self.scene, held, pace)
         asked = request(self.scene).all_around()
         lights = asked.each() if self.each_light else [("", asked)]
+        lights = {f"{self.attribute} {name}".strip(): light for name, light in lights}
+        for attribute in lights:
+            colours.expect_name(attribute)
+            expect(
+                attribute not in colours.names_of_preview(self.scene.prt.attribute),
+                f"attribute: '{attribute}' is the preview's and goes with it; use another name",
+            )
         radiances = {}
-        for name, light in lights:
-            attribute = f"{self.attribute} {name}".strip()
+        for attribute, light in lights.items():
             radiances[attribute] = yield from light.steps(held, pace)
         return held, radiances
 
@@ -71,10 +77,6 @@ class PRT_OT_keep(Asks, LongWork, BakeButton, bpy.types.Operator):
 
     def _keep(self, held, attribute, radiance):
         scene = self.scene
-        expect(
-            attribute not in colours.names_of_preview(scene.prt.attribute),
-            f"attribute: '{attribute}' is the preview's and goes with it; use another name",
-        )
         by_object = held.bake.colours(radiance)
         realised, left = colours.keep_all(
             held.bake.scene,

@@ -46,7 +46,7 @@ class PRT_OT_light_set_add(Button, bpy.types.Operator):
         count = len(settings.sets)
         added = settings.sets.add()
         # Whatever was added to the collection before may lie elsewhere by now.
-        source = settings.sets[settings.active_set] if count else settings
+        source = settings.sets[min(settings.active_set, count - 1)] if count else settings
         _copy(source, added)
         added.name = "Light"
         added.weight = 0.0 if count else 1.0
@@ -76,7 +76,7 @@ class PRT_OT_light_set_remove(_SetButton, bpy.types.Operator):
         index = min(settings.active_set, len(settings.sets) - 1)
         settings.sets.remove(index)
         _forget_keys(context.scene, index)
-        settings.active_set = max(0, settings.active_set - 1)
+        settings.active_set = max(0, index - 1)
         live.touch(context.scene)
         live.start()
         return {"FINISHED"}

@@ -14,13 +14,14 @@ from prt_core.blender.compat import PATH_OPTIONS
 from prt_core.blender.lightmaps import UV_MAP, load_lightmap, wear_lightmap
 from prt_core.errors import expect
 from prt_core.evaluate import to_srgb, write_png
+from prt_core.evaluate.sequence import light_paths
 from prt_core.light import write_image
 from prt_core.relight.lights_apart import lights_apart
 from prt_core.runtime.files import expect_output
 from prt_core.runtime.main_thread import in_thread
 from prt_core.scene import changes
 
-from . import bakes, naming, plan, work
+from . import bakes, plan, work
 from .buttons import Asks, Button, show_in_renders
 from .request import request
 from .shapes import chosen_names
@@ -103,7 +104,7 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
             bpy.data.filepath or not self.filepath.startswith("//"),
             "file: save the scene first, or give a full path",
         )
-        target = Path(bpy.path.abspath(self.filepath)).with_suffix(_SUFFIX[self.format])
+        target = _target(self.filepath, _SUFFIX[self.format])
         expect_output("file", target, _SUFFIX[self.format], create=True)
         asked = ImageSettings(
             atlas=tuple(self.size), atlas_objects=chosen, atlas_uv=self.uv, atlas_margin=self.margin
@@ -127,14 +128,15 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
             )
             bake = yield from in_thread("load", load, path)
         wanted = request(self.scene)
+        parts = self._lights(bake, wanted)
+        paths = light_paths(target, [name for name, _ in parts])
         blend, files = LightBlend(bake, self.scene.prt.caster, wanted.form), []
         self.cut = 0.0
         try:
-            for name, lights in self._lights(bake, wanted):
+            for name, lights in parts:
                 radiance = yield from blend.steps(lights, pace)
                 values = blend.received if self.light_only else radiance
-                label = f"{target.stem}_{naming.file_name(name)}" if name else target.stem
-                files.append(target.with_name(label + target.suffix))
+                files.append(paths[name])
                 yield from in_thread("image", self._write, files[-1], bake, values)
         finally:
             blend.close()
@@ -210,6 +212,13 @@ class PRT_OT_lightmap(Asks, LongWork, Button, bpy.types.Operator):
             self.report({"WARNING"}, note)
         self.report({"INFO"}, text)
         work.say(text, notes=notes)
+
+
+def _target(filepath, suffix):
+    """Where the image goes: the suffix takes the place of another image's, and of nothing else."""
+    path = Path(bpy.path.abspath(filepath))
+    image = path.suffix.lower() in bpy.path.extensions_image
+    return path.with_name((path.stem if image else path.name) + suffix)
 
 
 def lightmap_path(scene):

@@ -235,12 +235,13 @@ def image_of(light):
     PRTError
         It names none that is one.
     """
+    whose = f"light '{light.name}'" if hasattr(light, "weight") else "light"
     if light.light == "FILE":
-        expect(light.file, "light: choose an .exr or .hdr image")
+        expect(light.file, f"{whose}: choose an .exr or .hdr image")
         path = Path(bpy.path.abspath(light.file))
     else:
-        expect(light.studio, "light: Blender has no studio lights here; choose an image")
+        expect(light.studio, f"{whose}: Blender has no studio lights here; choose an image")
         path = Path(studio_lights().get(light.studio, ""))
     if path.suffix.lower() not in {".exr", ".hdr"}:
-        raise PRTError(f"{path}: expected an .exr or .hdr image")
+        raise PRTError(f"{whose}: {path}: expected an .exr or .hdr image")
     return path

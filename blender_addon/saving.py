@@ -1,5 +1,5 @@
 """Bakes and light fields go with their file: out of the temporary folder when it gets a name, and
-they stay within reach when it is saved elsewhere.
+they stay within reach when it is saved elsewhere, as images of light do.
 
 While Blender saves nobody knows yet whether the open file gets the name or only a copy does. So
 they are copied before, and what is not needed any more goes when it is done.
@@ -19,8 +19,8 @@ from prt_core.store.places import beside
 from . import field_list, light_fields, plan, preview, work
 
 # Of scenes by `session_uid`, and kinds: what they showed. Of what is in the temporary folder:
-# (from, to).
-_SHOWN, _COPIED = {}, []
+# (from, to). Of scenes, and numbers of their lights: images by paths seen from the file.
+_SHOWN, _COPIED, _IMAGES = {}, [], {}
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,7 @@ def before(file):
     PRTError, OSError
         A bake could not be copied; then all of them stay where they are.
     """
-    _SHOWN.clear()
-    _COPIED.clear()
+    _forget()
     try:
         _take_along(file)
     except BaseException:
@@ -64,6 +63,10 @@ def _take_along(file):
     for scene in bpy.data.scenes:
         if scene.library is not None:
             continue
+        for number, light in enumerate(_lights(scene) if elsewhere else ()):
+            if light.file.startswith("//"):
+                _IMAGES[scene.session_uid, number] = light.file
+                light.file = preview.relative(bpy.path.abspath(light.file), file)
         for suffix, kind in _KINDS.items():
             settings, shown = kind.settings(scene), kind.home.path_of(scene)
             _SHOWN[scene.session_uid, suffix] = settings.loaded
@@ -88,8 +91,21 @@ def after(file=None):
             settings = None if scene is None else _KINDS[suffix].settings(scene)
             if settings is not None and settings.loaded != loaded:
                 settings.loaded = loaded
-    _SHOWN.clear()
-    _COPIED.clear()
+        for (uid, number), image in _IMAGES.items():
+            scene = by_uid(bpy.data.scenes, uid)
+            if scene is not None:
+                _lights(scene)[number].file = image
+    _forget()
+
+
+def _lights(scene):
+    """The panel's own light and those that are kept as sets."""
+    return [scene.prt, *scene.prt.sets]
+
+
+def _forget():
+    for each in (_SHOWN, _COPIED, _IMAGES):
+        each.clear()
 
 
 def settle(scene, path):

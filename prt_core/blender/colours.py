@@ -26,6 +26,8 @@ PREVIEW_COLOURS = "prt_preview_colours"
 KEPT_COLOURS = "prt_kept_colours"
 CHANNELS = "RGB"
 _ALL_CHANNELS = "RGBA"
+# What Blender takes of an attribute's name.
+_NAME_BYTES = 67
 # A whole compressed .blend ends so: the magic number of Zstandard's seek table.
 _LAST_BYTES = b"\xb1\xea\x92\x8f"
 
@@ -80,12 +82,12 @@ def write_colours(
     Raises
     ------
     PRTError
-        The mesh has another number of corners, is in Edit Mode, or the name is taken by an
-        attribute that is no colour.
+        The mesh has another number of corners, is in Edit Mode, or cannot hold an attribute of
+        that name.
     """
     mesh = target.data
     expect(domain in {"CORNER", "POINT"}, f"domain: expected 'CORNER' or 'POINT', got '{domain}'")
-    expect(name.strip(), "attribute: expected a name, got an empty one")
+    expect_free(target, name, vector)
     expect(
         channels and set(channels) <= set(_ALL_CHANNELS),
         f"channels: expected some of R, G, B and A, got '{channels}'",
@@ -127,6 +129,34 @@ def write_colours(
     mesh.update()
 
 
+def expect_name(name):
+    """Raise `PRTError` unless an attribute can be called that."""
+    expect(name.strip(), "attribute: expected a name, got an empty one")
+    expect(
+        len(name.encode()) <= _NAME_BYTES,
+        f"attribute: '{name}' is longer than the {_NAME_BYTES} bytes that Blender takes; use a "
+        "shorter name",
+    )
+
+
+def expect_free(target, name, vector=False):
+    """Raise `PRTError` unless a mesh object can hold colours, or vectors, by that name."""
+    expect_name(name)
+    existing = target.data.attributes.get(name)
+    if vector:
+        good = existing is None or (
+            existing.data_type == "FLOAT_VECTOR" and not existing.is_required
+        )
+    else:
+        good = existing is None or name in target.data.color_attributes
+    what = "holds no vectors of yours" if vector else "is no colour"
+    expect(good, f"{target.name}: '{name}' is an attribute that {what}; use another name")
+    expect(
+        name not in target.vertex_groups,
+        f"{target.name}: '{name}' is one of its vertex groups; use another name",
+    )
+
+
 def activate(mesh, name, rendered=None):
     """Make a colour attribute the active and the render colour, where it is there.
 
@@ -157,20 +187,16 @@ def _rendered(mesh):
 def _colour_attribute(target, name, domain, kind):
     """The attribute of that name; one of another kind or domain is replaced."""
     colours = target.data.color_attributes
-    existing = target.data.attributes.get(name)
-    if existing is not None and name not in colours:
-        raise PRTError(
-            f"{target.name}: '{name}' is an attribute that is no colour; use another name"
-        )
+    existing = colours.get(name)
     if existing is not None and (existing.data_type != kind or existing.domain != domain):
-        colours.remove(colours[name])
+        colours.remove(existing)
         existing = None
     if existing is None:
-        attribute = colours.new(name, kind, domain)
-        expect(
-            attribute.name == name,
-            f"{target.name}: cannot make an attribute called '{name}'; use another name",
-        )
+        colours.new(name, kind, domain)
+    expect(
+        name in colours,
+        f"{target.name}: cannot make an attribute called '{name}'; use another name",
+    )
     return colours[name]
 
 
@@ -178,15 +204,9 @@ def _vector_attribute(target, name, domain):
     """The vector attribute of that name; one of another domain is replaced."""
     attributes = target.data.attributes
     existing = attributes.get(name)
-    if existing is not None:
-        expect(
-            existing.data_type == "FLOAT_VECTOR" and not existing.is_required,
-            f"{target.name}: '{name}' is an attribute that holds no vectors of yours; use another "
-            "name",
-        )
-        if existing.domain != domain:
-            attributes.remove(existing)
-            existing = None
+    if existing is not None and existing.domain != domain:
+        attributes.remove(existing)
+        existing = None
     if existing is None:
         attributes.new(name, "FLOAT_VECTOR", domain)
     expect(name in attributes, f"{target.name}: cannot make an attribute called '{name}'")
@@ -248,7 +268,8 @@ def write_all(
     target = target or bpy.context.scene
     places = places_of(scene, places)
     objects = objects_by_place()
-    own = {} if all_copies else _own(scene, colours, places, objects)
+    names, vector = (attribute, *(layers or {})), options.get("vector", False)
+    own = {} if all_copies else _own(scene, colours, places, objects, names, vector)
     copies = [name for name in colours if name not in own]
     built = copies_there(scene, copies, target, others)
     if copies and built is None:
@@ -297,7 +318,7 @@ def keep_all(
     places = places_of(scene, places)
     options = {"byte": byte, "channels": channels, "active": False, "vector": vector}
     objects = objects_by_place()
-    own = _own(scene, colours, places, objects)
+    own = _own(scene, colours, places, objects, [attribute], vector)
     realised = [name for name in colours if name not in own]
     for name, present in own.items():
         write_colours(present, colours[name], attribute, domain, **options)
@@ -319,7 +340,7 @@ def places_of(scene, places=None):
     return {item.name: (item.owner, item.library) for item in scene.objects} | (places or {})
 
 
-def _own(scene, colours, places, objects):
+def _own(scene, colours, places, objects, names, vector):
     """The objects whose own meshes get the colours, all looked at before any is written."""
     own = {}
     for item in scene.objects:
@@ -336,6 +357,8 @@ def _own(scene, colours, places, objects):
                 f"{name}: has {len(present.data.loops)} corners, the bake "
                 f"{len(item.corner_vertex)}; the mesh was changed after the bake, bake again",
             )
+            for each in names:
+                expect_free(present, each, vector)
     return own
 
 

@@ -6,7 +6,12 @@ import numpy as np
 
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.render_scene import rendered_layer
-from prt_core.blender.stand_ins import is_copy, rendered_objects, stands_in
+from prt_core.blender.stand_ins import (
+    hidden_by_libraries,
+    is_copy,
+    rendered_objects,
+    stands_in,
+)
 
 _DISPLACED = {"DISPLACEMENT", "BOTH"}
 # Diffuse bounces that Cycles has unless it is told otherwise.
@@ -97,6 +102,11 @@ def scene_remarks(scene, kinds):
             f"{len(kept)} objects hold kept colours ({few}); not they, but the objects that "
             "they were made of are baked"
         )
+    lines += [
+        f"{item.name}: is hidden in renders, and not baked: in '{item.library.name}' a copy with "
+        "colours stands in for it; link that as well, or press Restore there and save it"
+        for item in hidden_by_libraries(scene)
+    ]
     lines += layer_remarks(*rendered_layer(scene))
     return [*lines, *culling_remarks(scene), *render_remarks(scene), *missing_remarks()]
 

@@ -28,7 +28,9 @@ class RawMesh:
     corner_slot : (n_corners,) int64
         Number of the material.
     corner_uv : (n_corners, 2) float64 or None
-        Of the UV map that renders take.
+        Of the UV map that renders take; 0 at faces that are NaN or infinite there.
+    n_bad_uv : int
+        How many corners were.
     flat : bool
     materials, paint
         See `Mesh`.
@@ -45,6 +47,7 @@ class RawMesh:
     face_sizes: np.ndarray
     corner_slot: np.ndarray
     corner_uv: np.ndarray | None = None
+    n_bad_uv: int = 0
     flat: bool = False
     materials: object = None
     paint: object = None
@@ -72,11 +75,15 @@ class RawMesh:
         slots = np.empty(len(data.polygons), np.int32)
         slots_of.polygons.foreach_get("material_index", slots)
         layer = next((layer for layer in data.uv_layers if layer.active_render), None)
-        uv = None
+        uv, bad = None, np.zeros(n_corners, bool)
         if layer is not None:
             uv = np.empty(n_corners * 2, np.float32)
             layer.data.foreach_get("uv", uv)
             uv = uv.reshape(-1, 2).astype(np.float64)
+            bad = ~np.isfinite(uv).all(axis=1)
+        if bad.any():
+            face = np.repeat(np.arange(len(sizes)), sizes)
+            uv[np.isin(face, face[bad])] = 0
         return cls(
             vertices.reshape(-1, 3).astype(np.float64),
             corner_vertex.astype(np.int64),
@@ -85,6 +92,7 @@ class RawMesh:
             sizes,
             np.repeat(slots, sizes).astype(np.int64),
             uv,
+            int(bad.sum()),
             # Where faces differ in that, or have normals of their own, Cycles takes the corners'.
             data.normals_domain == "FACE",
         )
@@ -126,6 +134,11 @@ class RawMesh:
             messages.append(f"{name}: {int(bad.sum())} vertices are NaN or infinite; faces ignored")
             triangles = triangles[~bad[self.corner_vertex[triangles]].any(axis=1)]
             world[bad] = 0
+        if self.n_bad_uv:
+            messages.append(
+                f"{name}: {self.n_bad_uv} corners of its UV map are NaN or infinite; their faces "
+                "have no place in it, unwrap them"
+            )
         determinant = np.linalg.det(linear)
         if determinant == 0:
             messages.append(

@@ -62,6 +62,24 @@ def stands_in(item, rendered):
     return is_copy(item) or (original is not None and original.session_uid in rendered)
 
 
+def hidden_by_libraries(scene):
+    """Linked objects of a scene, or of what it instances, that are hidden since their library has
+    a realised object in their place, which is not here."""
+    found, collections = {}, [scene.collection]
+    for collection in collections:
+        found |= {item.session_uid: item for item in collection.all_objects}
+        empties = [o for o in collection.all_objects if o.instance_type == "COLLECTION"]
+        instanced = {o.instance_collection for o in empties} - {None, *collections}
+        collections += instanced
+    stood_for = {item[ORIGINAL].session_uid for item in found.values() if item.get(ORIGINAL)}
+    return [
+        item
+        for uid, item in found.items()
+        if item.library is not None and item.hide_render and item.get(_HIDDEN) == _RENDERED
+        and uid not in stood_for
+    ]  # fmt: skip
+
+
 def hidden_in(item, view_layer):
     """Whether an object is hidden in a view layer because another stands in for it."""
     # Before the layers were noted all of them were meant.

@@ -85,5 +85,6 @@ def _emission(words):
                 f"emission: expected all, none or NAME=HOW, got '{word}'; HOW is a factor, "
                 "#rrggbb or #rrggbb:factor",
             )
+            expect(name not in settings, f"emission: '{name}' is there twice; leave one out")
             settings[name] = how
     return settings

@@ -144,4 +144,7 @@ def _lights(options, baked):
         f"--weights: {options.lights} has no light '{unknown and unknown[0]}'; there are "
         f"{', '.join(names)}",
     )
+    asked = [name for name, _ in options.weights]
+    twice = [name for name in weights if asked.count(name) > 1]
+    expect(not twice, f"--weights: '{twice and twice[0]}' is there twice; leave one out")
     return [replace(light, weight=weights.get(light.name, 0.0)) for light in lights]

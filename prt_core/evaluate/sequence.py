@@ -50,16 +50,18 @@ def light_paths(pattern, names):
     Raises
     ------
     PRTError
-        Two would have one file, also where capitals and small letters are the same.
+        Two would have one file, of one name, or where capitals and small letters are the same.
     """
     paths, owners = {}, {}
     for name in expect_all("names", names, str, "names of lights"):
         paths[name] = light_path(pattern, name) if name else expect_path("lights", pattern)
-        other = owners.setdefault(paths[name].name.casefold(), name)
+        file = paths[name].name.casefold()
         expect(
-            other == name,
-            f"{paths[name]}: would be of two lights, '{other}' and '{name}'; rename one of them",
+            file not in owners,
+            f"{paths[name]}: would be of two lights, '{owners.get(file)}' and '{name}'; rename one "
+            "of them",
         )
+        owners[file] = name
     return paths
 
 

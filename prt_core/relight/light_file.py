@@ -41,7 +41,8 @@ def read_lights(path, bake):
     """
     path = expect_path("lights", path)
     with system_errors(path):
-        text = path.read_text(encoding="utf-8", errors="replace")
+        # Some editors begin a file with a mark of its encoding.
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     twice = []
 
     def by_name(pairs):

@@ -11,10 +11,12 @@ import build
 import prt_core
 from prt_core import CubeMap, EnvironmentMap, PRTError
 from prt_core.blender.colours import save_scene
+from prt_core.blender.depsgraph import read_meshes
 from prt_core.blender.images import pixels_of
 from prt_core.blender.world import read_world
 from prt_core.cli import main
 from prt_core.light import images, read_picture
+from tests.blender.conftest import cube
 
 ACES_AP0 = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 
@@ -165,3 +167,16 @@ def test_what_is_read_is_never_written_over(blend, tmp_path, capfd):
     assert "sky.exr: is read, and would be written over" in capfd.readouterr().err
     assert before == (scene.read_bytes(), sky.read_bytes())
     assert main(["relight", baked, "--light", str(sky), "--blend", str(tmp_path / "o.blend")]) == 0
+
+
+def test_a_uv_map_that_is_nan_somewhere_is_no_reason_not_to_bake():
+    item = cube("broken", bpy.context.scene.collection)
+    layer = item.data.uv_layers.new()
+    layer.data[5].uv = (np.nan, 0.5)
+    messages = []
+    (mesh,) = read_meshes(messages=messages)
+    assert [m for m in messages if "UV" in m] == [
+        "broken: 1 corners of its UV map are NaN or infinite; their faces have no place in it, "
+        "unwrap them"
+    ]
+    assert (mesh.corner_uv[4:8] == 0).all() and mesh.corner_uv[:4].any(axis=1).sum() == 3

@@ -342,6 +342,22 @@ def test_saving_a_copy_elsewhere_changes_nothing_here(baked_floor, tmp_path):
     assert bpy.context.scene.prt.loaded == "//../prt/scene_Scene.prt"
 
 
+def test_images_of_light_stay_within_reach_of_a_file_that_is_saved_elsewhere(floor_scene, tmp_path):
+    (tmp_path / "deeper").mkdir()
+    bpy.ops.prt.light_set_add()
+    lights = floor_scene.prt, floor_scene.prt.sets[0]
+    for light, file in zip(lights, ("//maps/day.exr", "/far/night.exr"), strict=True):
+        light.file = file
+    save_as(tmp_path / "deeper" / "copy.blend", copy=True)
+    assert [light.file for light in lights] == ["//maps/day.exr", "/far/night.exr"]
+    floor_scene.prt.sets[0].file = "//dusk.exr"
+    save_as(tmp_path / "deeper" / "scene.blend")
+    assert [light.file for light in lights] == ["//../maps/day.exr", "//../dusk.exr"]
+    reopen(tmp_path / "deeper" / "copy.blend")
+    settings = bpy.context.scene.prt
+    assert [settings.file, settings.sets[0].file] == ["//../maps/day.exr", "/far/night.exr"]
+
+
 def move_ball(scene):
     scene.objects["ball"].location.x += 0.5
     bpy.context.view_layer.update()

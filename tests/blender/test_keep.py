@@ -331,3 +331,52 @@ def test_two_scenes_have_copies_of_their_own(scene):
     bpy.ops.prt.clear()
     assert not scene.objects["twin"].hide_render
     assert plan.of(scene) is not None and other.objects["pair 0"].hide_render
+
+
+def test_a_name_that_one_mesh_cannot_take_is_on_none(baked_floor):
+    floor, ball = (baked_floor.objects[name] for name in ("floor", "ball"))
+    ball.vertex_groups.new(name="Mask")
+    names = [floor.data.attributes.keys(), ball.data.attributes.keys()]
+    said = {
+        ball.data.uv_layers[0].name: "ball: '.*' is an attribute that is no colour",
+        "Mask": "ball: 'Mask' is one of its vertex groups",
+        "ä" * 40: "longer than the 67 bytes",
+    }
+    for name, words in said.items():
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.prt.keep(attribute=name)
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.prt.occlusion(attribute=name)
+    with pytest.raises(RuntimeError, match="Mask"):
+        bpy.ops.prt.occlusion(kind="bent-normal", attribute="Mask")
+    assert [floor.data.attributes.keys(), ball.data.attributes.keys()] == names
+    baked_floor.prt.attribute = "Mask"
+    with pytest.raises(RuntimeError, match="ball: 'Mask' is one of its vertex groups"):
+        bpy.ops.prt.relight()
+    assert "Mask" not in floor.data.attributes
+
+
+def test_an_object_that_its_library_hides_behind_a_copy_is_named(floor_scene, tmp_path):
+    ball, props = floor_scene.objects["ball"], bpy.data.collections.new("props")
+    floor_scene.collection.children.link(props)
+    props.objects.link(ball)
+    ball.modifiers.new("Cut", "TRIANGULATE")
+    bpy.ops.prt.bake()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+
+    def said(names):
+        bpy.ops.wm.read_homefile(use_empty=True)
+        with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+            wanted.collections = names
+        scene, messages = bpy.context.scene, []
+        for number, collection in enumerate(wanted.collections):
+            instance_of(f"each {number}", collection, scene.collection)
+        cube("box", scene.collection)
+        read_meshes(messages=messages)
+        return [line for line in messages if "stands in" in line]
+
+    assert said(["props"]) == [
+        "ball: is hidden in renders, and not baked: in 'library.blend' a copy with colours stands "
+        "in for it; link that as well, or press Restore there and save it"
+    ]
+    assert said(["props", "PRT"]) == []

@@ -123,3 +123,18 @@ def test_each_light_is_kept_and_exported(lit, tmp_path):
 def test_buttons_without_a_set_say_why(baked_floor):
     assert not bpy.ops.prt.light_set_only.poll()
     assert not bpy.ops.prt.export_lights.poll()
+
+
+def test_what_is_wrong_with_a_set_is_said_with_its_name(lit):
+    lit.prt.sets[1].light, lit.prt.sets[1].file = "FILE", ""
+    for button in (bpy.ops.prt.relight, bpy.ops.prt.export_lights):
+        with pytest.raises(RuntimeError, match="light 'Night': choose an .exr or .hdr image"):
+            button()
+
+
+def test_the_chosen_set_is_one_that_is_there(lit):
+    lit.prt.active_set = 9
+    assert bpy.ops.prt.light_set_add() == {"FINISHED"}
+    assert lit.prt.active_set == 2 and lit.prt.sets[2].light == "STUDIO"
+    lit.prt.active_set = 9
+    assert bpy.ops.prt.light_set_remove() == {"FINISHED"} and lit.prt.active_set == 1

@@ -132,3 +132,17 @@ def test_what_is_wrong_is_said_before_the_work(scene, tmp_path):
     with pytest.raises(RuntimeError, match="taken.exr"):
         bpy.ops.prt.lightmap(filepath=str(tmp_path / "taken"))
     assert not list(tmp_path.glob("prt/*.prt"))
+
+
+def test_an_image_keeps_its_name_and_each_light_its_own(floor_scene, tmp_path):
+    ask = {"size": (16, 16), "margin": 1, "format": "PNG"}
+    for name in ("room.v1", "room.v2.exr"):
+        assert bpy.ops.prt.lightmap(filepath=str(tmp_path / "maps" / name), **ask) == {"FINISHED"}
+    assert {p.name for p in (tmp_path / "maps").iterdir()} == {"room.v1.png", "room.v2.png"}
+    for name in ("Environment", "key"):
+        lamp = bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT"))
+        floor_scene.collection.objects.link(lamp)
+    floor_scene.prt.use_lamps = True
+    with pytest.raises(RuntimeError, match="of two lights, 'environment' and 'Environment'"):
+        bpy.ops.prt.lightmap(filepath=str(tmp_path / "each" / "map"), apart=True, **ask)
+    assert not (tmp_path / "each").exists()

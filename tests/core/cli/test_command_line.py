@@ -121,6 +121,7 @@ BAD = {
     "bench compress a.prt -o r --seed -1": "seed: expected",
     "bench compress a.prt -o r --methods best": "method: expected one of cpca",
     "bench compress a.prt -o r --methods pca:size=3": "'pca' has the settings n_components, tol",
+    "relight a.prt --emission A=1 A=2 --output o.npz": "--emission: 'A' is there twice",
     "compress a.prt --method best": "method: expected auto, cpca, pca, vq, haar, wavelet4d, harm",
     "compress a.prt --method pca:size=3": "'pca' has the settings n_components, tolerance; got",
     "compress a.prt --method cpca:method=quick": "method: expected one of static, iterative, got",

@@ -24,6 +24,6 @@ def test_lights_whose_files_would_be_one_are_refused():
         "day": Path("a_day_##.png"),
         "": Path("a_##.png"),
     }
-    for names in (["Day", "day"], ["a/b", "a:b"]):
+    for names in (["Day", "day"], ["a/b", "a:b"], ["lamp", "lamp"]):
         with pytest.raises(PRTError, match=f"of two lights, '{names[0]}' and '{names[1]}'; rename"):
             light_paths("a.png", names)

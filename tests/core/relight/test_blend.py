@@ -109,6 +109,12 @@ def test_a_file_of_lights_is_what_was_written(bake, lights):
     assert np.allclose(dusk.lighting.lamps[0].power, np.array(DESK.power) / 2)
 
 
+def test_a_file_of_lights_that_an_editor_marked_as_unicode(bake, lights):
+    plain = [light.name for light in read_lights(lights, bake)]
+    lights.write_text(lights.read_text(), encoding="utf-8-sig")
+    assert [light.name for light in read_lights(lights, bake)] == plain
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -152,6 +158,7 @@ def test_the_command_line_gives_the_same(bake, lights, tmp_path, capsys):
     for flags, message in (
         (["--light", "a.exr"], "--light: is for one light"),
         (["--each", "--weights", "day=1"], "--weights: each light is shown alone"),
+        (["--weights", "day=1", "day=2"], "--weights: 'day' is there twice; leave one out"),
         (["--weights", "noon=1"], "has no light 'noon'; there are day, dusk"),
     ):
         assert main([*asked, "--output", str(mixed), *flags]) == 2

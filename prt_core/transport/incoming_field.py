@@ -190,7 +190,8 @@ class IncomingField:
 
         def one(part):
             own = reflections.start[[part.start, part.stop]]
-            first, last = np.searchsorted(entries, own)
+            # Of another kind of integer all of them would be copied.
+            first, last = np.searchsorted(entries, own.astype(entries.dtype))
             some, values = entries[first:last], self.values[part].reshape(-1)
             places = reflections.places(part, 3 * n_nodes)[0][some - own[0]]
             more = change[which[first:last]]

@@ -5,7 +5,7 @@ from functools import cache, partial
 
 from prt_core.bake import BakeSettings, bake_steps
 from prt_core.bake.distribute import distribute_steps
-from prt_core.bake.earlier import earlier_of
+from prt_core.bake.earlier import earlier_of, has_form
 from prt_core.bake.images import ImageSettings, image_steps
 from prt_core.bake.plan import plan_steps
 from prt_core.bake.refine import refine_meshes_steps
@@ -17,6 +17,11 @@ from prt_core.runtime.main_thread import each_in_thread
 from prt_core.sampling import RefineSettings
 from prt_core.scene import Scene, mesh_digests
 from prt_core.scene.remarks import grouped
+
+_WITHOUT_FORM = (
+    "the compressed form of the bake that was here is gone with it; 'prt compress' or Compress in "
+    "the panel makes one of this"
+)
 
 
 def bake_blend_steps(
@@ -144,10 +149,13 @@ def bake_blend_steps(
         if cluster is not None:
             return (yield from distribute_steps(output, cluster, memory))
         return {"stages": [asdict(stage) for stage in stages]}
+    had_form = has_form(output)
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
         cameras, pictures, memory, reuse, only,
     )  # fmt: skip
+    if had_form and not has_form(output):
+        result = {**result, "messages": [*result["messages"], _WITHOUT_FORM]}
     return result
 
 

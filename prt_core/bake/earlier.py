@@ -11,7 +11,13 @@ from prt_core.bake.settings import BakeSettings
 from prt_core.errors import PRTError, expect, expect_all, expect_flag
 from prt_core.runtime.address import expect_store_path
 from prt_core.scene import Scene, compare, with_details
-from prt_core.store import BakeStore, damage_as_error, read_scene
+from prt_core.store import (
+    GLOSS_FORM,
+    BakeStore,
+    compressed_attributes,
+    damage_as_error,
+    read_scene,
+)
 from prt_core.store.attributes import digest
 
 # Details are sought again nearer to a change than this share of its size.
@@ -85,6 +91,16 @@ def _place(path):
 def _is_finished(path):
     try:
         return BakeStore(path).is_complete
+    except PRTError:
+        return False
+
+
+def has_form(path):
+    """Whether there is a finished bake at a path that has a compressed form."""
+    try:
+        store = BakeStore(path)
+        forms = compressed_attributes(store), compressed_attributes(store, GLOSS_FORM)
+        return store.is_complete and any(forms)
     except PRTError:
         return False
 

@@ -22,6 +22,18 @@ def view_layer_of(scene):
     return scene.view_layers[0]
 
 
+def composites(scene):
+    """Whether the compositor has nodes that may change a picture of a scene."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group  # Blender 5.0 and later
+    else:
+        tree = scene.node_tree if scene.use_nodes else None
+    passive = {"R_LAYERS", "COMPOSITE", "VIEWER", "GROUP_OUTPUT", "REROUTE", "FRAME"}
+    return tree is not None and any(
+        node.type not in passive and not node.mute for node in tree.nodes
+    )
+
+
 def depsgraph_of(layer):
     """The dependency graph of a view layer, up to date.
 

@@ -4,7 +4,7 @@ materials, holdouts, what linked libraries do not give; a line each."""
 import bpy
 import numpy as np
 
-from prt_core.blender.compat import has_nodes
+from prt_core.blender.compat import composites, has_nodes
 from prt_core.blender.render_scene import rendered_layer
 from prt_core.blender.stand_ins import (
     hidden_by_libraries,
@@ -155,7 +155,11 @@ def culling_remarks(scene):
 
 
 def render_remarks(scene):
-    """Lines on settings of renders that make all of a picture brighter or darker."""
+    """Lines on settings of renders that change all of a picture, and that a bake does not have."""
+    if scene.render.use_motion_blur:
+        yield "renders have motion blur, a bake has none: it is of one moment"
+    if scene.render.use_compositing and composites(scene):
+        yield "renders go through the compositor's nodes, pictures of a bake do not"
     cycles = getattr(scene, "cycles", None)
     if cycles is None:
         return

@@ -443,6 +443,28 @@ def test_film_exposure_and_few_bounces_are_said(scene):
     ]
 
 
+def test_motion_blur_and_the_compositor_are_said(scene):
+    cube("box", scene.collection)
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("grade", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+    tree.nodes.new("CompositorNodeViewer")
+    assert not read()[1]
+    scene.render.use_motion_blur = True
+    blur = tree.nodes.new("CompositorNodeBlur")
+    assert read()[1] == [
+        "renders have motion blur, a bake has none: it is of one moment",
+        "renders go through the compositor's nodes, pictures of a bake do not",
+    ]
+    blur.mute, scene.render.use_motion_blur = True, False
+    assert not read()[1]
+    blur.mute, scene.render.use_compositing = False, False
+    assert not read()[1]
+
+
 def test_culling_by_the_camera_is_said(scene):
     item = cube("box", scene.collection)
     scene.render.use_simplify = scene.cycles.use_distance_cull = True

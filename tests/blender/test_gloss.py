@@ -511,6 +511,13 @@ def test_what_cannot_be_carried_is_said_with_object_and_material(build, said):
         assert [line for line in about if said in line] == about and len(about) == int(gloss)
 
 
+@pytest.mark.parametrize("strength, coat", [(1.0, 0.5), (1.0, 0.0), (0.0, 0.5)])
+def test_light_that_is_emitted_below_a_coat_is_said(strength, coat):
+    plate("thing", principled(Emission_Strength=strength, Coat_Weight=coat))
+    said = "what its coat takes from the light that it emits is as seen from straight on"
+    assert (f"material 'thing': {said}" in read(gloss=True)[1]) is bool(strength and coat)
+
+
 def of_distribution(tree, name):
     node = glossy(0.5)(tree)
     node.distribution = name

@@ -104,8 +104,15 @@ def test_the_command_updates_in_place_and_beside(changed, tmp_path, capsys):
     beside = ["bake", file, "-o", str(tmp_path / "new.prt"), "--reuse", str(path), *flags]
     assert main(beside) == 0
     assert "reused  ball moved: " in capsys.readouterr().out
+    assert main(["compress", str(path), "--tolerance", "0.2", "--quiet"]) == 0
     assert main(["bake", file, "-o", str(path), "--update", *flags]) == 0
-    assert "reused  ball moved: " in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "reused  ball moved: " in said.out
+    assert "the compressed form of the bake that was here is gone" in said.out + said.err
+    assert main(["compress", str(path), "--tolerance", "0.2", "--quiet"]) == 0
+    assert main(["bake", file, "-o", str(path), "--update", *flags]) == 0
+    said = capsys.readouterr()
+    assert "the compressed form" not in said.out + said.err
     one, two = (prt_core.load(each) for each in (tmp_path / "new.prt", path))
     assert one.transport.fingerprint() == two.transport.fingerprint()
     assert main(["bake", file, "-o", str(path), "--only", "ball", *flags]) != 0

@@ -67,6 +67,7 @@ LINES = {
 GLOSS_LINES = {
     "metal": "metal; its reflections are shown to the view, in bounces they count as diffuse",
     "specular": None,
+    "glows below": "what its coat takes from the light that it emits is as seen from straight on",
     "rough": "its diffuse roughness is that of light of lamps, as seen from straight above; light "
     "of the sky leaves evenly to all sides",
 }

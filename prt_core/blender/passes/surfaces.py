@@ -27,6 +27,8 @@ from prt_core.scene.paint import LOOKS, Look, look_of
 _KEPT, _MOST_BYTES = OrderedDict(), 256 << 20
 # Corners of meshes that Cycles is asked for together: what it says of each takes a hundred bytes.
 _TOGETHER = 1 << 20
+# What less of a coat takes from emission nobody sees.
+_THIN_COAT = 0.1
 
 
 def evaluate_surfaces(uid, meshes, records, messages, pace=None, gloss=False):
@@ -74,6 +76,7 @@ def evaluate_surfaces(uid, meshes, records, messages, pace=None, gloss=False):
     for index, mesh in enumerate(meshes):
         looks = {look: known[index] for look, known in surfaces.items() if index in known}
         notes += [note for surface in looks.values() for note in surface.notes]
+        notes += _glows_below(records[index], looks["shown"], materials)
         notes += _mixed_emission(records[index], looks, materials)
         notes += _mixed_sides(records[index], looks, materials)
         _apply(mesh, looks)
@@ -177,6 +180,16 @@ def _keep(key, surface):
     size = sum(kept.nbytes for kept in _KEPT.values())
     while size > _MOST_BYTES and len(_KEPT) > 1:
         size -= _KEPT.popitem(last=False)[1].nbytes
+
+
+def _glows_below(record, shown, materials):
+    """Notes on materials that emit light below a coat."""
+    corners = shown.corners
+    if "coat" not in columns_of(corners.shape[1]):
+        return []
+    glows = (corners[:, COLUMNS["emission"]] > 0).any(axis=1)
+    slots = record.slot_of_corner[glows & (corners[:, COLUMNS["coat"]] > _THIN_COAT).any(axis=1)]
+    return [("glows below", materials.graph(record.slot(slot)).name) for slot in np.unique(slots)]
 
 
 def _mixed_emission(record, looks, materials):

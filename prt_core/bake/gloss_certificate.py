@@ -116,9 +116,11 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
     weights = ViewWeights(scene, transport, parts, lobes, views[0], glossy[0].narrowest, METAL)
     more, shown, lit = more_by_gloss(transport.materials), {}, {}
     lights = (lights() if callable(lights) else lights) or probe_lights(cube_map)
-    for name, light in lights.items():
-        light = np.asarray(light, np.float32)
-        received = transport.received(light)
+    lights = {name: np.asarray(light, np.float32) for name, light in lights.items()}
+    # Of all at once: what points see is unpacked for them together.
+    every = transport.received(np.hstack(list(lights.values())))
+    for index, (name, light) in enumerate(lights.items()):
+        received = np.ascontiguousarray(every[:, 3 * index : 3 * index + 3])
         sent = transport.exit_radiance(received).toward()
         even = sent - transport.materials.stand_in * received
         sent = sent + more * received

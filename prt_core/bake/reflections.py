@@ -20,7 +20,7 @@ from prt_core.transport.incoming_field import sides_of
 from prt_core.transport.sharing import DARK
 
 # Blocks of points worked on together for each core.
-_TOGETHER = 2
+_TOGETHER = 4
 # What a block notes: rays, short rays, rays that met nothing.
 _N_FIGURES = 3
 
@@ -112,21 +112,20 @@ def reflection_steps(store, scene, cube_map, caster, settings, seconds):
             if not (met.holds(part) and share.holds(part) and figures.holds(index))
         ]
 
-        def one(caster, index, parts=parts, points=points, divided=divided, side=side):
+        def one(caster, index, parts=parts, points=points, divided=divided, side=side,
+                met=met, share=share, figures=figures):  # fmt: skip
             rows = points[parts[index]]
-            seen = _rows(bits, rows)
             key = (side << 32) + parts[index].start
-            work = scene, caster, sharing, divided, rows, seen, settings.seed, key, metal
-            return reflection_hits(*work)
+            work = scene, caster, sharing, divided, rows, _rows(bits, rows), settings.seed, key
+            seen = reflection_hits(*work, metal)
+            figures[index] = [seen.n_rays, seen.n_short, seen.n_lost]
+            share[parts[index]], met[parts[index]] = seen.share, seen.met
 
         group = max(caster.threads, n_cores()) * _TOGETHER
         yield Progress("reflections", 0, len(points))
         for first in range(0, len(todo), group):
             batch = todo[first : first + group]
-            for index, seen in zip(batch, cast_on_all_cores(caster, one, batch), strict=True):
-                figures[index] = [seen.n_rays, seen.n_short, seen.n_lost]
-                share[parts[index]] = seen.share
-                met[parts[index]] = seen.met
+            cast_on_all_cores(caster, one, batch)
             yield Progress("reflections", parts[batch[-1]].stop, len(points))
         with damage_as_error(store.path, f"'{_name(side, 'figures')}'"):
             result += figures[...].sum(axis=0)

@@ -166,8 +166,16 @@ def views_and_lights():
     return section()
 
 
+def bakes():
+    """What gloss adds to a bake."""
+    from tests.benchmarks.gloss_bakes import section
+
+    return section()
+
+
 SECTIONS = {
     "Speed and error": speed_and_error,
     "Views that are looked up": views_and_lights,
+    "Bakes": bakes,
     "Terms sampled sparsely": sampled_terms,
 }

@@ -6,7 +6,8 @@ meets is handed to a bake point as bounce rays are (see `transport.sharing`). Th
 stands for all that is in the way in the block.
 
 Small blocks lie so close together that every other one is enough, as on a chequerboard: those
-between take what one of their neighbours has met. Lobes are much wider than that.
+between take what one of their neighbours has met, but where that is curved metal, which mirrors
+something else in each block.
 """
 
 from dataclasses import dataclass

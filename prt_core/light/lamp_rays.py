@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from prt_core.sphere import cone_density
+from prt_core.sphere import cone_density, tangents
 
 
 def met(lamp, positions, directions):
@@ -37,11 +37,13 @@ def met(lamp, positions, directions):
         distance = away / np.maximum(cosine, 1e-9)
         off = distance * np.sqrt(np.maximum(1 - cosine**2, 0)) / lamp.radius
         hit = (cosine > 1e-6) & (off <= 1)
+        place = directions * distance[:, None] - ways
         density = distance**2 / (np.pi * lamp.radius**2 * np.maximum(cosine, 1e-9))
-        return _round(off), np.where(hit, density, 0)
+        return _round(off, place, towards), np.where(hit, density, 0)
     sine = lamp.radius / np.maximum(away, lamp.radius)
     cap = np.where(away <= lamp.radius, 2.0, sine**2 / (1 + np.sqrt(1 - sine**2)))
-    return _on_cone(np.stack([0 * cosine, 0 * cosine, cosine], axis=1), cap)
+    aside = [np.einsum("nx,nx->n", directions, axis) for axis in tangents(towards)]
+    return _on_cone(np.stack([*aside, cosine], axis=1), cap)
 
 
 def _on_cone(local, cap):
@@ -76,6 +78,11 @@ def _on_area(lamp, positions, directions):
     return np.clip(uv, 0, 1 - 1e-9), np.where(hit, density, 0)
 
 
-def _round(off):
-    """Places of a disc by their distance from its middle, in parts of its radius."""
-    return np.stack([np.minimum(off, 1) ** 2, np.zeros(len(off))], axis=1)
+def _round(off, place, towards):
+    """Where on a disc that faces `towards` (n, 3) a place (n, 3) from its middle is.
+
+    `off` (n,) is how far from there, in parts of the disc's radius.
+    """
+    across, up = (np.einsum("nx,nx->n", place, axis) for axis in tangents(towards))
+    turn = np.arctan2(up, across) / (2 * np.pi) % 1
+    return np.clip(np.stack([np.minimum(off, 1) ** 2, turn], axis=1), 0, 1 - 1e-9)

@@ -169,8 +169,8 @@ class Gloss:
         result = np.zeros((len(seen), 3), np.float32)
         for index, mine in enumerate(seen.parts):
             shown = self._glimpses[index].reflected()
-            for lamp, received in lamps:
-                work = lamp, received, self._world, seen.row[mine], seen.outgoing.of(mine)
+            for lit in lamps:
+                work = lit.lamp, lit.received, self._world, seen.row[mine], seen.outgoing.of(mine)
                 shown += self._parts[index].glimpsed_highlights(*work)
             result[mine] = shown / self._ended_at(seen, index)
         return result
@@ -230,8 +230,7 @@ class Gloss:
         Parameters
         ----------
         view : View
-        lamps : sequence of (Lamp, (n_points, 3) float32)
-            Lamps, and what points receive of each: irradiance / pi.
+        lamps : sequence of LitLamp
         pace : float, optional
             Seconds a step may take; then the arithmetic runs beside the caller, in a thread.
         every : int
@@ -277,8 +276,8 @@ class Gloss:
         """(k, 6): what some points of a part reflect, and what is left of diffuse light."""
         outgoing = outgoing.take(part.points.take(rows), axis=0)
         reflected, diffuse = lobes(rows, outgoing)
-        for lamp, received in lamps:
-            reflected += part.highlights(lamp, received, self._world, rows, outgoing, power)
+        for lit in lamps:
+            reflected += part.highlights(lit, self._world, rows, outgoing, power)
         return np.concatenate([reflected, diffuse], axis=1)
 
     def _coarser(self, every):

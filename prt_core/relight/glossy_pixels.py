@@ -67,8 +67,7 @@ class PixelLight:
     own : (n_points, 3) float32, or None
         Of themselves.
     sky : callable((m, 3) directions) -> (m, 3)
-    lamps : sequence of (Lamp, (n_points, 3) float32)
-        With what points receive of each: irradiance / pi.
+    lamps : sequence of LitLamp
     """
 
     even: np.ndarray
@@ -181,8 +180,8 @@ class GlossyPixels:
         if len(some):
             seen = self._mirrored(places[some], normals[some], cosine[some], light, depth)
             result[some] += mirrored[some] * seen
-        for lamp, received in light.lamps:
-            result += self._highlights(places, frames, lamp, received)
+        for lit in light.lamps:
+            result += self._highlights(places, frames, lit)
         return result, diffuse * self._rough_share(places, normals)
 
     def _normals(self, places):
@@ -262,16 +261,24 @@ class GlossyPixels:
         result[met[lit]] = self._shaded(there, light, depth - 1) / share[lit, None]
         return result
 
-    def _highlights(self, places, frames, lamp, received):
-        received = places.between(received).astype(np.float32)
+    def _highlights(self, places, frames, lit_lamp):
+        received = places.between(lit_lamp.received).astype(np.float32)
         result = np.zeros((len(places), 3), np.float32)
         lit = np.flatnonzero(received.any(axis=1))
         if len(lit):
             here = places[lit]
             materials = self._scene.points.materials.between(here.points, here.weights)
             world = self._scene.to_world(here.between(self._scene.points.positions))
+            seen = lit_lamp.seen
             result[lit] = highlights(
-                materials, frames[lit], lamp, received[lit], world, here.outgoing, _POWER
+                materials,
+                frames[lit],
+                lit_lamp.lamp,
+                received[lit],
+                world,
+                here.outgoing,
+                _POWER,
+                None if seen is None else seen.between(here.points, here.weights),
             )
         return result
 

@@ -201,14 +201,13 @@ class GlossyPoints:
             result[brushed] = self._view.reflected(*work, axes, normals[brushed])
         return result
 
-    def highlights(self, lamp, received, world, rows, outgoing, power=POWER):
+    def highlights(self, lit_lamp, world, rows, outgoing, power=POWER):
         """What lobes reflect of a lamp, as wide as the lamp looks.
 
         Parameters
         ----------
-        lamp : Lamp or BrightPixels
-        received : (n_points, 3) float32
-            What all bake points receive of it: irradiance / pi.
+        lit_lamp : LitLamp
+            With what all bake points receive of it.
         world : (n_points, 3) float
             Their places.
         rows : (k,) int
@@ -223,13 +222,16 @@ class GlossyPoints:
         (k, 3) float32
         """
         result = np.zeros((len(rows), 3), np.float32)
-        received = received[self.points[rows]]
+        received, seen = lit_lamp.received[self.points[rows]], lit_lamp.seen
         lit = np.flatnonzero(received.any(axis=1))
         if len(lit):
             some = rows[lit]
+            # Parts of a lamp take more samples than all of it.
+            power = power if power is None or seen is None else power + 1
             result[lit] = highlights(
-                self._materials[some], self._frames[some], lamp, received[lit],
+                self._materials[some], self._frames[some], lit_lamp.lamp, received[lit],
                 world[self.points[some]], outgoing[lit], power,
+                None if seen is None else seen.of(self.points[some]),
             )  # fmt: skip
         return result
 

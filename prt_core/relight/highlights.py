@@ -1,9 +1,10 @@
 """Highlights: what lobes reflect of lamps.
 
 A lamp that looks as wide as lobes are, or wider, is sampled in two ways, by its own surface and by
-the lobes, which are weighed by how densely each falls (Veach 1995, the balance heuristic). Its
-light is what would arrive if nothing were in the way, times the share that arrives in all. A lamp
-that looks small is one direction, and lobes are widened by it as by facets that turn.
+the lobes, which are weighed by how densely each falls (Veach 1995, the balance heuristic). Where
+something hides a part of it, cells of its surface are sampled as much as they are seen (see
+`transport.lamp_cells`); in all it brings what is received. A lamp that looks small is one
+direction, and lobes are widened by it as by facets that turn.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from prt_core.light.lamp_rays import met
 from prt_core.reflectance import principled_lobes
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import sobol_points
+from prt_core.transport.lamp_cells import warped
 
 # Half the width of a lamp, in parts of the alpha of a lobe, above which it is sampled.
 _SMALL = 0.25
@@ -26,7 +28,7 @@ _PART = 1 << 11
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 
-def highlights(materials, frames, lamp, received, world, outgoing, power=POWER):
+def highlights(materials, frames, lamp, received, world, outgoing, power=POWER, seen=None):
     """What lobes at k places reflect of a lamp.
 
     Parameters
@@ -41,6 +43,8 @@ def highlights(materials, frames, lamp, received, world, outgoing, power=POWER):
     power : int, optional
         2**power samples of each kind, where the lamp is sampled; those of a picture's samples are
         averaged once more. None: every lamp is one direction.
+    seen : (k, side, side) float32, optional
+        How much of the cells of a wide lamp each place sees; default: as much of each.
 
     Returns
     -------
@@ -63,24 +67,26 @@ def highlights(materials, frames, lamp, received, world, outgoing, power=POWER):
         part = many[first : first + _PART]
         lobes = principled_lobes(materials[part])
         ways = frames[part], view[part], world[part]
-        result[part] = _sampled(lobes, lamp, *ways, received[part], power)
+        cells = None if seen is None else seen[part]
+        result[part] = _sampled(lobes, lamp, *ways, received[part], power, cells)
 
     many = np.flatnonzero(wide)
     on_all_cores(one, range(0, len(many), _PART))
     return result
 
 
-def _sampled(lobes, lamp, frames, view, world, received, power):
+def _sampled(lobes, lamp, frames, view, world, received, power, cells):
     """(k, 3): what lobes reflect of a lamp that gives irradiance / pi (k, 3)."""
     k, m = len(world), 1 << power
     shift = _number(world)[:, None, None] * _STEPS
     uv = (sobol_points(power) + 0.5 / m + shift) % 1
-    starts = np.repeat(world, m, axis=0)
-    ways, _, light = lamp.sample(starts, uv.reshape(-1, 2))
-    own = _Seen(lobes, lamp, starts, frames, view, ways.reshape(k, m, 3), light)
+    starts, on_lamp = np.repeat(world, m, axis=0), uv if cells is None else warped(uv, cells)
+    ways, _, light = lamp.sample(starts, on_lamp.reshape(-1, 2))
+    what = lobes, lamp, starts, frames, view
+    own = _Seen(*what, ways.reshape(k, m, 3), cells, light, on_lamp)
     local = lobes.sample(view, 1 - uv[..., ::-1])
     ways = np.einsum("nmk,nkx->nmx", local, frames)
-    by_lobes = _Seen(lobes, lamp, starts, frames, view, ways)
+    by_lobes = _Seen(*what, ways, cells)
     arrives = own.brought(1).sum(axis=1)
     reflected = own.brought(own.reflectance) * own.share_of_lamp[..., None]
     # Samples of lobes fall by the density of these; what they meet is radiance.
@@ -96,14 +102,23 @@ def _sampled(lobes, lamp, frames, view, world, received, power):
 class _Seen:
     """A lamp along directions (k, m, 3), and what lobes make of it."""
 
-    def __init__(self, lobes, lamp, starts, frames, view, ways, light=None):
+    def __init__(self, lobes, lamp, starts, frames, view, ways, cells, light=None, on_lamp=None):
         shape = ways.shape[:2]
         uv, density = met(lamp, starts, ways.reshape(-1, 3))
         if light is None:
             light = lamp.sample(starts, uv)[2] * (density > 0)[:, None]
+        light, density = light.reshape(*shape, 3), density.reshape(shape)
+        if cells is not None:
+            # Samples fall the more densely the more is seen, and so bring the less.
+            mean = np.maximum(cells.mean(axis=(1, 2), dtype=np.float64), 1e-30)[:, None]
+            uv = uv.reshape(*shape, 2) if on_lamp is None else on_lamp
+            place = np.minimum((uv * cells.shape[1]).astype(np.int64), cells.shape[1] - 1)
+            which = np.arange(len(cells))[:, None]
+            density = density * cells[which, place[..., 0], place[..., 1]] / mean
+            light = light * mean[..., None]
         local = np.einsum("nmx,nkx->nmk", ways, frames)
-        self._arriving = light.reshape(*shape, 3) * np.maximum(local[..., 2:], 0)
-        self.density, self.by_lobes = density.reshape(shape), lobes.pdf(local, view)
+        self._arriving = light * np.maximum(local[..., 2:], 0)
+        self.density, self.by_lobes = density, lobes.pdf(local, view)
         self.reflectance = lobes.eval(local, view)
         both = self.density + self.by_lobes
         self.share_of_lamp = np.where(both > 0, self.density / np.maximum(both, 1e-300), 1)

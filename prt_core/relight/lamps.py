@@ -1,12 +1,32 @@
 """Lamps in one bake: which are meant, and what points receive of each of them."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from prt_core.errors import expect
+from prt_core.light import BrightPixels, Lamp
 from prt_core.runtime.progress import Pace
 from prt_core.transport import blocking_caster, lamp_steps
+from prt_core.transport.lamp_cells import LampCells, SeenCells, cells_along
+
+
+@dataclass(frozen=True)
+class LitLamp:
+    """A lamp, and what points have of it.
+
+    Attributes
+    ----------
+    lamp : Lamp or BrightPixels
+    received : (n_points, 3) float32
+        Irradiance / pi.
+    seen : SeenCells, optional
+        Which parts of the lamp points see; all of it, or nothing: None.
+    """
+
+    lamp: Lamp | BrightPixels
+    received: np.ndarray
+    seen: SeenCells | None = None
 
 
 class LampLight:
@@ -52,25 +72,55 @@ class LampLight:
         parts, scene = {}, self._bake.scene
         self._forget_casters(lamps)
         for index, lamp in enumerate(lamps):
-            key = index, n_samples, lamp_signature(lamp)
+            key = self._key(index, lamp, n_samples)
             if key not in parts and key in self._kept:
                 parts[key] = self._kept[key]
             if key not in parts:
                 pacing = Pace(pace, 1 << 15)
-                parts[key] = yield from lamp_steps(
-                    scene, self._rays(lamp), lamp, n_samples, (0, index), pacing
+                cells = LampCells(self._glossy(), key[2]) if key[2] else None
+                received = yield from lamp_steps(
+                    scene, self._rays(lamp), lamp, n_samples, (0, index), pacing, cells=cells
                 )
+                parts[key] = received, None if cells is None else cells.seen()
         # What was not asked for this time is forgotten; a draft's rays do not push out the rest.
         kept = [key for key in self._kept if key[1] != n_samples]
         self._kept = {**{key: self._kept[key] for key in kept[-len(lamps) :]}, **parts}
-        return list(parts.values())
+        return [received for received, _ in parts.values()]
 
     def has(self, lamps, n_samples):
         """Whether what points receive of these lamps is known, of so many shadow rays each."""
         return all(
-            (index, n_samples, lamp_signature(lamp)) in self._kept
-            for index, lamp in enumerate(lamps)
+            self._key(index, lamp, n_samples) in self._kept for index, lamp in enumerate(lamps)
         )
+
+    def shown(self, lamps, n_samples, received):
+        """`LitLamp` of each of the lamps of the last `steps` that glossy surfaces show.
+
+        Parameters
+        ----------
+        lamps, n_samples
+            As they were asked for.
+        received : sequence of (n_points, 3) float32
+            What `steps` gave, times how strong they are.
+        """
+        keys = [self._key(index, lamp, n_samples) for index, lamp in enumerate(lamps)]
+        return [
+            LitLamp(lamp, light, self._kept[key][1])
+            for lamp, light, key in zip(lamps, received, keys, strict=True)
+            if lamp.highlights
+        ]
+
+    def _key(self, index, lamp, n_samples):
+        """What the light of a lamp is kept by; the third of it are cells that gloss asks for."""
+        side = cells_along(lamp, n_samples) if self._bake.reflections else 0
+        return index, n_samples, side, lamp_signature(lamp)
+
+    def _glossy(self):
+        """(n_points,) bool: which points have reflections."""
+        glossy = np.zeros(len(self._bake.scene.points), bool)
+        for part in self._bake.reflections:
+            glossy[part.points] = True
+        return glossy
 
     def _rays(self, lamp):
         """The caster over what is in the lamp's way, one for all lamps that share it."""

@@ -215,11 +215,9 @@ class Relighter:
                 work = Gloss, self.bake, self._caster
                 self._gloss = yield from maybe_in_thread(pace, "gloss", *work)
             first = len(parts) - len(lamps)
-            lit = [
-                (lamp, part * np.float32(factor))
-                for lamp, part, factor in zip(lamps, parts[first:], factors[first:], strict=True)
-                if lamp.highlights
-            ]
+            lit = zip(parts[first:], factors[first:], strict=True)
+            lit = [part * np.float32(factor) for part, factor in lit]
+            lit = self._lamps.shown(lamps, lighting.lamp_samples, lit)
             own = None if emitted is None else emitted[1]
             self._sent = None
             sky = lighting if pixels is None else None

@@ -18,8 +18,8 @@ class SentLight:
         What leaves evenly to all sides, without what stands in for gloss.
     own : (n_points, 3) float32, or 0
         What shines itself, of that.
-    lamps : list of (Lamp, (n_points, 3) float32)
-        What points receive of each.
+    lamps : list of LitLamp
+        What points have of each.
     lighting : Lighting
     gloss : Gloss or GlossForm
         What reflects it.

@@ -70,7 +70,7 @@ def blocking_caster(scene, lamp, name="auto"):
     return scene.make_caster(name, "shadow", objects=blocking)
 
 
-def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike=False):
+def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike=False, cells=None):
     """`lamp_light` of one lamp, as a generator of `Progress`.
 
     Parameters
@@ -83,6 +83,8 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike
     alike : bool
         Whether all points ask for the same places of the lamp: what differs between points is then
         never chance.
+    cells : LampCells, optional
+        Takes note of which parts of the lamp points see.
     """
     expect_kind("scene", scene, Scene)
     if caster is not None:
@@ -108,6 +110,8 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike
         uv = lamp_samples(count, 0 * shift + 0.5 if alike else shift)
         # Ray r belongs to point r // count, sample r % count; a step is a range of rays.
         n_rays = (inside.stop - block) * count
+        if cells is not None:
+            cells.begin(inside)
         for first in range(0, n_rays, _RAYS):
             for part in rays.parts(first, min(first + _RAYS, n_rays)):
                 which = np.arange(part.start, part.stop)
@@ -119,6 +123,7 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike
                 if receives is not None:
                     light[~receives[point]] = 0
                 lit = np.flatnonzero(light.any(axis=1))
+                arriving = np.ones(len(lit))
                 if len(lit) and caster is not None and lamp.casts_shadow:
                     limit = before_the_lamp(
                         origins[point[lit]], direction[lit], distance[lit] / scene.size
@@ -132,12 +137,18 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike
                     # A lamp in the surface gives infinity: nothing of it, where it is blocked.
                     light[lit[share == 0]] = 0
                     light[lit] *= np.where(share > 0, share, 1)[:, None]
+                    arriving = share
+                if cells is not None:
+                    aim = uv[which[lit] // count, which[lit] % count]
+                    cells.take(point[lit], aim, arriving)
                 if len(lit):
                     for channel in range(3):
                         sums = np.bincount(point - point[0], light[:, channel])
                         received[point[0] : point[-1] + 1, channel] += sums
                 rays.worked()
                 yield Progress("lamps", int(point[-1]) + 1, n_points)
+        if cells is not None:
+            cells.end()
     # A lamp in the surface itself may give more than float32 holds: infinity, which bounces refuse.
     with np.errstate(over="ignore"):
         return (received / (np.pi * count)).astype(np.float32)

@@ -14,6 +14,7 @@ from prt_core.relight.highlights import highlights
 from prt_core.relight.relighter import Relighter
 from prt_core.sphere import sobol_points
 from prt_core.transport import View
+from prt_core.transport.lamp_cells import LampCells
 from tests.meshes import plane, sphere
 
 CASTER = "embree" if "embree" in known_casters() else "brute"
@@ -40,6 +41,14 @@ def floor(roughness, n=4):
     return Materials(albedo=0 * metal, metal=metal, roughness=rough), world, outgoing
 
 
+def of_metal(mesh, roughness):
+    """A mesh of gold."""
+    n = len(mesh.materials.albedo)
+    gold, rough = np.full((n, 3), 0.8), np.full((n, 1), roughness)
+    metal = Materials(albedo=gold, stand_in=gold, metal=gold, roughness=rough)
+    return replace(mesh, materials=metal)
+
+
 @pytest.mark.parametrize("name", LAMPS)
 def test_highlights_of_wide_lamps_are_what_lobes_reflect_of_them(name):
     lamp, uv = LAMPS[name], sobol_points(12)
@@ -54,6 +63,50 @@ def test_highlights_of_wide_lamps_are_what_lobes_reflect_of_them(name):
     frames = np.tile(np.eye(3), (len(world), 1, 1))
     shown = highlights(materials, frames, lamp, received, world, outgoing, power=9)
     assert np.linalg.norm(shown - truth) < 0.03 * np.linalg.norm(truth), name
+
+
+@pytest.mark.parametrize("name", LAMPS)
+def test_what_hides_a_part_of_a_lamp_hides_it_from_its_highlight(name):
+    lamp, uv = LAMPS[name], sobol_points(12)
+    free = uv[:, 1] < 0.375
+    materials, world, outgoing = floor(0.3)
+    (received, truth), cells = np.zeros((2, len(world), 3)), LampCells(np.ones(len(world), bool), 8)
+    cells.begin(slice(0, len(world)))
+    for k, place in enumerate(world):
+        ways, _, light = lamp.sample(np.tile(place, (len(uv), 1)), uv)
+        light = light * np.maximum(ways[:, 2:], 0) * free[:, None]
+        cells.take(np.full(len(uv), k), uv, free.astype(float))
+        lobes = principled_lobes(materials[np.array([k])])
+        received[k] = light.mean(axis=0) / np.pi
+        truth[k] = (light * lobes.eval(ways[None], outgoing[k][None, None])[0]).mean(axis=0)
+    cells.end()
+    frames, seen = np.tile(np.eye(3), (len(world), 1, 1)), cells.seen().of(np.arange(len(world)))
+    shown = highlights(materials, frames, lamp, received, world, outgoing, power=9, seen=seen)
+    whole = highlights(materials, frames, lamp, received, world, outgoing, power=9)
+
+    assert np.linalg.norm(shown - truth) < 0.02 * np.linalg.norm(truth), name
+    assert np.linalg.norm(shown - truth) < 0.1 * np.linalg.norm(whole - truth), name
+
+
+def test_stripes_of_a_lamp_behind_slats_are_seen_in_metal(tmp_path):
+    ground = of_metal(plane(30, name="floor"), 0.3)
+    lamp = Lamp("area", [20, 20, 20], (0, 0, 1.5), size=(1.0, 1.0))
+    shade = plane(2, name="shade")
+    # It hides the half of the lamp at positive x from everywhere: it lies on it.
+    shade = replace(
+        shade, vertices=np.array([[0, -1, 1.49], [1, -1, 1.49], [0, 1, 1.49], [1, 1, 1.49]])
+    )
+    scene = Scene.from_meshes([ground, shade], max_hidden=0)
+    settings = BakeSettings(resolution=8, caster=CASTER, bounces=0, gloss=True)
+    run(bake_steps(scene, tmp_path / "a.prt", settings))
+    bake = load(tmp_path / "a.prt")
+    half = Lamp("area", [10, 10, 10], (-0.25, 0, 1.5), size=(0.5, 1.0), casts_shadow=False)
+    view, relighter = View(np.array([0.3, 1.5, 1.0])), Relighter(bake, CASTER)
+    hidden = relighter.radiance(lamps=[lamp], lamp_samples=256, view=view)[:900]
+    alone = relighter.radiance(lamps=[half], lamp_samples=256, view=view)[:900]
+    relighter.close()
+
+    assert np.linalg.norm(hidden - alone) < 0.12 * np.linalg.norm(alone)
 
 
 def test_a_mirror_shows_the_radiance_of_a_lamp():
@@ -78,14 +131,8 @@ def test_a_wide_sun_of_an_image_stays_one_direction():
 
 
 def test_metal_that_is_seen_in_metal_reflects_lamps(tmp_path):
-    def metal(mesh):
-        n = len(mesh.materials.albedo)
-        gold = np.full((n, 3), 0.8)
-        return replace(mesh, materials=Materials(
-            albedo=gold, stand_in=gold, metal=gold, roughness=np.full((n, 1), 0.6)))  # fmt: skip
-
-    ball = metal(sphere(8, 0.5, (0, 0, 0.6)))
-    scene = Scene.from_meshes([metal(plane(7, name="floor")), ball], max_hidden=0)
+    ball, ground = of_metal(sphere(8, 0.5, (0, 0, 0.6)), 0.6), of_metal(plane(7, name="floor"), 0.6)
+    scene = Scene.from_meshes([ground, ball], max_hidden=0)
     settings = BakeSettings(resolution=8, caster=CASTER, bounces=1, gloss=True)
     run(bake_steps(scene, tmp_path / "a.prt", settings))
     bake = load(tmp_path / "a.prt")

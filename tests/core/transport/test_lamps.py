@@ -147,7 +147,7 @@ def test_lamps_that_share_their_blockers_share_a_caster(monkeypatch):
         return make("brute", *kind, objects=objects)
 
     monkeypatch.setattr(scene, "make_caster", counted)
-    light = LampLight(SimpleNamespace(scene=scene, make_caster=counted), "brute")
+    light = LampLight(SimpleNamespace(scene=scene, make_caster=counted, reflections=()), "brute")
     linked = Lamp("sun", POWER, blockers=("floor",)), Lamp("sun", POWER, blockers=("floor", "sky"))
     every = Lamp("sun", POWER), Lamp("sun", POWER, blockers=("lid", "floor"))
     none = Lamp("sun", POWER, casts_shadow=False), Lamp("sun", POWER, blockers=())

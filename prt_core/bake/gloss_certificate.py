@@ -4,7 +4,8 @@ At some points all that lies above the horizon is traced anew, a ray through eac
 it meets between its bake points. Lobes are summed over all of that, texel by texel, and held
 against what a view makes of the bake: lobes over the field of incoming light, from the visibility
 and the reflections that were baked. Light between surfaces has come straight there, on both sides:
-bounces have an error of their own.
+bounces have an error of their own. Metal that is seen in metal counts as the colour that stands in
+for it, so how much of that there is is told beside the error.
 """
 
 import time
@@ -17,7 +18,7 @@ from prt_core.bake.reflections import reflection_tables
 from prt_core.bake.visibility import add_seconds, read_visibility
 from prt_core.errors import expect
 from prt_core.reflectance.mean_gloss import more_by_gloss
-from prt_core.relight.glossy_points import METAL, GlossyPoints
+from prt_core.relight.glossy_points import METAL, GlossyPoints, metal_among
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
@@ -42,12 +43,16 @@ class GlossError:
     errors : dict of str -> float
         Relative L2 of what glossy points show to views, diffuse light included, under each light.
     points, views, rays : int
+    metal : float
+        How much of what stands around these points is metal, of whose highlights in each other
+        nothing is known here: 0 to 1.
     """
 
     errors: dict
     points: int
     views: int
     rays: int
+    metal: float = 0.0
 
     @property
     def worst(self):
@@ -138,7 +143,7 @@ def gloss_certificate_steps(store, scene, cube_map, caster, settings, lights, se
         yield Progress("gloss certificate", turn + 1, len(views))
     errors = {name: float(np.sqrt(a / b)) if b else 0.0 for name, (a, b) in sums.items()}
     add_seconds(seconds, "gloss certificate", time.perf_counter() - start)
-    return GlossError(errors, len(some), _VIEWS, rays)
+    return GlossError(errors, len(some), _VIEWS, rays, _metal_around(points, parts))
 
 
 def _some(candidates, points, cube_map, rng, count):
@@ -164,6 +169,21 @@ def _view(scene, some, rng):
     world = np.einsum("ij,ijk->ik", local, tangent_frames(normals[some]))
     outgoing[some] = world / np.linalg.norm(world, axis=1, keepdims=True)
     return outgoing
+
+
+def _metal_around(points, parts):
+    """How much of what is met from metal by some reflections is metal too, by solid angle."""
+    metal = total = 0.0
+    for part in parts:
+        strong = np.repeat(metal_among(points, part.points), np.diff(part.start))
+        met, block = part.met[strong], part.block[strong]
+        size = part.share[strong] * part.blocks.solid_angles[block]
+        kinds, which = np.unique(met, return_inverse=True)
+        # Negative numbers are of what returns no light.
+        shines = (kinds >= 0) & metal_among(points, np.maximum(kinds, 0))
+        metal += float(size @ shines[which])
+        total += float(size.sum())
+    return metal / total if total else 0.0
 
 
 @dataclass(frozen=True)

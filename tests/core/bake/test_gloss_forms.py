@@ -67,6 +67,21 @@ def test_the_certificate_tells_what_is_wrong_with_reflections(path, tmp_path, mo
     assert any("what views show of gloss may be" in line for line in worse["messages"])
 
 
+def test_what_no_certificate_counts_is_said(path, tmp_path):
+    # A ball of metal on a floor of plastic mirrors no metal; on gold it does.
+    report = load(path).report
+    assert report["gloss_error"]["metal"] < 0.02
+    assert not any("metal seen in metal" in line for line in report_lines(path, report))
+    gold = {"metal": GOLD, "stand_in": 0.5 * GOLD, "roughness": 0.5}
+    meshes = [of(plane(9, name="floor"), **gold), of(sphere(10, 0.4, (0, 0, 0.5)), **gold)]
+    scene = Scene.from_meshes(meshes, max_hidden=0)
+    settings = BakeSettings(resolution=8, caster=CASTER, gloss=True, bounces=1)
+    report = run(bake_steps(scene, tmp_path / "gold.prt", settings))
+    assert report["gloss_error"]["metal"] > 0.9
+    lines = [line for line in report_lines(path, report) if "metal seen in metal" in line]
+    assert len(lines) == 1 and f"({report['gloss_error']['metal']:.0%} of what" in lines[0]
+
+
 def test_mirrors_are_not_certified(tmp_path, monkeypatch):
     assert "gloss_error" not in baked(tmp_path / "a.prt", roughness=0.05, bounces=0)
     monkeypatch.setattr(gloss_certificate, "_POINTS", 7)

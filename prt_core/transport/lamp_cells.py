@@ -131,8 +131,8 @@ def warped(uv, shares):
     uv : (k, m, 2) float in [0, 1)
         Well spread.
     shares : (k, side, side) float
-        Of cells, by the first of the coordinates and then the second; a place where all are 0
-        keeps its samples.
+        Of cells, by the first of the coordinates and then the second; where all are the same
+        samples stay.
 
     Returns
     -------
@@ -141,11 +141,12 @@ def warped(uv, shares):
 
     Source: Pharr, Jakob and Humphreys 2023, section A.5.6 (piecewise-constant 2D distributions).
     """
-    shares = np.where(shares.any(axis=(1, 2))[:, None, None], shares, 1).astype(np.float64)
-    which = np.arange(len(uv))[:, None]
-    row, u = _within(uv[..., 0], shares.sum(axis=2)[:, None])
-    _, v = _within(uv[..., 1], shares[which, row])
-    return np.stack([u, v], axis=-1)
+    some = np.flatnonzero((shares != shares[:, :1, :1]).any(axis=(1, 2)))
+    shares, result = shares[some].astype(np.float64), uv.copy()
+    row, u = _within(uv[some, :, 0], shares.sum(axis=2)[:, None])
+    _, v = _within(uv[some, :, 1], shares[np.arange(len(some))[:, None], row])
+    result[some] = np.stack([u, v], axis=-1)
+    return result
 
 
 def _within(u, weights):

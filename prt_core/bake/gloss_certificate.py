@@ -151,10 +151,11 @@ def _some(candidates, points, cube_map, rng, count):
     lobes = PointLobes(points.materials[candidates], points.normals[candidates])
     # As seen from straight above: a mirror stays one.
     groups, _ = lobes.at(np.arange(len(candidates)), np.ones(len(candidates), np.float32))
-    widest = np.max([np.where(p.any(axis=(1, 2)), a.max(axis=1), 9) for a, p in groups], axis=0)
-    least = np.min([np.where(p.any(axis=(1, 2)), a.min(axis=1), 9) for a, p in groups], axis=0)
+    # Where one has no lobe of a kind, as no coat, others count.
+    least = np.min([np.where(p.any(axis=(1, 2)), a.min(axis=1), np.inf) for a, p in groups], axis=0)
     texel = np.pi / 2 / cube_map.resolution
-    good = np.flatnonzero((widest < 9) & (least > texel / 2) & points.visible[candidates])
+    shows = np.isfinite(least) & (least > texel / 2)
+    good = np.flatnonzero(shows & points.visible[candidates])
     if len(good) > count:
         good = np.sort(rng.choice(good, count, replace=False))
     return good

@@ -89,6 +89,17 @@ def test_mirrors_are_not_certified(tmp_path, monkeypatch):
     assert report["gloss_error"]["points"] <= 7
 
 
+def test_what_has_no_coat_is_certified_beside_what_has_one(tmp_path):
+    coat = {"dielectric": 1.0, "roughness": 0.5, "coat": 1.0, "coat_roughness": 0.02}
+    lacquer = of(sphere(10, 0.4, (0, 0, 0.5)), **coat)
+    floor = of(plane(9, name="floor"), metal=GOLD, stand_in=0.5 * GOLD, roughness=0.5)
+    scene = Scene.from_meshes([floor, lacquer], max_hidden=0)
+    settings = BakeSettings(resolution=8, caster=CASTER, gloss=True, bounces=1)
+    report = run(bake_steps(scene, tmp_path / "a.prt", settings))
+    # The lacquer is a mirror, which is traced when it is seen.
+    assert report["gloss_error"]["points"] == 48
+
+
 def test_what_reflects_more_than_arrives_is_certified(tmp_path):
     grey = np.float32([0.7, 0.7, 0.7])
     bright = of(plane(9, name="bright"), glossy=grey, stand_in=grey, albedo=2 * grey)

@@ -358,8 +358,7 @@ class Relighter:
         if distant is not None:
             # Lights that are lamps here have their highlights from there, not from texels.
             texels = self._environments.on_texels(distant, without_sun=sun is not None)
-            is_fine = sun is None and distant.is_image
-            sky = self._environments.sky(distant, exposed=False) if is_fine else None
+            sky = self._environments.sky(distant, exposed=False) if sun is None else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
         sent = radiance + self._gloss.more * received
         self._gloss.light(texels, sent, even, sky, detailed, lamps=lamps)

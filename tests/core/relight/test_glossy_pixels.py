@@ -14,6 +14,7 @@ from prt_core.light import EnvironmentMap, write_image
 from prt_core.reflectance import Materials
 from prt_core.reflectance.fresnel_powers import N_POWERS
 from prt_core.relight.glossy_pixels import ordered_dither
+from prt_core.relight.lighting import Lighting
 from prt_core.relight.point_lobes import PointLobes
 from prt_core.relight.relighter import Relighter
 from prt_core.scene import Camera
@@ -73,6 +74,19 @@ def rays_of(bake, camera, width, height, samples=1):
     return CameraRays(bake.scene, caster_of(bake.scene), camera, width, height, samples)
 
 
+def mirrored(bake, rays):
+    """Ways that the floor mirrors, where they meet the wall's plane, and which meet the wall."""
+    origin, ways = bake.camera.position, rays.directions.astype(np.float64)
+    on_floor = rays.points[:, 0] >= 0
+    on_floor &= bake.scene.points.object_index[rays.points[:, 0]] == 0
+    place = origin - ways * (origin[2] / ways[:, 2])[:, None]
+    up = ways * [1, 1, -1]
+    met = place + up * ((0.5 - place[:, 0]) / up[:, 0])[:, None]
+    hits = on_floor & (np.abs(met[:, 1]) < 0.5) & (met[:, 2] < 0.6) & (place[:, 0] < 0.5)
+    free = on_floor & ((np.abs(met[:, 1]) > 0.501) | (met[:, 2] > 0.601))
+    return up, met, hits, free
+
+
 def test_a_mirror_shows_the_sky_and_what_stands_on_it(mirror):
     bake, caster, _ = mirror
     rays = rays_of(bake, bake.camera, 24, 18)
@@ -81,15 +95,7 @@ def test_a_mirror_shows_the_sky_and_what_stands_on_it(mirror):
     even = relighter.radiance(SKY)
     assert relighter.mirror_rays > 100
     relighter.close()
-    origin, ways = bake.camera.position, rays.directions.astype(np.float64)
-    on_floor = rays.points[:, 0] >= 0
-    on_floor &= bake.scene.points.object_index[rays.points[:, 0]] == 0
-    place = origin - ways * (origin[2] / ways[:, 2])[:, None]
-    up = ways * [1, 1, -1]
-    # How far the mirrored ray goes to the plane of the wall, and where it passes it.
-    met = place + up * ((0.5 - place[:, 0]) / up[:, 0])[:, None]
-    hits = on_floor & (np.abs(met[:, 1]) < 0.5) & (met[:, 2] < 0.6) & (place[:, 0] < 0.5)
-    free = on_floor & ((np.abs(met[:, 1]) > 0.501) | (met[:, 2] > 0.601))
+    up, met, hits, free = mirrored(bake, rays)
     assert hits.sum() > 20 and free.sum() > 20
     pixels = picture.reshape(-1, 3)
     np.testing.assert_allclose(pixels[free], SKY.interpolated(up[free]), rtol=2e-3)
@@ -102,6 +108,19 @@ def test_a_mirror_shows_the_sky_and_what_stands_on_it(mirror):
     least = np.where(near, colours, np.inf).min(axis=1)
     most = np.where(near, colours, -np.inf).max(axis=1)
     assert (pixels[hits] > 0.998 * least).all() and (pixels[hits] < 1.002 * most).all()
+
+
+def test_a_mirror_shows_the_texels_of_a_world_smoothed_as_they_are_behind_the_scene(mirror):
+    bake, caster, _ = mirror
+    texels = np.random.default_rng(5).random((bake.cube_map.n_directions, 3)).astype(np.float32)
+    bake = replace(bake, world=texels)
+    rays, relighter = rays_of(bake, bake.camera, 24, 18), Relighter(bake, caster)
+    pixels = relighter.picture(rays, "world").reshape(-1, 3)
+    sky = relighter.sky(Lighting("world"))
+    relighter.close()
+    up, _, _, free = mirrored(bake, rays)
+    assert free.sum() > 20
+    np.testing.assert_allclose(pixels[free], sky(up[free]), rtol=2e-3)
 
 
 def test_at_points_pixels_are_what_points_are(rough):

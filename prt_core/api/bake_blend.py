@@ -100,6 +100,7 @@ def bake_blend_steps(
     from prt_core.blender.studio import studio_images, studio_lights
     from prt_core.blender.unwrap import lightmap_uvs
     from prt_core.blender.world import read_environment, world_on_texels_steps
+    from prt_core.light.baked_world import BakedWorld, image_of_world
     from prt_core.sphere import CubeMap
 
     scene = scene or import_bpy().context.scene
@@ -124,6 +125,9 @@ def bake_blend_steps(
         if refine is not None:
             sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
+        if settings.gloss and light is not None:
+            image = image_of_world(light.map, light.rotation, light.strength)
+            world = BakedWorld(world, image)
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
     say_copies(meshes, messages)

@@ -7,6 +7,7 @@ import numpy as np
 
 from prt_core.bake.emission import Emission
 from prt_core.errors import expect, expect_array, expect_kind
+from prt_core.light import EnvironmentMap
 from prt_core.scene import Camera, Scene
 from prt_core.transport import Transport
 
@@ -39,6 +40,8 @@ class Bake:
         What glossy points see, where it was baked; one for each size of blocks.
     cameras : dict of str -> Camera
         All cameras of the scene whose lens is followed.
+    world_image : EnvironmentMap, or None
+        The world in finer detail, without suns that are lamps; kept with gloss.
     """
 
     scene: Scene
@@ -55,6 +58,7 @@ class Bake:
     emission: Emission | None = None
     reflections: tuple = ()
     cameras: dict = field(default_factory=dict)
+    world_image: EnvironmentMap | None = None
 
     @property
     def cube_map(self):

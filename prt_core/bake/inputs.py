@@ -12,7 +12,8 @@ from prt_core.errors import (
     expect_number,
 )
 from prt_core.light import Lamp
-from prt_core.light.environment import expect_radiance
+from prt_core.light.baked_world import BakedWorld
+from prt_core.light.environment import EnvironmentMap, expect_radiance
 from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import expect_memory
 from prt_core.scene import Camera, Scene
@@ -39,7 +40,7 @@ def expect_bake_input(
 
     Returns
     -------
-    world : (n_directions, 3) float32, or None
+    world : BakedWorld, or None
     """
     expect_kind("scene", scene, Scene)
     expect_store_path("bake", path)
@@ -65,7 +66,12 @@ def expect_bake_input(
         n_points * _POINT_BYTES,
         "take fewer points",
     )
-    return None if world is None else expect_radiance("world", world, cube_map)
+    if world is None:
+        return None
+    given = world if isinstance(world, BakedWorld) else BakedWorld(world)
+    if given.image is not None:
+        expect_kind("world: image", given.image, EnvironmentMap)
+    return BakedWorld(expect_radiance("world", given.texels, cube_map), given.image)
 
 
 @contextmanager

@@ -7,12 +7,13 @@ from dataclasses import asdict
 
 from prt_core.errors import PRTError, expect, expect_named
 from prt_core.light import Lamp
-from prt_core.light.environment import expect_radiance
+from prt_core.light.baked_world import BakedWorld
+from prt_core.light.environment import EnvironmentMap, expect_radiance
 from prt_core.scene import Camera
 from prt_core.store import damage_as_error
 
-# How the arrays that hold the world's light begin; the attribute "world" names the one that does.
-_WORLD = "world"
+# How the arrays that hold the world's light begin; attributes of these names say which do.
+_WORLD, _IMAGE = "world", "world_image"
 
 
 def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None, cameras=None):
@@ -26,7 +27,7 @@ def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None
     Returns
     -------
     attributes : dict
-    world : (n_directions, 3) float32, or None
+    world : BakedWorld, or None
     """
     attributes = {
         "lamps": [asdict(lamp) for lamp in lamps],
@@ -40,24 +41,30 @@ def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None
 
 def keep_lights(store, attributes, world):
     """Put them in place of those that a store has; where they are the same it is not touched."""
-    name, old = None, store.attributes.get("world")
+    old = [store.attributes.get(kind) for kind in (_WORLD, _IMAGE)]
     with damage_as_error(store.path):
-        spare = _new_name(old)
-    if world is not None:
-        # A finished bake keeps the old light until the new one is named.
-        stays = _is_same(store, old, world) or not store.is_complete
-        name = old if old and stays else spare
-        store.keep(name, world)
-        store.files.sync(name)
+        number = _number(old[0]) if old[0] else 0
+    new = _arrays(world, number)
+    # A finished bake keeps the old light until the new one is named.
+    same = [key for key in old if key] == list(new) and all(
+        _is_same(store, *one) for one in new.items()
+    )
+    if not number or (store.is_complete and not same):
+        new = _arrays(world, number + 1)
+    for key, array in new.items():
+        store.keep(key, array)
+        store.files.sync(key)
     if store.is_complete:
-        arrays = {key: value for key, value in store.attributes["arrays"].items() if key != old}
-        attributes["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
+        arrays = {key: value for key, value in store.attributes["arrays"].items() if key not in old}
+        digests = {key: store.array(key).digest() for key in new}
+        attributes["arrays"] = {**arrays, **digests}
     # Whoever began a bake has it.
     attributes["origin"] = store.attributes.get("origin") or attributes["origin"]
-    store.update(world=name, **attributes)
+    names = dict.fromkeys((_WORLD, _IMAGE)) | dict(zip((_WORLD, _IMAGE), new, strict=False))
+    store.update(**names, **attributes)
     # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
     for other in store.names():
-        if other.startswith(_WORLD) and other != name:
+        if other.startswith(_WORLD) and other not in new:
             store.remove(other)
 
 
@@ -84,19 +91,33 @@ def read_lights(store, cube_map):
         world = None
         if name is not None:
             shape = cube_map.n_directions, 3
-            world = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
+            texels = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
+            world = BakedWorld(texels, _read_image(store, _number(name)))
     return lamps, world, camera, source, origin, cameras
 
 
-def _is_same(store, name, world):
+def _read_image(store, number):
+    """The `EnvironmentMap` beside the texels of a world; None where none was kept."""
+    name = store.attributes.get(_IMAGE)
+    if name is None:
+        return None
+    expect(name == f"{_IMAGE}{number}", "the name of its world's image is")
+    return EnvironmentMap(store.read(name), "world")
+
+
+def _arrays(world, number):
+    """Arrays of a `BakedWorld`, or of none, by name."""
+    if world is None:
+        return {}
+    image = {} if world.image is None else {f"{_IMAGE}{number}": world.image.pixels}
+    return {f"{_WORLD}{number}": world.texels, **image}
+
+
+def _is_same(store, name, array):
     try:
-        return name is not None and store.read(name).tobytes() == world.tobytes()
+        return store.read(name).tobytes() == array.tobytes()
     except PRTError:
         return False
-
-
-def _new_name(old):
-    return f"{_WORLD}{_number(old) + 1 if old else 1}"
 
 
 def _number(name):

@@ -71,10 +71,11 @@ def load(path):
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
         scene.opposite if points.materials.through.any() else None,
     )
-    parts = lamps, world, camera, settings.stored(), report, source, path, origin
+    texels, image = (None, None) if world is None else (world.texels, world.image)
+    parts = lamps, texels, camera, settings.stored(), report, source, path, origin
     emission = read_emission(store, scene, rounds, transport.bounced_albedo)
     reflections = read_reflections(store, scene, cube_map)
-    more = _read_dense(store, n_points), emission, reflections, cameras
+    more = _read_dense(store, n_points), emission, reflections, cameras, image
     return Bake(scene, transport, *parts, *more)
 
 

@@ -233,7 +233,8 @@ class Pictures:
         received = few.emission if self._emission is None else self._emission
         emission = None if received is None else Emission(scene.emitters, received)
         bake = PartialBake(
-            scene, transport, list(lamps), world, camera, self._given[1].stored(), {},
+            scene, transport, list(lamps), world and world.texels, camera,
+            self._given[1].stored(), {},
             dict(source or {}), None, dict(origin or {}), None, emission,
             cameras=dict(cameras or {}), known_percent=100 * share, error=error, coarse=few.bake,
         )  # fmt: skip

@@ -73,7 +73,7 @@ def bake_steps(
         `NAME.prt`, a folder.
     settings : BakeSettings
     lamps : sequence of Lamp
-    world : (n_directions, 3) float32, optional
+    world : (n_directions, 3) float32 or BakedWorld, optional
     camera : Camera, optional
         Kept with the bake for relighting and pictures.
     source : dict of str -> str

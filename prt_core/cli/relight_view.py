@@ -71,7 +71,8 @@ def notes_of(relighter):
     notes, rays = list(relighter.notes), relighter.mirror_rays
     if rays:
         notes.append(f"mirrors are traced for the picture, by {rays:,} rays")
-    if relighter.lit is not None and relighter.lit.is_world:
+    known = relighter.bake.world_image is not None
+    if relighter.lit is not None and relighter.lit.is_world and not known:
         n = relighter.bake.cube_map.resolution
         notes.append(
             f"the baked world is known on 6 x {n} x {n} texels, which gloss shows; an image "

@@ -6,6 +6,9 @@ import numpy as np
 
 from prt_core.errors import expect_array, expect_number
 
+# Radius in radians that a sun's disc has at least.
+_LEAST_SUN = np.radians(0.25)
+
 
 @dataclass(frozen=True)
 class Sky:
@@ -54,6 +57,31 @@ class Sky:
 
     def __add__(self, other):
         return Sky((*self.parts, *other.parts))
+
+
+def with_suns(sky, suns):
+    """A sky with discs of suns, as a function of (m, 3) directions to (m, 3) float32.
+
+    Parameters
+    ----------
+    sky : Sky, or None
+        None stays None.
+    suns : sequence of ((3,) float, (3,) float, float)
+        Unit vectors towards each, what it brings to a surface that faces it, and its diameter in
+        radians; narrower ones than half a degree are as wide as that.
+    """
+    if sky is None or not suns:
+        return sky
+
+    def shown(directions):
+        total = sky(directions)
+        for towards, irradiance, angle in suns:
+            half = max(angle / 2, _LEAST_SUN)
+            inside = directions @ towards > np.cos(half)
+            total[inside] += np.float32(irradiance / (np.pi * np.sin(half) ** 2))
+        return total
+
+    return shown
 
 
 def _coarser(image, spread):

@@ -7,9 +7,9 @@ import numpy as np
 
 from prt_core.compress import IncrementalLighting
 from prt_core.errors import expect, system_errors
-from prt_core.light import EnvironmentMap, TurningLight, split_sun
+from prt_core.light import EnvironmentMap, TurningLight, split_sun, sun_light
 from prt_core.light.environment import expect_radiance, expect_strength
-from prt_core.light.sky import Sky
+from prt_core.light.sky import Sky, with_suns
 from prt_core.sphere import CubeMap
 
 # Images, and lights to be turned, that stay in memory at once.
@@ -172,12 +172,15 @@ class Environments:
         if light is None:
             return None
         if finer > 1:
+            light = self._bake.world_image if lighting.is_world else light
             if not isinstance(light, EnvironmentMap):
                 return None
             if without_sun:
                 light = split_sun(light, lighting.matrix)[0]
             fine = CubeMap(finer * self._bake.cube_map.resolution)
             texels = light.to_cube_map(fine, lighting.matrix, finer=finer)
+            for lamp in self._suns_on_texels(lighting):
+                texels += sun_light(fine, lamp.towards, lamp.power, lamp.angle)
         else:
             texels, _ = self._placed(light, lighting.matrix, without_sun)
         return texels * np.float32(lighting.strength)
@@ -191,7 +194,7 @@ class Environments:
         far away but texels.
 
         The image itself, not the texels that light comes from. Of the baked scene's own world
-        nothing else is there: its texels, smoothed.
+        without an image of it: its texels, smoothed.
 
         Parameters
         ----------
@@ -203,9 +206,24 @@ class Environments:
             return None
         image = self.read(lighting)
         if lighting.is_world:
-            image = self._world_image(image)
+            image = self._bake.world_image or self._world_image(image)
         factor = lighting.strength * (lighting.exposure_factor if exposed else 1)
         return Sky(((image, lighting.matrix, factor),))
+
+    def mirrored_sky(self, lighting):
+        """What mirrors show of light from far away, as a function of (m, 3) directions.
+
+        The `sky` without its exposure, and suns that are a part of the world's texels, which
+        nobody sees behind the scene; None as there.
+        """
+        sky = self.sky(lighting, exposed=False)
+        # Texels, smoothed or not, have them.
+        suns = self._suns_on_texels(lighting) if self._bake.world_image else []
+        factor = lighting.strength
+        return with_suns(sky, [(lamp.towards, lamp.power * factor, lamp.angle) for lamp in suns])
+
+    def _suns_on_texels(self, lighting):
+        return [lamp for lamp in self._bake.lamps if lighting.is_world and lamp.is_on_texels]
 
     def _world_image(self, texels):
         """An image of light on the bake's texels: the mean of the texels under each pixel."""

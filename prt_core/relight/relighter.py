@@ -358,7 +358,7 @@ class Relighter:
         if distant is not None:
             # Lights that are lamps here have their highlights from there, not from texels.
             texels = self._environments.on_texels(distant, without_sun=sun is not None)
-            sky = self._environments.sky(distant, exposed=False) if sun is None else None
+            sky = self._environments.mirrored_sky(distant) if sun is None else None
             detailed = self._environments.on_texels(distant, sun is not None, FINER)
         sent = radiance + self._gloss.more * received
         self._gloss.light(texels, sent, even, sky, detailed, lamps=lamps)

@@ -123,11 +123,13 @@ def light_field_steps(
             restart,
             plan=plan,
             share=share,
+            cameras=bake.cameras,
         )
         return (yield from steps)
     messages = [] if source is None else list(open_blend(source))
     bpy = import_bpy()
-    from prt_core.blender.identity import origin_of
+    from prt_core.blender.camera import read_cameras
+    from prt_core.blender.identity import origin_of, scene_of
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 
     scene = scene or bpy.context.scene
@@ -148,7 +150,6 @@ def light_field_steps(
         built = yield from image_steps(built, meshes, None, "auto", image)
         messages += built.messages
     camera, view = light_field_camera(uid, built, lamps, messages)
-    steps = capture_light_field(
-        built, camera, output, settings, view, origin, restart, messages, pace, plan, share
-    )
+    given = view, origin, restart, messages, pace, plan, share, read_cameras(scene_of(uid))
+    steps = capture_light_field(built, camera, output, settings, *given)
     return (yield from steps)

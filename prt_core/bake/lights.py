@@ -33,7 +33,7 @@ def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None
         "camera": camera and camera.to_dict(),
         "source": source or {},
         "origin": origin or {},
-        "cameras": {name: each.to_dict() for name, each in (cameras or {}).items()},
+        "cameras": cameras_attribute(cameras),
     }
     return attributes, world
 
@@ -75,9 +75,7 @@ def read_lights(store, cube_map):
         camera, source, name = attributes["camera"], attributes["source"], attributes["world"]
         if camera is not None:
             camera = Camera(**camera)
-        # Bakes before there were views by name have none.
-        cameras = expect_named("cameras", attributes.get("cameras") or {}, dict, "cameras")
-        cameras = {name: Camera(**each) for name, each in cameras.items()}
+        cameras = read_cameras(attributes)
         expect_named("source", source, str, "digests")
         origin = expect_named("origin", attributes["origin"], str, "names")
         expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
@@ -86,6 +84,17 @@ def read_lights(store, cube_map):
             shape = cube_map.n_directions, 3
             world = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
     return lamps, world, camera, source, origin, cameras
+
+
+def cameras_attribute(cameras):
+    """What is kept of cameras by name, dict of str -> `Camera` or None."""
+    return {name: each.to_dict() for name, each in (cameras or {}).items()}
+
+
+def read_cameras(attributes):
+    """dict of str -> `Camera` of a store's attributes; those before views by name have none."""
+    cameras = expect_named("cameras", attributes.get("cameras") or {}, dict, "cameras")
+    return {name: Camera(**each) for name, each in cameras.items()}
 
 
 def _is_same(store, name, world):

@@ -129,11 +129,11 @@ def light_field_steps(
     messages = [] if source is None else list(open_blend(source))
     bpy = import_bpy()
     from prt_core.blender.camera import read_cameras
-    from prt_core.blender.identity import origin_of, scene_of
+    from prt_core.blender.identity import origin_now, scene_of
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 
     scene = scene or bpy.context.scene
-    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
+    uid, origin = scene.session_uid, origin_now(scene, expect_store_path("output", output).parent)
     objects = None if objects is None else expect_all("objects", objects, str, "objects' names")
     two_sided = expect_all("two_sided", two_sided, str, "objects' names")
     meshes = yield from light_field_meshes_steps(uid, objects, two_sided, lamps, pace)

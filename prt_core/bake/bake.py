@@ -31,7 +31,8 @@ class Bake(NamedCameras):
     path : Path, or None
         Where it was loaded from.
     origin : dict of str -> str
-        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
+        The `file` (seen from the bake's folder), the `scene` and the `frame` it is of; empty where
+        not known, and without a frame in bakes of older versions.
     dense : (n_dense,) int32, or None
         The points that were sampled densely, where the bake's method has such: ascending.
     emission : Emission, or None

@@ -93,7 +93,7 @@ def capture_light_field(
     view : Camera, optional
         Kept for pictures.
     origin : dict of str -> str, optional
-        Kept: the `file` and the `scene` it is of.
+        Kept: the `file`, the `scene` and the `frame` it is of.
     restart : bool or "changed"
         Begin anew whatever is there, or only where that is of another scene or other settings; it
         stays until the new one is finished.

@@ -52,8 +52,10 @@ def keep_lights(store, attributes, world):
     if store.is_complete:
         arrays = {key: value for key, value in store.attributes["arrays"].items() if key != old}
         attributes["arrays"] = {**arrays, name: store.array(name).digest()} if name else arrays
-    # Whoever began a bake has it.
-    attributes["origin"] = store.attributes.get("origin") or attributes["origin"]
+    # Whoever began a bake has it; lamps and world are of the frame they were read at.
+    origin = attributes["origin"]
+    frame = {"frame": origin["frame"]} if "frame" in origin else {}
+    attributes["origin"] = {**(store.attributes.get("origin") or origin), **frame}
     store.update(world=name, **attributes)
     # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
     for other in store.names():

@@ -58,13 +58,24 @@ def each_light(options, lights, outputs, relight, expect_request):
         requests.append(request)
         # All of them before the work on the first; it fills in what the work asks again.
         expect_request(Namespace(**vars(request)))
-    for light in lights[1:]:
-        if light != "world":
-            # Of the first it is said at once.
-            EnvironmentMap.read(light)
+    # Of the first it is said at once.
+    expect_readable(lights[1:])
     for request in requests:
         relight(request)
     return 0
+
+
+def expect_readable(environments):
+    """Raise `PRTError` where one cannot be read, so that it is said before outputs are written.
+
+    Parameters
+    ----------
+    environments : iterable
+        As `Lighting` takes them: those that are no files are passed over.
+    """
+    for environment in environments:
+        if isinstance(environment, str | Path) and environment != "world":
+            EnvironmentMap.read(environment)
 
 
 def _apart(options):

@@ -134,7 +134,10 @@ def _copy(scene, path, file):
         for old, new in ((path, target), (beside(path), beside(target))):
             if old.is_dir():
                 shutil.copytree(old, new)
-                BakeStore(new, "a").update(origin=origin_of(scene, target.parent, file))
+                store = BakeStore(new, "a")
+                # The frame is still that of the bake.
+                origin = origin_of(scene, target.parent, file)
+                store.update(origin={**(store.attributes.get("origin") or {}), **origin})
     except BaseException:
         _remove(target)
         raise

@@ -94,7 +94,7 @@ def bake_blend_steps(
         messages += open_blend(blend)
     from prt_core.blender.camera import read_camera, read_cameras
     from prt_core.blender.depsgraph import read_meshes_steps
-    from prt_core.blender.identity import origin_of, scene_of
+    from prt_core.blender.identity import origin_now, scene_of
     from prt_core.blender.lamps import lamp_seen, see_lamps, world_left_out
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
@@ -104,7 +104,7 @@ def bake_blend_steps(
     from prt_core.sphere import CubeMap
 
     scene = scene or import_bpy().context.scene
-    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
+    uid, origin = scene.session_uid, origin_now(scene, expect_store_path("output", output).parent)
     camera, seen = read_camera(scene, messages), []
     cameras = read_cameras(scene)
 

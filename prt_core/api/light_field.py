@@ -123,15 +123,17 @@ def light_field_steps(
             restart,
             plan=plan,
             share=share,
+            cameras=bake.cameras,
         )
         return (yield from steps)
     messages = [] if source is None else list(open_blend(source))
     bpy = import_bpy()
-    from prt_core.blender.identity import origin_of
+    from prt_core.blender.camera import read_cameras
+    from prt_core.blender.identity import origin_now, scene_of
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
 
     scene = scene or bpy.context.scene
-    uid, origin = scene.session_uid, origin_of(scene, expect_store_path("output", output).parent)
+    uid, origin = scene.session_uid, origin_now(scene, expect_store_path("output", output).parent)
     objects = None if objects is None else expect_all("objects", objects, str, "objects' names")
     two_sided = expect_all("two_sided", two_sided, str, "objects' names")
     meshes = yield from light_field_meshes_steps(uid, objects, two_sided, lamps, pace)
@@ -148,7 +150,6 @@ def light_field_steps(
         built = yield from image_steps(built, meshes, None, "auto", image)
         messages += built.messages
     camera, view = light_field_camera(uid, built, lamps, messages)
-    steps = capture_light_field(
-        built, camera, output, settings, view, origin, restart, messages, pace, plan, share
-    )
+    given = view, origin, restart, messages, pace, plan, share, read_cameras(scene_of(uid))
+    steps = capture_light_field(built, camera, output, settings, *given)
     return (yield from steps)

@@ -6,14 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from prt_core.bake.emission import Emission
-from prt_core.errors import expect, expect_array, expect_kind
+from prt_core.bake.named_cameras import NamedCameras
+from prt_core.errors import expect, expect_array
 from prt_core.light import EnvironmentMap
 from prt_core.scene import Camera, Scene
 from prt_core.transport import Transport
 
 
 @dataclass
-class Bake:
+class Bake(NamedCameras):
     """A bake in memory.
 
     Attributes
@@ -31,7 +32,8 @@ class Bake:
     path : Path, or None
         Where it was loaded from.
     origin : dict of str -> str
-        The `file` (seen from the bake's folder) and the `scene` it is of; empty where not known.
+        The `file` (seen from the bake's folder), the `scene` and the `frame` it is of; empty where
+        not known, and without a frame in bakes of older versions.
     dense : (n_dense,) int32, or None
         The points that were sampled densely, where the bake's method has such: ascending.
     emission : Emission, or None
@@ -64,35 +66,6 @@ class Bake:
     def cube_map(self):
         """`CubeMap`: the directions that were baked."""
         return self.transport.cube_map
-
-    def camera_named(self, name):
-        """A camera of the baked scene.
-
-        Parameters
-        ----------
-        name : str
-            Of one of its `cameras`; "camera" is the scene's own.
-
-        Returns
-        -------
-        Camera
-
-        Raises
-        ------
-        PRTError
-            There is none of that name: the message says which there are.
-        """
-        expect_kind("camera", name, str, "the name of one")
-        if name == "camera" and self.camera is not None:
-            return self.camera
-        known = ", ".join(f"'{each}'" for each in sorted(self.cameras))
-        expect(
-            name in self.cameras,
-            f"camera: the baked scene has none called '{name}' whose lens is followed; "
-            + (f"it has {known}" if known else "it has none by name")
-            + (" and 'camera', its own" if self.camera is not None else ""),
-        )
-        return self.cameras[name]
 
     def make_caster(self, name="auto", rays="diffuse"):
         """A ray caster over the bake's triangles that rays of a kind meet.

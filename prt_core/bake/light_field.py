@@ -30,10 +30,12 @@ from prt_core.bake.light_field_settings import (
     expect_share,
     planned_field,
 )
+from prt_core.bake.lights import cameras_attribute
 from prt_core.errors import (
     expect,
     expect_flag,
     expect_kind,
+    expect_named,
     expect_offers,
     system_errors,
 )
@@ -42,7 +44,7 @@ from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import expect_memory
 from prt_core.runtime.progress import Progress
 from prt_core.runtime.seeds import Stage, generator
-from prt_core.scene import Scene, expect_camera
+from prt_core.scene import Camera, Scene, expect_camera
 from prt_core.scene.field_edges import field_edges
 from prt_core.scene.field_points import field_points
 from prt_core.store import begin_bake, check_scene, damage_as_error, finish_bake, write_scene
@@ -73,6 +75,7 @@ def capture_light_field(
     pace=None,
     plan=False,
     share=None,
+    cameras=None,
 ):
     """Capture a light field into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -90,7 +93,7 @@ def capture_light_field(
     view : Camera, optional
         Kept for pictures.
     origin : dict of str -> str, optional
-        Kept: the `file` and the `scene` it is of.
+        Kept: the `file`, the `scene` and the `frame` it is of.
     restart : bool or "changed"
         Begin anew whatever is there, or only where that is of another scene or other settings; it
         stays until the new one is finished.
@@ -104,6 +107,8 @@ def capture_light_field(
     share : (int, int), optional
         (I, N): of a light field that was planned, only every N-th block from number I on. Several
         do so at once, on any machine; who captures without a share then closes it.
+    cameras : dict of str -> Camera, optional
+        Kept as well: all cameras of the scene by name.
 
     Returns
     -------
@@ -135,6 +140,7 @@ def capture_light_field(
         "denoise: the light of a bake has no noise; leave it out",
     )
     view = None if view is None else expect_camera(view)
+    cameras = expect_named("cameras", cameras or {}, Camera, "cameras")
     points = points_of(scene)
     n_lights = max(len(camera.lights), 1)
     cells = settings.angles[0] * settings.angles[1]
@@ -145,7 +151,8 @@ def capture_light_field(
     )
     work = _Capture(scene, camera, settings, points, None if pace is None else _RENDER)
     with system_errors(path), unless_begun(path):
-        return (yield from work.steps(path, view, origin, restart, list(messages), plan, share))
+        kept = {"camera": view and view.to_dict(), "cameras": cameras_attribute(cameras)}
+        return (yield from work.steps(path, kept, origin, restart, list(messages), plan, share))
 
 
 def points_of(scene):
@@ -178,7 +185,7 @@ class _Capture:
         self.cells = settings.angles[0] * settings.angles[1]
         self.a_render, self.seconds, self.paths = seconds, 0, 0
 
-    def steps(self, path, view, origin, restart, messages, plan, share):
+    def steps(self, path, kept, origin, restart, messages, plan, share):
         settings, points = self.settings, self.points
         check_scene(self.scene)
         pilot = yield from self._pilot()
@@ -199,6 +206,7 @@ class _Capture:
         store = begin_bake(path, identity, restart)
         if store.is_complete:
             if store.is_sound():
+                store.update(**kept)
                 with damage_as_error(path):
                     return finish_bake(store, path).attributes["report"]
             store.update(complete=False)
@@ -206,9 +214,8 @@ class _Capture:
         if not resumed:
             store.update(identity=identity, kind=KIND, settings=asdict(settings))
         store.update(
-            camera=view and view.to_dict(), origin=origin or {}, lights=list(self.lights),
-            **write_scene(store, self.scene),
-        )  # fmt: skip
+            origin=origin or {}, lights=list(self.lights), **kept, **write_scene(store, self.scene)
+        )
         store.keep("field_point", points.point)
         store.keep("field_frames", points.frames.astype(np.float32))
         if plan:

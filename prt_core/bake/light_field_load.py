@@ -1,10 +1,12 @@
 """A finished light field, checked, read where it is looked at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from prt_core.bake.field_denoise import RADIANCE, by_blocks
+from prt_core.bake.lights import read_cameras
+from prt_core.bake.named_cameras import NamedCameras
 from prt_core.errors import expect, expect_array, expect_named
 from prt_core.runtime.address import expect_store_path
 from prt_core.scene import Camera, Scene
@@ -15,7 +17,7 @@ _AGAIN = "bake it again with --restart"
 
 
 @dataclass
-class LightField:
+class LightField(NamedCameras):
     """A light field as it was captured.
 
     Attributes
@@ -34,6 +36,8 @@ class LightField:
     report, settings : dict
     origin : dict of str -> str
     store : BakeStore
+    cameras : dict of str -> Camera
+        All cameras of the scene whose lens is followed.
     """
 
     scene: Scene
@@ -46,6 +50,7 @@ class LightField:
     settings: dict
     origin: dict
     store: BakeStore
+    cameras: dict = field(default_factory=dict)
 
     def __len__(self):
         return len(self.point)
@@ -145,6 +150,7 @@ def load_light_field(path):
         ascending = n_points and point[0] >= 0 and (np.diff(point) > 0).all()
         expect(bool(ascending) and point[-1] < len(scene.points), "'field_point' is out of range")
         camera = None if camera is None else Camera(**camera)
+        cameras = read_cameras(attributes)
         expect_named("origin", origin, str, "names")
     frames = store.read("field_frames", (n_points, 3, 3), "float32")
     radiance = store.array(RADIANCE)
@@ -153,5 +159,5 @@ def load_light_field(path):
     expect(bool(np.isfinite(frames).all()), f"{path}: 'field_frames' is damaged; {_AGAIN}")
     return LightField(
         scene, point, frames, tuple(lights), radiance, camera, report, attributes["settings"],
-        origin, store,
+        origin, store, cameras,
     )  # fmt: skip

@@ -1,7 +1,9 @@
 """A light field's report in words, for people."""
 
+from prt_core.bake.report_lines import origin_lines
 
-def light_field_lines(path, report, settings=None):
+
+def light_field_lines(path, report, settings=None, origin=None):
     """Lines on a light field: what it holds, what it cost, and how near the truth it is.
 
     Parameters
@@ -11,6 +13,8 @@ def light_field_lines(path, report, settings=None):
         See `capture_light_field`.
     settings : dict, optional
         What it was captured with.
+    origin : dict of str -> str, optional
+        See `LightField`.
     """
     rows, columns = report["angles"]
     lights, speed = report["lights"], report["paths_per_second"]
@@ -19,6 +23,7 @@ def light_field_lines(path, report, settings=None):
         f"{len(lights)} light{'s' if len(lights) > 1 else ''} ({', '.join(lights)})"
     )
     rate = "" if speed is None else f", {speed / 1e3:,.0f} k paths a second"
+    yield from origin_lines(origin)
     yield (
         f"  paths   {report['paths'] / 1e6:.1f} M by {report['camera']}, {report['samples']} a "
         f"direction{rate}"

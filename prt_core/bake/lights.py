@@ -34,7 +34,7 @@ def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None
         "camera": camera and camera.to_dict(),
         "source": source or {},
         "origin": origin or {},
-        "cameras": {name: each.to_dict() for name, each in (cameras or {}).items()},
+        "cameras": cameras_attribute(cameras),
     }
     return attributes, world
 
@@ -58,8 +58,10 @@ def keep_lights(store, attributes, world):
         arrays = {key: value for key, value in store.attributes["arrays"].items() if key not in old}
         digests = {key: store.array(key).digest() for key in new}
         attributes["arrays"] = {**arrays, **digests}
-    # Whoever began a bake has it.
-    attributes["origin"] = store.attributes.get("origin") or attributes["origin"]
+    # Whoever began a bake has it; lamps and world are of the frame they were read at.
+    origin = attributes["origin"]
+    frame = {"frame": origin["frame"]} if "frame" in origin else {}
+    attributes["origin"] = {**(store.attributes.get("origin") or origin), **frame}
     names = dict.fromkeys((_WORLD, _IMAGE)) | dict(zip((_WORLD, _IMAGE), new, strict=False))
     store.update(**names, **attributes)
     # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
@@ -82,9 +84,7 @@ def read_lights(store, cube_map):
         camera, source, name = attributes["camera"], attributes["source"], attributes["world"]
         if camera is not None:
             camera = Camera(**camera)
-        # Bakes before there were views by name have none.
-        cameras = expect_named("cameras", attributes.get("cameras") or {}, dict, "cameras")
-        cameras = {name: Camera(**each) for name, each in cameras.items()}
+        cameras = read_cameras(attributes)
         expect_named("source", source, str, "digests")
         origin = expect_named("origin", attributes["origin"], str, "names")
         expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
@@ -111,6 +111,17 @@ def _arrays(world, number):
         return {}
     image = {} if world.image is None else {f"{_IMAGE}{number}": world.image.pixels}
     return {f"{_WORLD}{number}": world.texels, **image}
+
+
+def cameras_attribute(cameras):
+    """What is kept of cameras by name, dict of str -> `Camera` or None."""
+    return {name: each.to_dict() for name, each in (cameras or {}).items()}
+
+
+def read_cameras(attributes):
+    """dict of str -> `Camera` of a store's attributes; those before views by name have none."""
+    cameras = expect_named("cameras", attributes.get("cameras") or {}, dict, "cameras")
+    return {name: Camera(**each) for name, each in cameras.items()}
 
 
 def _is_same(store, name, array):

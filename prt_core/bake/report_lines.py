@@ -1,5 +1,7 @@
 """A bake's report in words, for people."""
 
+from pathlib import Path
+
 from prt_core.bake.bounce_error import LOCAL
 
 # Lines of a kind that are written out; of more, the gravest.
@@ -8,7 +10,21 @@ _MOST = 8
 _LITTLE_METAL = 0.02
 
 
-def report_lines(path, report):
+def origin_lines(origin):
+    """The scene and frame that a bake or light field is of; nothing where the frame is not known.
+
+    Parameters
+    ----------
+    origin : dict of str -> str
+        See `Bake`.
+    """
+    frame = (origin or {}).get("frame")
+    if frame is not None:
+        file = Path(origin["file"]).name if origin.get("file") else "a file without a name"
+        yield f"  scene   '{origin.get('scene')}' of {file} at frame {frame}"
+
+
+def report_lines(path, report, origin=None):
     """Lines on a bake: what it holds, what it cost, how near the truth it is, what it spared.
 
     Parameters
@@ -16,11 +32,14 @@ def report_lines(path, report):
     path : str or Path
     report : dict
         See `bake_steps`; those of older versions have fewer keys.
+    origin : dict of str -> str, optional
+        See `Bake`.
     """
     seconds, rate = report["seconds"], report["rays_per_second"]
     speed = "" if rate is None else f", {rate / 1e6:.1f} M a second"
     stages = ", ".join(f"{stage} {value:.1f} s" for stage, value in seconds.items())
     yield f"{path}: {report['points']:,} points, {report['directions']:,} directions"
+    yield from origin_lines(origin)
     yield f"  rays    {report['rays'] / 1e6:.1f} M by {report['back_end']}{speed}"
     yield f"  time    {sum(seconds.values()):.1f} s ({stages})"
     yield (

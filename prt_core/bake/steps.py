@@ -89,7 +89,8 @@ def bake_steps(
         Under which the sampled visibility must be within the tolerance; asked for when they are
         needed. Default: an even sky and two soft suns.
     origin : dict of str -> str, optional
-        Kept with the bake: the `file` (seen from the bake's folder) and the `scene` it is of.
+        Kept with the bake: the `file` (seen from the bake's folder), the `scene` and the `frame`
+        it is of.
     cameras : dict of str -> Camera, optional
         Kept with the bake: all cameras of the scene by name, for views.
     pictures : Pictures, optional

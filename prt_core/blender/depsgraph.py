@@ -41,8 +41,8 @@ def read_meshes(scene=None, receivers=None, two_sided=(), messages=None, strict=
     scene : bpy.types.Scene, optional
         Default: the current one.
     receivers : sequence of str, optional
-        Names of the objects that receive colours (see `display_names`); default all. Others cast
-        and bounce; so do hair and point clouds.
+        Names of the objects that receive colours (see `display_names`), or of one instance, as
+        bakes call it; default all. Others cast and bounce; so do hair and point clouds.
     two_sided : sequence of str
         Objects whose back sides receive and bounce as well.
     messages : list of str, optional
@@ -111,8 +111,9 @@ def read_meshes_steps(
             read_too(depsgraph)
 
     as_rendered(scene, read)
+    known = reading.asked | {part.name for part in reading.parts if part.record is not None}
     for wanted in (receivers, two_sided):
-        missing = sorted(set(wanted or ()) - reading.asked)
+        missing = sorted(set(wanted or ()) - known)
         if missing and strict:
             raise PRTError(
                 f"objects: no geometry that renders is called {', '.join(map(repr, missing))}; "
@@ -244,6 +245,7 @@ class _Reading:
         if kind == "volume":
             return
         part = _Part(self._name(owner, source.original), raw, _matrix(instance))
+        called.add(part.name)
         part.receives = self.receivers is None or bool(called & self.receivers)
         part.two_sided = bool(called & self.two_sided)
         part.place = place_of(owner)

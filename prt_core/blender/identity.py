@@ -85,3 +85,14 @@ def origin_of(scene, folder, file=None):
             file = os.path.relpath(os.path.realpath(file), os.path.realpath(folder))
         file = Path(file).as_posix()
     return {"file": file, "scene": scene.name}
+
+
+def origin_now(scene, folder):
+    """`origin_of`, and the `frame` that the scene is at, as a bake that begins now keeps them."""
+    return {**origin_of(scene, folder), "frame": frame_of(scene)}
+
+
+def frame_of(scene):
+    """The frame a scene is at, as text: whole, or with three digits between two frames."""
+    between = scene.frame_subframe
+    return f"{scene.frame_current_final:.3f}" if between else str(scene.frame_current)

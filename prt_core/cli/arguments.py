@@ -156,12 +156,18 @@ def view_named(text, baked):
     camera = camera_named(text, baked)
     if camera is not None:
         return View.of_camera(camera)
-    return None if text is None else View(_place(text))
+    return None if text is None else View(place_named(text))
 
 
 def camera_named(text, baked):
-    """The `Camera` of `--view`: 'camera', or a name; None of None, and of a place as x,y,z."""
-    if text is None or (text not in baked.cameras and _place(text) is not None):
+    """The `Camera` of `--view`: 'camera', or a name; None of None, and of a place as x,y,z.
+
+    Parameters
+    ----------
+    text : str, or None
+    baked : Bake or LightField
+    """
+    if text is None or (text not in baked.cameras and is_place(text)):
         return None
     expect(
         text != "camera" or baked.camera is not None or text in baked.cameras,
@@ -177,10 +183,10 @@ def camera_named(text, baked):
 
 def is_place(text):
     """Whether a text is a place as x,y,z."""
-    return _place(text) is not None
+    return place_named(text) is not None
 
 
-def _place(text):
+def place_named(text):
     """(3,) float64 of x,y,z; None of other texts."""
     try:
         place = np.array([float(part) for part in text.split(",")])

@@ -25,7 +25,7 @@ from prt_core.errors import expect
 from prt_core.light import EnvironmentMap
 from prt_core.runtime.files import expect_output
 from prt_core.scene import PARAMETRISATIONS
-from prt_core.store import expect_store_output
+from prt_core.store import BakeStore, expect_store_output
 
 
 def add_bake(commands, in_blender):
@@ -251,5 +251,5 @@ def _bake(parser, options):
     if options.json:
         print(json.dumps({"bake": str(output), **report}))
     else:
-        print(*report_lines(output, report), sep="\n")
+        print(*report_lines(output, report, BakeStore(output).attributes["origin"]), sep="\n")
     return 0

@@ -156,5 +156,6 @@ def finish_planned(options):
     if options.json:
         print(json.dumps({"bake": str(options.scene), **report}))
     else:
-        print(*report_lines(options.scene, report), sep="\n")
+        origin = BakeStore(options.scene).attributes["origin"]
+        print(*report_lines(options.scene, report, origin), sep="\n")
     return 0

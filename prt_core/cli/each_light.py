@@ -5,6 +5,7 @@ from pathlib import Path
 
 from prt_core.bake import load
 from prt_core.errors import expect
+from prt_core.light import EnvironmentMap
 
 
 def each_light(options, lights, outputs, relight, expect_request):
@@ -30,7 +31,8 @@ def each_light(options, lights, outputs, relight, expect_request):
     Raises
     ------
     PRTError
-        Two lights have the same name, or there is only one to be told apart.
+        Two lights have the same name, there is only one to be told apart, or an image cannot be
+        read; nothing is written then.
     """
     asked = [(Path(light).stem, {"light": light}) for light in lights]
     if options.apart:
@@ -56,9 +58,24 @@ def each_light(options, lights, outputs, relight, expect_request):
         requests.append(request)
         # All of them before the work on the first; it fills in what the work asks again.
         expect_request(Namespace(**vars(request)))
+    # Of the first it is said at once.
+    expect_readable(lights[1:])
     for request in requests:
         relight(request)
     return 0
+
+
+def expect_readable(environments):
+    """Raise `PRTError` where one cannot be read, so that it is said before outputs are written.
+
+    Parameters
+    ----------
+    environments : iterable
+        As `Lighting` takes them: those that are no files are passed over.
+    """
+    for environment in environments:
+        if isinstance(environment, str | Path) and environment != "world":
+            EnvironmentMap.read(environment)
 
 
 def _apart(options):

@@ -61,7 +61,7 @@ def _found(store):
         "compressed": compressed_attributes(store),
         "compressed_gloss": compressed_attributes(store, GLOSS_FORM),
     }
-    keys = ("complete", "version", "settings", "objects", "lamps", "camera", "report")
+    keys = ("complete", "version", "settings", "objects", "lamps", "camera", "origin", "report")
     hidden = ("folder", "values", "arrays")
     return {
         **{key: attributes.get(key) for key in keys},
@@ -75,7 +75,7 @@ def _found(store):
 
 
 def _lines(path, bake, store):
-    yield from report_lines(path, bake.report)
+    yield from report_lines(path, bake.report, bake.origin)
     settings = ", ".join(f"{key} {value}" for key, value in bake.settings.items())
     yield f"  made    by prt {bake.report['versions']['prt_core']} with {settings}"
     yield from object_lines(store.attributes["objects"])

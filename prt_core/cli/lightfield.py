@@ -177,7 +177,8 @@ def _bake(options):
         print(f"{output}: {report['blocks']:,} blocks {done}; the same line without --plan and "
               "--share closes it")  # fmt: skip
     else:
-        print(*light_field_lines(output, report), sep="\n")
+        origin = BakeStore(output).attributes["origin"]
+        print(*light_field_lines(output, report, origin=origin), sep="\n")
     return 0
 
 
@@ -195,7 +196,16 @@ def _info(options):
             pass
     with damage_as_error(options.field, "its report"):
         if options.json:
-            keys = ("complete", "version", "kind", "settings", "objects", "lights", "camera")
+            keys = (
+                "complete",
+                "version",
+                "kind",
+                "settings",
+                "objects",
+                "lights",
+                "camera",
+                "origin",
+            )
             found = {key: attributes.get(key) for key in keys}
             print(
                 json.dumps({**found, **(attributes.get("report") or {}), "bytes": store.nbytes()})
@@ -203,7 +213,8 @@ def _info(options):
         elif field is None:
             print(f"{options.field}: not finished; the same 'prt lightfield bake' goes on with it")
         else:
-            print(*light_field_lines(options.field, field.report, field.settings), sep="\n")
+            shown = field.report, field.settings, field.origin
+            print(*light_field_lines(options.field, *shown), sep="\n")
             attributes = compressed_attributes(store)
             if attributes is not None:
                 compressed_light_field(field)

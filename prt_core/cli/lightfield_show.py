@@ -13,7 +13,13 @@ from prt_core.bake.light_field_view import (
     uncaptured,
     view_of,
 )
-from prt_core.cli.arguments import bpy_for_rays, caster_argument, size
+from prt_core.cli.arguments import (
+    bpy_for_rays,
+    camera_named,
+    caster_argument,
+    place_named,
+    size,
+)
 from prt_core.errors import PRTError, expect
 from prt_core.evaluate import to_srgb, write_png
 from prt_core.evaluate.view import expect_view
@@ -21,7 +27,6 @@ from prt_core.relight.emission import emission_of
 from prt_core.runtime.files import expect_output
 from prt_core.scene import Camera
 
-_CAMERA = "camera"
 # Objects that are named of those without a field.
 _NAMED = 5
 
@@ -32,8 +37,9 @@ def add_show(kinds):
     show.add_argument("field", help="NAME.slf")
     show.add_argument("--png", required=True, metavar="PNG", help="the picture")
     show.add_argument(
-        "--view", default=_CAMERA, metavar="x,y,z",
-        help="where the viewer stands, looking at the field; default: camera, that of the scene",
+        "--view", default="camera", metavar="VIEW",
+        help="who looks: 'camera', that of the scene (the default), a camera of it by its name, or "
+        "a place as x,y,z, from which the field is looked at",
     )  # fmt: skip
     show.add_argument(
         "--lamps", nargs="+", metavar="NAME=HOW", default=[],
@@ -53,17 +59,10 @@ def add_show(kinds):
 def _show(options):
     strengths = _strengths(options.lamps)
     output = expect_output("--png", options.png, ".png")
-    place = _place(options.view)
     field = load_light_field(options.field)
-    if place is None:
-        expect(
-            field.camera is not None,
-            "--view: the scene had no camera whose lens is followed; give a place, --view x,y,z",
-        )
-        camera = field.camera
-    else:
-        camera = camera_at(field, place)
-    width, height = options.size or (field.camera or Camera(np.eye(4), 1)).size()
+    named = camera_named(options.view, field)
+    camera = named or camera_at(field, place_named(options.view))
+    width, height = options.size or (named or field.camera or Camera(np.eye(4), 1)).size()
     expect_view(width, height)
     bpy_for_rays(options.caster)
     begun = time.perf_counter()
@@ -83,19 +82,6 @@ def _show(options):
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
         print(f"not captured, drawn in grey: {', '.join(names[:_NAMED])}{more}")
     return 0
-
-
-def _place(text):
-    """(3,) of x,y,z; None for the scene's camera."""
-    if text == _CAMERA:
-        return None
-    try:
-        place = np.array([float(part) for part in text.split(",")])
-        good = place.shape == (3,) and np.isfinite(place).all()
-    except ValueError:
-        good = False
-    expect(good, f"--view: expected camera or three numbers x,y,z, got '{text}'")
-    return place
 
 
 def _strengths(words):

@@ -142,6 +142,7 @@ def write_blend(baked, colours, options, after=None, **how):
 def _differs(baked):
     """How the open scene differs from the one that was baked, in words; empty where it does not."""
     from prt_core.blender.depsgraph import read_meshes
+    from prt_core.blender.identity import frame_of
     from prt_core.scene import changes, mesh_digests
 
     baked_as = {item.name: item for item in baked.scene.objects}
@@ -150,4 +151,8 @@ def _differs(baked):
         item = baked_as.get(mesh.name, mesh)
         mesh.receives, mesh.two_sided = item.receives, item.two_sided
     differences = changes(baked.source, mesh_digests(meshes))
-    return "" if differences.fresh else str(differences)
+    if differences.fresh:
+        return ""
+    frame, now = baked.origin.get("frame"), frame_of(import_bpy().context.scene)
+    other = "" if frame in (None, now) else f"; it is at frame {now}, the bake is of frame {frame}"
+    return f"{differences}{other}"

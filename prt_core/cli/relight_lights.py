@@ -9,6 +9,7 @@ import numpy as np
 
 import prt_core
 from prt_core.cli.arguments import bpy_for_rays, is_place
+from prt_core.cli.each_light import expect_readable
 from prt_core.cli.relight_view import asked_view
 from prt_core.errors import expect
 from prt_core.evaluate import to_srgb, write_png
@@ -60,7 +61,10 @@ def relight_lights(options):
     baked = prt_core.load(options.bake)
     lights = _lights(options, baked)
     chosen = {light.name: [replace(light, weight=1.0)] for light in lights}
-    if not options.each:
+    if options.each:
+        # Of the first it is said at once.
+        expect_readable(light.lighting.environment for light in lights[1:])
+    else:
         chosen = {"": lights}
     by_kind = {kind: light_paths(path, list(chosen)) for kind, path in outputs.items()}
     paths = {name: {kind: named[name] for kind, named in by_kind.items()} for name in chosen}

@@ -1,18 +1,23 @@
 """The compressed form of a bake, in a folder of the bake's own group.
 
-Its arrays are written into a new folder; then one atomic write of the bake's attributes names it,
-and only then the folder before goes. A kill leaves the old form or the new one, and at most a
-folder that nobody names and the next one removes. The attributes hold a digest of each array.
+Its arrays are written into a new folder, whose name nobody else has; then one atomic write of the
+bake's attributes names it, and only then the folders before go. A kill leaves the old form or the
+new one, and at most a folder that nobody names and the next one removes. Of several that write at
+once the first stays, and the others say so. The attributes hold a digest of each array.
 """
+
+import secrets
+from contextlib import suppress
 
 import numpy as np
 
 from prt_core.errors import PRTError, expect
-from prt_core.store.attributes import damage_as_error
+from prt_core.store.attributes import damage_as_error, read_attributes
 from prt_core.store.store import COMPRESSED, GLOSS_FORM
 
 # What to do about a compressed form that is damaged.
 AGAIN = "compress again"
+_MOST_FOLDERS = 10**12
 
 
 def write_compressed(store, state, attributes, slot=COMPRESSED):
@@ -29,23 +34,50 @@ def write_compressed(store, state, attributes, slot=COMPRESSED):
         Method, settings, what it is of, size, error and time.
     slot : {COMPRESSED, GLOSS_FORM}
         Which of the two forms it is: of what points receive, or of what they reflect to views.
+
+    Raises
+    ------
+    PRTError
+        It cannot be written, or another one was stored meanwhile; what was there stays.
     """
+    folder = f"{slot}{secrets.randbelow(_MOST_FOLDERS)}"
+    named = False
     try:
-        kept = (compressed_attributes(store, slot) or {}).get("folder")
+        values, arrays = {}, {}
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                yield name
+                arrays[name] = store.write(f"{folder}/{name}", value).digest()
+            else:
+                values[name] = value
+        store.files.sync(folder)
+        # Who begins a folder after this list knows the attributes that are written now.
+        others = _folders(store, slot)
+        store.update(**{slot: {**attributes, "folder": folder, "values": values, "arrays": arrays}})
+        named = True
     except PRTError:
-        kept = None
-    _remove_others(store, kept, slot)
-    folder = f"{slot}{int(kept.removeprefix(slot)) + 1 if kept else 1}"
-    values, arrays = {}, {}
-    for name, value in state.items():
-        if isinstance(value, np.ndarray):
-            yield name
-            arrays[name] = store.write(f"{folder}/{name}", value).digest()
-        else:
-            values[name] = value
-    store.files.sync(folder)
-    store.update(**{slot: {**attributes, "folder": folder, "values": values, "arrays": arrays}})
-    _remove_others(store, folder, slot)
+        _expect_first(store, slot)
+        raise
+    finally:
+        if not named:
+            with suppress(PRTError):
+                store.remove(folder)
+    for name in others:
+        if name != folder:
+            store.remove(name)
+
+
+def _expect_first(store, slot):
+    """Raise `PRTError` where another writer has stored its form since the store was opened."""
+    try:
+        there = (read_attributes(store.files) or {}).get(slot)
+    except PRTError:
+        return
+    expect(
+        there is None or there == store.attributes.get(slot),
+        f"{store.path}: was compressed by another program meanwhile, whose form is kept, and "
+        "nothing of this one; run the same command again to have this one instead",
+    )
 
 
 def compressed_attributes(store, slot=COMPRESSED):
@@ -117,11 +149,11 @@ def remove_compressed(store):
     if named:
         store.update(**named)
     for slot in slots:
-        _remove_others(store, None, slot)
+        for name in _folders(store, slot):
+            store.remove(name)
     return bool(named)
 
 
-def _remove_others(store, kept, slot):
-    for name in store.files.names():
-        if name.startswith(slot) and name != kept:
-            store.remove(name)
+def _folders(store, slot):
+    """Names of the folders of forms that are there, whether or not the attributes name them."""
+    return [name for name in store.files.names() if name.startswith(slot)]

@@ -653,8 +653,8 @@ def test_compress_is_the_api(baked, hdri, tmp_path):
     assert "Compressed by cpca" in said() and attributes["tolerance_met"]
     one, two = BakeStore(preview.path_of(baked)), BakeStore(path)
     for name in ("labels", "bases", "weights"):
-        name = f"compressed1/{name}"
-        np.testing.assert_array_equal(one.read(name), two.read(name), err_msg=name)
+        pair = (s.read(f"{s.attributes['compressed']['folder']}/{name}") for s in (one, two))
+        np.testing.assert_array_equal(*pair, err_msg=name)
     check_colours(prt_core.relight(path, hdri("city"), rotation=degrees, form="compressed"))
     item = work.status().bakes[0]
     assert item.compressed.startswith(f"cpca, error {attributes['error']:.2%}")

@@ -260,9 +260,13 @@ def test_a_stopped_bake_that_is_to_replace_another_goes_with_the_file_too(tmp_pa
     item.location.x += 0.5
     stop_at_visibility(scene)
     assert beside(old).is_dir()
+    frame = BakeStore(old).attributes["origin"]["frame"]
+    scene.frame_set(scene.frame_current + 6)
     save_as(tmp_path / "new.blend")
     path = tmp_path / "prt" / "new_Scene.prt"
     assert shown() == path and identity(path) == before and beside(path).is_dir()
+    origin = BakeStore(path).attributes["origin"]
+    assert origin == {"file": "../new.blend", "scene": "Scene", "frame": frame}
     assert not old.exists() and not beside(old).exists()
     assert bpy.ops.prt.bake() == {"FINISHED"} and identity(path) != before
     assert any("went on" in text for text in preview.held(scene).bake.report["messages"])

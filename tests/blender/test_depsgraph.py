@@ -93,6 +93,32 @@ def test_receivers_and_unknown_names():
         by_name()
 
 
+def test_an_instance_is_meant_by_what_bakes_call_it():
+    build.SCENES["06_instances"]()
+    for name in ("receivers", "two_sided"):
+        meshes = by_name(**{name: ["copy 1/figure"]})
+        flag = "receives" if name == "receivers" else "two_sided"
+        assert [m.name for m in meshes.values() if getattr(m, flag)] == ["copy 1/figure"]
+    receiving = {m.name for m in by_name(receivers=["copy 1", "sign"]).values() if m.receives}
+    assert receiving == {"copy 1/figure", "sign"}
+    with pytest.raises(PRTError, match="'copy 1/sign'"):
+        by_name(receivers=["copy 1/sign"])
+
+
+def test_what_is_scaled_to_nothing_ends_no_bake():
+    """Neither alone, nor beside meshes whose materials are known already."""
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.context.object.name = "flat"
+    bpy.context.object.scale = 0, 0, 0
+    with pytest.raises(PRTError, match="no triangle with an area"):
+        read_scene()
+    bpy.context.object.hide_render = True
+    bpy.ops.mesh.primitive_cube_add()
+    assert len(read_scene().triangles) == 12
+    bpy.data.objects["flat"].hide_render = False
+    assert len(read_scene().triangles) == 12
+
+
 def test_hard_cases_become_a_scene():
     build.SCENES["07_hard_cases"]()
     messages = []

@@ -75,7 +75,9 @@ class PlaceReader:
         self._owners = np.array([r.owner for r in records], np.int64)
         self._against = {}
         corners = triangles.corners.reshape(-1, 3)
-        self._low, self._high = corners.min(axis=0), corners.max(axis=0)
+        # Meshes that are scaled to nothing have no triangle.
+        bounded = corners if len(corners) else np.zeros((1, 3))
+        self._low, self._high = bounded.min(axis=0), bounded.max(axis=0)
         # What float32 can tell apart out here.
         self._grain = 4e-6 * float(np.abs(corners).max(initial=0)) + 1e-12
 

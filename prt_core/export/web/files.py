@@ -10,6 +10,7 @@ from pathlib import Path
 from prt_core.errors import expect
 from prt_core.export.web.squeeze import short_names, squeezed
 from prt_core.runtime.files import expect_output, new_folder, written
+from prt_core.store.attributes import FILE
 
 _PAGE = Path(__file__).parent / "page"
 # The page's scripts of its own, each of some in the order in which they are run.
@@ -37,6 +38,11 @@ def expect_place(output, one_file):
         expect(one_file is not False, f"{output}: is one file; name a folder instead")
         return expect_output("output", output, (".html", ".htm"), create=True), None, True
     folder = expect_output("output", output, None, folder=True, create=True)
+    expect(
+        not (folder / FILE).exists(),
+        f"{folder}: is a bake or a light field, which goes when it is baked anew; name another "
+        "folder",
+    )
     page = folder / _INDEX
     expect(
         not page.is_file() or _MARK in page.read_bytes()[:_HEAD],

@@ -147,6 +147,14 @@ def test_each_light_has_an_image_and_their_sum_is_the_light(folder, inside, capf
     np.testing.assert_allclose(total, read_image("whole.exr"), rtol=1e-3, atol=5e-3)
 
 
+def test_of_several_lights_all_are_read_before_anything_is_written(folder, inside, capfd):
+    (folder / "cut.exr").write_bytes((folder / "day.exr").read_bytes()[:200])
+    for wrong in ("cut.exr", "gone.exr"):
+        code, _, said = prt(f"relight a.prt --light day.exr {wrong} --image early.exr", capfd)
+        assert code == 2 and wrong in said
+        assert not list(folder.glob("early*"))
+
+
 def test_the_same_parts_by_call(folder):
     bake = load(folder / "a.prt")
     lighting = Lighting(folder / "day.exr", lamps=True, lamp_samples=4)

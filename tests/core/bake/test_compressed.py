@@ -250,7 +250,7 @@ def test_the_same_seed_gives_the_same_bytes(original, tmp_path):
         compress(path, method="cpca", tolerance=0.05, seed=3, lights=standing_lights())
         result.append(BakeStore(path))
     for name in ("labels", "bases", "weights", "shares"):
-        one, two = (store.read(f"compressed1/{name}") for store in result)
+        one, two = (s.read(f"{s.attributes['compressed']['folder']}/{name}") for s in result)
         np.testing.assert_array_equal(one, two, err_msg=name)
 
 

@@ -175,10 +175,32 @@ def test_the_command_shows_and_compresses(ball, tmp_path, capsys):
     assert "holds no compressed form" in capsys.readouterr().out
 
 
+def test_a_camera_of_the_scene_looks_by_its_name(ball, tmp_path, capsys):
+    """The bytes are those of a field whose own camera it is; a finished one takes what moved."""
+    side = camera_at(ball, (2.0, 1.0, 0.5))
+    path, settings = tmp_path / "a.slf", LightFieldSettings(ANGLES, samples=1)
+    pictures = []
+    for own, cameras, view in (
+        (side, None, "camera"),
+        (ball.camera, {"Side": side}, "Side"),
+        (None, {"Side": side}, "Side"),
+        (ball.camera, {"Side": ball.camera}, "Side"),
+        (ball.camera, {}, "camera"),
+    ):
+        run(capture_light_field(ball.scene, Smooth(), path, settings, own, cameras=cameras))
+        assert load_light_field(path).cameras == (cameras or {})
+        command = ["lightfield", "show", str(path), "--view", view, "--png"]
+        assert main([*command, str(tmp_path / "a.png")]) == 0
+        pictures.append((tmp_path / "a.png").read_bytes())
+    assert pictures[0] == pictures[1] == pictures[2] != pictures[3] == pictures[4]
+    assert main(["lightfield", "show", str(path), "--view", "Side", "--png", "a.png"]) == 2
+    assert "none by name and 'camera', its own, or give a place as x,y,z" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
-        (["--view", "1,2"], "--view: expected camera or three numbers"),
+        (["--view", "1,2"], "--view: the baked scene has none called '1,2' whose lens is followed"),
         (["--lamps", "key"], "--lamps: expected NAME=HOW"),
         (["--lamps", "key=bright"], "--lamps: 'key': expected a factor"),
         (["--lamps", "sun=1"], "light 'sun': the field has no such light"),

@@ -1,6 +1,6 @@
 """A bake's report in words: all of a few, the gravest of many."""
 
-from prt_core.bake.report_lines import object_lines, report_lines
+from prt_core.bake.report_lines import object_lines, origin_lines, report_lines
 
 
 def estimate(error):
@@ -54,3 +54,14 @@ def test_what_is_to_be_said_is_counted():
     ]
     silent = report_lines("a.prt", report(5) | {"messages": []})
     assert not any("note" in line for line in silent)
+
+
+def test_the_frame_is_told_where_it_is_known():
+    origin = {"file": "../b/a.blend", "scene": "Shot 1", "frame": "7"}
+    lines = list(report_lines("a.prt", report(5), origin))
+    assert lines[1] == "  scene   'Shot 1' of a.blend at frame 7"
+    assert list(origin_lines({**origin, "file": ""})) == [
+        "  scene   'Shot 1' of a file without a name at frame 7"
+    ]
+    for silent in (None, {}, {"file": "a.blend", "scene": "Scene"}):
+        assert list(report_lines("a.prt", report(5), silent)) == lines[:1] + lines[2:]

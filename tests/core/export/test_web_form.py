@@ -162,6 +162,12 @@ def test_what_is_wrong_is_said_before_the_work(bake, tmp_path):
     with pytest.raises(PRTError, match="another's page"):
         prt_core.export_web(bake, tmp_path)
     assert (tmp_path / "index.html").read_text() == "my own page"
+    # Nor into a bake, which the next --restart would replace with the page in it.
+    for one_file in (None, True):
+        prt_core.BakeStore(tmp_path / "other.prt", "a").update()
+        with pytest.raises(PRTError, match="is a bake or a light field.*name another folder"):
+            prt_core.export_web(bake, tmp_path / "other.prt", one_file=one_file)
+        assert [path.name for path in (tmp_path / "other.prt").iterdir()] == ["zarr.json"]
 
 
 def test_the_package_carries_the_page():

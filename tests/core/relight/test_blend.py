@@ -163,3 +163,12 @@ def test_the_command_line_gives_the_same(bake, lights, tmp_path, capsys):
     ):
         assert main([*asked, "--output", str(mixed), *flags]) == 2
         assert message in capsys.readouterr().err
+
+
+def test_a_light_that_cannot_be_read_is_said_before_any_is_written(bake, tmp_path, capsys):
+    path = tmp_path / "lights.json"
+    path.write_text('{"day": {"lamps": true}, "night": {"environment": "gone.exr"}}')
+    output = ["--output", str(tmp_path / "a.npz")]
+    assert main(["relight", str(bake.path), "--lights", str(path), "--each", *output]) == 2
+    assert "gone.exr: there is no such image" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.npz"))

@@ -54,6 +54,10 @@ def kept(path, kind):
     return kind.from_state(read_compressed(store, compressed_attributes(store)))
 
 
+def folder_of(path):
+    return compressed_attributes(BakeStore(path))["folder"]
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: type(k).__name__)
 def test_what_is_read_relights_bit_by_bit(baked, rows, kind):
     before = BakeStore(baked).nbytes()
@@ -97,14 +101,16 @@ def test_a_kill_leaves_the_old_form_or_the_new(baked, rows, monkeypatch):
         for _ in range(killed_after):
             next(steps)
         steps.close()
-        # Cut short in the middle of a file as well.
-        (baked / "compressed2" / "half").mkdir(parents=True, exist_ok=True)
-        (baked / "compressed2" / "half" / "zarr.json").write_text('{"zarr_')
+        assert len(list(baked.glob("compressed*"))) == killed_after
+        # Killed outright, in the middle of a file.
+        (baked / f"compressed9{killed_after}" / "half").mkdir(parents=True, exist_ok=True)
+        half = baked / f"compressed9{killed_after}" / "half" / "zarr.json"
+        half.write_text('{"zarr_')
         np.testing.assert_array_equal(kept(baked, ClusteredPCA).product(LIGHT), old.product(LIGHT))
         load(baked)
     keep(baked, new)
     np.testing.assert_array_equal(kept(baked, PCA).product(LIGHT), new.product(LIGHT))
-    assert [p.name for p in baked.glob("compressed*")] == ["compressed2"]
+    assert [p.name for p in baked.glob("compressed*")] == [folder_of(baked)]
     # Killed after the switch, before the old folder went.
     monkeypatch.setattr(BakeStore, "remove", lambda *_: None)
     keep(baked, old)
@@ -112,10 +118,31 @@ def test_a_kill_leaves_the_old_form_or_the_new(baked, rows, monkeypatch):
     np.testing.assert_array_equal(kept(baked, ClusteredPCA).product(LIGHT), old.product(LIGHT))
 
 
+@pytest.mark.parametrize("ahead", [0, 1, 3])
+def test_of_two_at_once_the_first_stays(baked, rows, ahead):
+    """However much of the second is written when the first ends; nothing else is left of it."""
+    one, two = ClusteredPCA(3, 2).fit(rows), PCA(2).fit(rows)
+    stores = [BakeStore(baked, "a") for _ in range(2)]
+    first, second = (
+        write_compressed(store, model.state(), {})
+        for store, model in zip(stores, (one, two), strict=True)
+    )
+    next(first)
+    for _ in range(ahead):
+        next(second)
+    for _ in first:
+        pass
+    with pytest.raises(PRTError, match="was compressed by another program meanwhile"):
+        for _ in second:
+            pass
+    np.testing.assert_array_equal(kept(baked, ClusteredPCA).product(LIGHT), one.product(LIGHT))
+    assert [p.name for p in baked.glob("compressed*")] == [folder_of(baked)]
+
+
 def _replace(name, change):
     def damage(path):
         store = BakeStore(path, "a")
-        name_there = f"compressed1/{name}"
+        name_there = f"{folder_of(path)}/{name}"
         built = store.write(name_there, change(store.read(name_there)))
         # As if by somebody who knows how the store is sealed.
         attributes = store.attributes["compressed"]
@@ -134,7 +161,7 @@ def _attributes(**changes):
 
 
 def _flip(path):
-    chunk = path / "compressed1" / "weights" / "c" / "0"
+    chunk = path / folder_of(path) / "weights" / "c" / "0"
     data = bytearray(chunk.read_bytes())
     data[len(data) // 2] ^= 1
     chunk.write_bytes(bytes(data))
@@ -151,7 +178,7 @@ def _flip(path):
         (_replace("weights", lambda a: a * np.nan), "'weights' holds what it cannot"),
         (_replace("ranks", lambda a: a * 0 - 5), "clusters do not fit"),
         (_replace("code_ranks", lambda a: a - 7), "code"),
-        (lambda p: shutil.rmtree(p / "compressed1" / "means"), "'means' of its compressed"),
+        (lambda p: shutil.rmtree(p / folder_of(p) / "means"), "'means' of its compressed"),
         (_attributes(folder="../x"), "is said of its compressed form is damaged"),
         (_attributes(arrays={"../labels": ""}), "is said of its compressed form is damaged"),
         (_attributes(values={}), "'params' is wrong"),
@@ -176,7 +203,8 @@ def test_damaged_columns_are_refused(rows):
 
 def test_links_are_refused(baked, rows, tmp_path):
     keep(baked, ClusteredPCA(3, 2).fit(rows))
-    shutil.move(baked / "compressed1", tmp_path / "outside")
-    (baked / "compressed1").symlink_to(tmp_path / "outside")
+    folder = baked / folder_of(baked)
+    shutil.move(folder, tmp_path / "outside")
+    folder.symlink_to(tmp_path / "outside")
     with pytest.raises(PRTError, match="symbolic link"):
         load(baked)

@@ -110,7 +110,7 @@ def _numbers(tree):
 
 
 def _key(scene, data, matrix):
-    shape = [data.type]
+    shape = [data.type, scene.cycles.shading_system]
     if data.type == "AREA":
         shape += [data.shape, data.size, data.size_y]
     if not {node.type for node in all_nodes(data.node_tree)} <= _ANYWHERE:

@@ -87,7 +87,7 @@ def small_render(like=None):
     Parameters
     ----------
     like : bpy.types.Scene, optional
-        Whose frame it is.
+        Whose frame it is, and whose OSL scripts run where they do in its renders.
 
     Raises
     ------
@@ -108,8 +108,6 @@ def small_render(like=None):
 
 
 def _prepare(scene, like):
-    if like is not None:
-        scene.frame_current, scene.frame_subframe = like.frame_current, like.frame_subframe
     try:
         scene.render.engine = "CYCLES"
     except TypeError as error:
@@ -118,6 +116,9 @@ def _prepare(scene, like):
             "preferences"
         ) from error
     cycles, render = scene.cycles, scene.render
+    if like is not None:
+        scene.frame_current, scene.frame_subframe = like.frame_current, like.frame_subframe
+        cycles.shading_system = like.cycles.shading_system
     cycles.device, cycles.use_denoising, cycles.use_adaptive_sampling = "CPU", False, False
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     cycles.light_sampling_threshold = cycles.max_bounces = 0

@@ -131,7 +131,8 @@ def read_environment(scene=None, messages=None):
     if plain is not None:
         return plain
     frame = scene.frame_current, scene.frame_subframe
-    key = "rendered", world.original.session_uid, tree_signature(tree, frame)
+    signature = tree_signature(tree, frame), scene.cycles.shading_system
+    key = "rendered", world.original.session_uid, *signature
     try:
         image = _kept(key, lambda: world_image(scene, world.original, what))
     except PRTError as error:

@@ -1,5 +1,7 @@
 import math
+from pathlib import Path
 
+import _cycles
 import bpy
 import numpy as np
 import pytest
@@ -120,6 +122,32 @@ def test_the_world_is_that_of_diffuse_rays(world, output, seen):
     np.testing.assert_allclose(read_world(CubeMap(2)), seen, atol=1e-4)
     assert [n.bl_idname for n in group.nodes] == ["ShaderNodeLightPath", "NodeGroupOutput"]
     assert list(bpy.data.node_groups) == [group]
+
+
+OSL = "shader tint(output color Tint = 0) { Tint = color(0.2, 0.9, 0.1); }"
+
+
+def test_osl_scripts_of_worlds_and_lamps_run_where_the_scene_has_them(world, monkeypatch):
+    # Where Blender is a module, its own path lacks what finds a script's sockets.
+    found = next(Path(bpy.utils.resource_path("LOCAL")).rglob("oslquery"), None)
+    if not _cycles.with_osl or found is None:
+        pytest.skip("this Blender has no OSL")
+    monkeypatch.syspath_prepend(found.parent)
+    bpy.context.scene.render.engine = "CYCLES"
+    lamp, text = build.lamp("lamp", "POINT", (0, 0, 1), 50), bpy.data.texts.new("tint.osl")
+    text.write(OSL)
+    if lamp.data.node_tree is None:
+        lamp.data.use_nodes = True
+    for tree, shader in ((world.node_tree, "Background"), (lamp.data.node_tree, "Emission")):
+        script = tree.nodes.new("ShaderNodeScript")
+        script.script = text
+        tree.links.new(script.outputs["Tint"], tree.nodes[shader].inputs["Color"])
+    for runs in (True, False):
+        bpy.context.scene.cycles.shading_system = runs
+        bpy.context.view_layer.update()
+        seen = read_environment().map.pixels.mean(axis=(0, 1)), read_lamps()[0].power / 50
+        has_tint = np.allclose(seen, (0.2, 0.9, 0.1), rtol=0.01)
+        assert has_tint == runs, seen
 
 
 def test_a_world_without_light_for_diffuse_rays_is_none(world):

@@ -219,7 +219,7 @@ class _Area:
         self._lamp = render.add(data, matrix)
         self._lamp.visible_camera = True
         self._render, self._axes = render, matrix.normalized()
-        self._size = np.array(size) * np.array(matrix.to_scale())[:2]
+        self._size = np.array(size) * np.abs(matrix.to_scale())[:2]
         wide, high = np.maximum(self._size / self._size.min(), 1e-6)
         render.scene.render.pixel_aspect_x, render.scene.render.pixel_aspect_y = wide, high
         self._camera = render.add_camera(

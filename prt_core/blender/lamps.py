@@ -162,8 +162,8 @@ def _see(scene, source, owner, matrix, linking):
         name=source.original.name,
         casts_shadow=data.use_shadow,
         highlights=source.visible_glossy and owner.visible_glossy,
-        receivers=linking.named(owner.light_linking.receiver_collection),
-        blockers=linking.named(owner.light_linking.blocker_collection),
+        receivers=linking.named(source.light_linking.receiver_collection),
+        blockers=linking.named(source.light_linking.blocker_collection),
         **settings,
     )
     return SeenLamp(lamp, LampNodes(scene, data, matrix) if has_nodes(data) else None, ignored)

@@ -12,8 +12,13 @@ import numpy as np
 from mathutils import Euler, Matrix
 
 from prt_core.blender.identity import by_uid
-from prt_core.blender.node_trees import all_nodes, as_diffuse_rays_see, tree_signature
-from prt_core.blender.small_render import small_render
+from prt_core.blender.node_trees import (
+    all_nodes,
+    as_diffuse_rays_see,
+    counts_bounces,
+    tree_signature,
+)
+from prt_core.blender.small_render import layer_numbers, small_render
 from prt_core.errors import expect
 
 # Pixels of a pattern: two degrees of direction; places along each side of an area lamp.
@@ -65,12 +70,13 @@ class LampNodes:
         Evaluated; nothing of it is kept.
     matrix : (4, 4) float64
         Where the lamp is.
+    item : LampObject
     """
 
-    def __init__(self, scene, data, matrix):
-        self._plain, self._matrix = _numbers(data.node_tree), matrix
+    def __init__(self, scene, data, matrix, item):
+        self._plain, self._matrix, self._item = _numbers(data.node_tree), matrix, item
         self._light = data.original.session_uid
-        self._key = None if self._plain is not None else _key(scene, data, matrix)
+        self._key = None if self._plain is not None else _key(scene, data, matrix, item)
 
     def emission(self, scene):
         """(`Emission`, list of what it cannot follow).
@@ -93,7 +99,8 @@ class LampNodes:
             while len(_KEPT) >= _MOST_KEPT:
                 _KEPT.pop(next(iter(_KEPT)))
             with small_render(scene) as render:
-                _KEPT[self._key] = _rendered(render, light, Matrix(self._matrix.tolist()))
+                matrix = Matrix(self._matrix.tolist())
+                _KEPT[self._key] = _rendered(render, light, matrix, self._item)
         return _KEPT[self._key]
 
 
@@ -109,19 +116,23 @@ def _numbers(tree):
     return np.array(node.inputs["Color"].default_value[:3], np.float64) * strength
 
 
-def _key(scene, data, matrix):
+def _key(scene, data, matrix, item):
     shape = [data.type, scene.cycles.shading_system]
     if data.type == "AREA":
         shape += [data.shape, data.size, data.size_y]
     if not {node.type for node in all_nodes(data.node_tree)} <= _ANYWHERE:
-        shape.append(matrix.tobytes())
+        shape += [matrix.tobytes(), item, *layer_numbers(scene).items()]
     return tree_signature(data.node_tree, scene.frame_current), *shape
 
 
-def _rendered(render, light, matrix):
+def _rendered(render, light, matrix, item):
     """(Emission, list of what it cannot follow)."""
     kind, notes = light.type, []
-    look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, _unit_lamp(render, light), matrix)
+    if counts_bounces(light.node_tree):
+        notes.append("that its nodes count bounces")
+    data = _unit_lamp(render, light)
+    notes += item.answer(data.node_tree, render.keep)
+    look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, data, matrix, item)
     seen, small = look.pattern(1.0), look.pattern(1.0, small=True)
     falloff = None
     if np.abs(look.pattern(4.0, small=True) - small).max() > _SAME * np.abs(small).max():
@@ -136,7 +147,9 @@ def _rendered(render, light, matrix):
     if look.is_alike_from_aside():
         return Emission(factor, None, table, falloff), notes
     look.remove()
-    seen = _Point(render, _unit_lamp(render, light, "POINT"), matrix).pattern(1.0)
+    data = _unit_lamp(render, light, "POINT")
+    item.answer(data.node_tree, render.keep)
+    seen = _Point(render, data, matrix, item).pattern(1.0)
     if table is not None:
         notes.append("that its nodes change with direction otherwise in each place")
     return Emission(np.ones(3), seen, None, falloff), notes
@@ -189,9 +202,9 @@ def _falloff(look, pattern):
 class _Point:
     """A point or spot lamp, by direction."""
 
-    def __init__(self, render, data, matrix):
+    def __init__(self, render, data, matrix, item):
         data.shadow_soft_size = 0
-        render.add(data, matrix)
+        item.dress(render.add(data, matrix))
         self._render, self._axes = render, matrix.normalized()
         self._ball = render.add(_white(render, *_ball()))
         turned = self._axes @ Euler((np.pi / 2, 0, -np.pi / 2)).to_matrix().to_4x4()
@@ -210,13 +223,14 @@ class _Point:
 class _Area:
     """An area lamp, by the place on it."""
 
-    def __init__(self, render, data, matrix):
+    def __init__(self, render, data, matrix, item):
         square = data.shape in {"SQUARE", "DISK"}
         size = data.size, data.size if square else data.size_y
         data.shape, data.spread = "RECTANGLE", np.pi
         data.size, data.size_y = size
         as_diffuse_rays_see(data.node_tree, render.keep)
         self._lamp = render.add(data, matrix)
+        item.dress(self._lamp)
         self._lamp.visible_camera = True
         self._render, self._axes = render, matrix.normalized()
         self._size = np.array(size) * np.abs(matrix.to_scale())[:2]
@@ -256,10 +270,10 @@ class _Area:
 class _Sun:
     """A sun, which shines alike from everywhere."""
 
-    def __init__(self, render, data, matrix):
+    def __init__(self, render, data, matrix, item):
         data.angle = 0
         axes = matrix.normalized()
-        render.add(data, axes)
+        item.dress(render.add(data, axes))
         corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float64)
         render.add(_white(render, corners, [(0, 1, 2, 3)]), axes)
         render.add_camera(axes @ Matrix.Translation((0, 0, 1)), type="ORTHO", ortho_scale=1)

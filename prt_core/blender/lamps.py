@@ -7,6 +7,7 @@ import numpy as np
 
 from prt_core.blender.compat import depsgraph_of, has_nodes, view_layer_of
 from prt_core.blender.lamp_nodes import LampNodes
+from prt_core.blender.lamp_object import LampObject
 from prt_core.blender.light_linking import Linking, say_linked_surfaces
 from prt_core.blender.stand_ins import renders
 from prt_core.errors import PRTError
@@ -71,7 +72,8 @@ def see_lamps(scene, depsgraph, messages):
             alone.add(source.original.session_uid)
         if owner.original.session_uid in rendered and _shines(source, owner):
             matrix = np.array(instance.matrix_world, np.float64)
-            seen.append(_see(scene, source, owner, matrix, linking))
+            number = None if instance.parent is None else instance.random_id
+            seen.append(_see(scene, source, owner, matrix, linking, number))
     if depsgraph.mode == "VIEWPORT":
         # What is hidden in the viewport alone is not evaluated.
         for uid, item in rendered.items():
@@ -145,8 +147,8 @@ def _matrix(item):
     return _matrix(item.parent) @ item.matrix_parent_inverse @ item.matrix_basis
 
 
-def _see(scene, source, owner, matrix, linking):
-    data, ignored = source.data, []
+def _see(scene, source, owner, matrix, linking, random_id=None):
+    data, ignored, nodes = source.data, [], None
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.maximum(lengths, 1e-30)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
@@ -166,7 +168,9 @@ def _see(scene, source, owner, matrix, linking):
         blockers=linking.named(source.light_linking.blocker_collection),
         **settings,
     )
-    return SeenLamp(lamp, LampNodes(scene, data, matrix) if has_nodes(data) else None, ignored)
+    if has_nodes(data):
+        nodes = LampNodes(scene, data, matrix, LampObject.of(source, owner, random_id))
+    return SeenLamp(lamp, nodes, ignored)
 
 
 def _shape(data, lengths):

@@ -9,9 +9,10 @@ import numpy as np
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import has_known_colours, pixels_of
 from prt_core.blender.lamps import ALL_BOUNCES, read_lamps
-from prt_core.blender.node_trees import all_nodes, linked_to, tree_signature
+from prt_core.blender.node_trees import all_nodes, counts_bounces, linked_to, tree_signature
 from prt_core.blender.passes.graphs import asks_camera
 from prt_core.blender.render_scene import rendered_layer, rendered_world
+from prt_core.blender.small_render import layer_numbers
 from prt_core.blender.world_image import world_image
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
@@ -126,13 +127,15 @@ def read_environment(scene=None, messages=None):
         return None
     if messages is not None and any(asks_camera(node) for node in all_nodes(tree)):
         messages.append(f"{what}: Window and Camera coordinates in it are not those of the camera")
+    if messages is not None and counts_bounces(tree):
+        messages.append(f"{what}: its nodes count bounces; light is as after the first of them")
     _expect_images(tree, what)
     plain = _plain(tree, output, what)
     if plain is not None:
         return plain
     frame = scene.frame_current, scene.frame_subframe
-    signature = tree_signature(tree, frame), scene.cycles.shading_system
-    key = "rendered", world.original.session_uid, *signature
+    asked = scene.cycles.shading_system, *layer_numbers(scene).items()
+    key = "rendered", world.original.session_uid, tree_signature(tree, frame), *asked
     try:
         image = _kept(key, lambda: world_image(scene, world.original, what))
     except PRTError as error:

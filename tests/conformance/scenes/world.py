@@ -326,3 +326,21 @@ def fog_of_the_world(on):
     fog = add(tree, "ShaderNodeVolumeAbsorption", {"Density": 0.5 * on}).outputs[0]
     output = next(n for n in tree.nodes if n.type == "OUTPUT_WORLD")
     tree.links.new(fog, output.inputs["Volume"])
+
+
+@scene()
+def world_dimmed_by_a_property_of_the_scene(on):
+    def strength(tree):
+        kind, of = "ShaderNodeAttribute", {"attribute_type": "VIEW_LAYER"}
+        return add(tree, kind, attribute_name="dimmed", **of).outputs["Fac"]
+
+    _lit(_background(None, strength))
+    bpy.context.scene["dimmed"] = 0.3 if on else 1.0
+
+
+@scene(says=("world", "count bounces"))
+def world_that_counts_bounces(on):
+    def strength(tree):
+        return add(tree, "ShaderNodeLightPath").outputs["Diffuse Depth"]
+
+    _lit(_background(None, strength if on else 1.0))

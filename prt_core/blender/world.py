@@ -140,6 +140,8 @@ def read_environment(scene=None, messages=None):
         image = _kept(key, lambda: world_image(scene, world.original, what))
     except PRTError as error:
         raise PRTError(f"{what}: {error}") from error
+    if image.takes and messages is not None:
+        messages.append(f"{what}: light below zero takes none away; it is none")
     return WorldLight(image.map, np.eye(3), 1.0, tuple(image.suns))
 
 

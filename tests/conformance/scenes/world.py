@@ -344,3 +344,12 @@ def world_that_counts_bounces(on):
         return add(tree, "ShaderNodeLightPath").outputs["Diffuse Depth"]
 
     _lit(_background(None, strength if on else 1.0))
+
+
+@scene(says=("world", "below zero"))
+def world_below_zero_on_one_side(on):
+    def colour(tree):
+        way = add(tree, "ShaderNodeVectorMath", {0: _direction(tree)}, operation="ABSOLUTE")
+        return _direction(tree) if on else way.outputs[0]
+
+    _lit(_background(colour))

@@ -19,6 +19,7 @@ from prt_core.blender.node_trees import (
     tree_signature,
 )
 from prt_core.blender.small_render import layer_numbers, small_render
+from prt_core.blender.spot_coordinates import with_spot_coordinates
 from prt_core.errors import expect
 
 # Pixels of a pattern: two degrees of direction; places along each side of an area lamp.
@@ -28,6 +29,9 @@ _SAME = 2e-3
 # Edges of a pattern: a step between pixels of this share of the greatest value, and which share of
 # the pixels may have one before it is said.
 _STEP, _STEPS = 0.3, 0.01
+# A lamp's ball is seen from so many of its radii, by so many samples; the median may differ by
+# this share from what its middle shows.
+_FAR, _OF_BALL, _OTHER = 20, 64, 0.03
 # Distances at which a falloff is seen, relative to that of the pattern.
 _DISTANCES = 10.0 ** np.arange(-2, 3.01, 0.25)
 # Nodes whose values do not depend on where the lamp is or how it is turned.
@@ -120,6 +124,8 @@ def _key(scene, data, matrix, item):
     shape = [data.type, scene.cycles.shading_system]
     if data.type == "AREA":
         shape += [data.shape, data.size, data.size_y]
+    elif data.type != "SUN":
+        shape += [data.shadow_soft_size, data.type == "SPOT" and data.spot_size]
     if not {node.type for node in all_nodes(data.node_tree)} <= _ANYWHERE:
         shape += [matrix.tobytes(), item, *layer_numbers(scene).items()]
     return tree_signature(data.node_tree, scene.frame_current), *shape
@@ -132,6 +138,8 @@ def _rendered(render, light, matrix, item):
         notes.append("that its nodes count bounces")
     data = _unit_lamp(render, light)
     notes += item.answer(data.node_tree, render.keep)
+    if kind == "SPOT":
+        with_spot_coordinates(data.node_tree, light, np.abs(matrix.to_scale()))
     look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, data, matrix, item)
     seen, small = look.pattern(1.0), look.pattern(1.0, small=True)
     falloff = None
@@ -142,6 +150,9 @@ def _rendered(render, light, matrix, item):
     factor, table = _summary(seen)
     if kind != "AREA" and _has_edges(seen):
         notes.append("how sharp the edges are that its nodes show")
+    anywhere = {node.type for node in all_nodes(light.node_tree)} <= _ANYWHERE
+    if kind in {"POINT", "SPOT"} and not anywhere and look.differs_from_place_to_place():
+        notes.append("that its nodes change from place to place on it")
     if kind != "AREA":
         return Emission(factor, table, None, falloff), notes
     if look.is_alike_from_aside():
@@ -203,6 +214,7 @@ class _Point:
     """A point or spot lamp, by direction."""
 
     def __init__(self, render, data, matrix, item):
+        self._data, self._radius = data, data.shadow_soft_size
         data.shadow_soft_size = 0
         item.dress(render.add(data, matrix))
         self._render, self._axes = render, matrix.normalized()
@@ -212,9 +224,20 @@ class _Point:
             turned, type="PANO", panorama_type="EQUIRECTANGULAR", clip_start=1e-6, clip_end=1e6
         )
 
-    def pattern(self, distance, small=False):
+    def differs_from_place_to_place(self):
+        """Whether its ball shows another pattern from far away than its middle."""
+        if not self._radius:
+            return False
+        away = max(1.0, _FAR * self._radius)
+        of_middle = self.pattern(away, small=True, samples=_OF_BALL)
+        self._data.shadow_soft_size = self._radius
+        of_ball = self.pattern(away, small=True, samples=_OF_BALL)
+        self._data.shadow_soft_size = 0
+        return np.median(np.abs(of_ball - of_middle)) > _OTHER * np.median(np.abs(of_middle))
+
+    def pattern(self, distance, small=False, samples=1):
         self._ball.matrix_world = self._axes @ Matrix.Diagonal((*[distance] * 3, 1))
-        size, samples = ((24, 12), 1) if small else (_BY_DIRECTION, 4)
+        size, samples = ((24, 12), samples) if small else (_BY_DIRECTION, 4)
         seen = self._render.pixels(*size, samples).astype(np.float64)
         # Power 1 is 1 / 4 pi in each direction.
         return seen * 4 * np.pi**2 * distance**2

@@ -6,9 +6,11 @@ from tests.conformance.parts import (
     BESIDE,
     add,
     ground,
+    image,
     lamp,
     lamp_above,
     move,
+    patches,
     plain,
     put,
     wall,
@@ -117,6 +119,27 @@ def lamp_with_a_pattern(on):
 
     ground()
     _nodes(lamp_above("SPOT", 200, spot_size=2.0, shadow_soft_size=0.0), colour)
+
+
+@scene(light="lamps")
+def spot_lamp_that_projects_an_image(on):
+    def colour(tree):
+        kind = "ShaderNodeTexImage" if on else "ShaderNodeRGB"
+        picture = {"image": image("slide", patches()), "interpolation": "Cubic"} if on else {}
+        return add(tree, kind, **picture).outputs[0]
+
+    ground(cells=24)
+    _nodes(lamp_above("SPOT", 200, (0, 0, 1.8), (0.2, 0, 0.3), (1, 1.4, 1), spot_size=1.4), colour)
+
+
+@scene(light="lamps", says=("lamp", "place to place"))
+def ball_of_noise(on):
+    def colour(tree):
+        place = add(tree, "ShaderNodeNewGeometry").outputs["Position" if on else "Normal"]
+        return add(tree, "ShaderNodeTexNoise", {"Vector": place, "Scale": 3.0}).outputs["Color"]
+
+    ground()
+    _nodes(lamp_above("POINT", location=(0, 0, 1.6), shadow_soft_size=0.4), colour)
 
 
 # ---- what nodes ask of the lamp's object

@@ -160,7 +160,10 @@ def _plain(tree, output, what):
     if texture.type != "TEX_ENVIRONMENT" or texture.mute or colour.name != "Color":
         return None
     image = texture.image
-    if image.source not in {"FILE", "GENERATED"} or not has_known_colours(image):
+    # Bytes are interpolated as they are encoded, and multiplied with their alpha.
+    if image.source not in {"FILE", "GENERATED"} or not image.is_float:
+        return None
+    if not has_known_colours(image):
         return None
     if texture.projection != "EQUIRECTANGULAR":
         return None
@@ -179,10 +182,16 @@ def _expect_images(tree, what):
         image = node.image
         expect(image is not None, f"{what}: the texture '{node.name}' has no image; choose one")
         expect(
-            image.size[0] > 0,
+            image.size[0] > 0 or _has_file(image),
             f"{what}: image '{image.name}' has no pixels; its file '{image.filepath}' is missing "
             "or unreadable",
         )
+
+
+def _has_file(image):
+    """Whether a film or sequence is there, of which Blender knows no size before it is shown."""
+    path = bpy.path.abspath(image.filepath, library=image.library)
+    return image.source in {"MOVIE", "SEQUENCE"} and Path(path).is_file()
 
 
 def _even(colour, strength, what):

@@ -215,6 +215,23 @@ def test_the_disc_of_a_sky_is_a_sun_of_its_own(world):
     assert not read_environment().suns
 
 
+def test_the_picture_of_a_sequence_is_that_of_the_frame(world, tmp_path):
+    for frame, value in ((1, 0.2), (2, 0.8)):
+        picture = bpy.data.images.new("picture", 4, 2, float_buffer=True)
+        picture.pixels.foreach_set(np.full(32, value, np.float32))
+        picture.filepath_raw, picture.file_format = str(tmp_path / f"{frame:04d}.exr"), "OPEN_EXR"
+        picture.save()
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(str(tmp_path / "0001.exr"))
+    texture.image.source, texture.image_user.frame_duration = "SEQUENCE", 2
+    texture.image_user.use_auto_refresh = True
+    shader = world.node_tree.nodes["Background"]
+    world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    for frame, value in ((1, 0.2), (2, 0.8)):
+        bpy.context.scene.frame_set(frame)
+        np.testing.assert_allclose(read_environment().map.pixels, value, rtol=0.01)
+
+
 def test_what_the_world_lacks_is_named(world):
     tree = world.node_tree
     texture = tree.nodes.new("ShaderNodeTexEnvironment")

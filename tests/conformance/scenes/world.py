@@ -5,7 +5,7 @@ import math
 import bpy
 import numpy as np
 
-from tests.conformance.parts import add, box, ground, image, lamp, wall, world
+from tests.conformance.parts import add, box, ground, image, lamp, patches, wall, world
 from tests.conformance.scene import scene
 
 
@@ -167,6 +167,26 @@ def environment_image_of_a_mirror_ball(on):
 @scene()
 def environment_image_in_sRGB(on):
     _lit(_environment(on, linear=not on))
+
+
+@scene(quick=True)
+def environment_image_of_coarse_bytes(on):
+    def colour(tree):
+        kind, picture = "ShaderNodeTexEnvironment", image("coarse", patches(16, 8))
+        between = "Linear" if on else "Closest"
+        return add(tree, kind, image=picture, interpolation=between).outputs[0]
+
+    _lit(_background(colour))
+
+
+@scene()
+def environment_image_with_alpha(on):
+    def colour(tree):
+        clear = np.full((32, 64, 1), 0.5 if on else 1.0)
+        picture = image("clear", np.concatenate([_panorama(), clear], axis=-1))
+        return add(tree, "ShaderNodeTexEnvironment", image=picture).outputs[0]
+
+    _lit(_background(colour))
 
 
 @scene(says=("gone.exr",), quick=True)

@@ -118,7 +118,10 @@ def world_left_out(lamps):
 
 
 def rendering_objects(scene, view_layer):
-    """{session_uid: object} of those whose collections and own switch let them render."""
+    """{session_uid: object} of those whose collections and own switch let them render.
+
+    Those of a scene that stands as a set behind it as well.
+    """
     items = {}
 
     def visit(layer):
@@ -127,7 +130,10 @@ def rendering_objects(scene, view_layer):
             for child in layer.children:
                 visit(child)
 
-    visit(scene.original.view_layers[view_layer.name].layer_collection)
+    scene = scene.original
+    visit(scene.view_layers[view_layer.name].layer_collection)
+    while (scene := scene.background_set) is not None:
+        visit(scene.view_layers[0].layer_collection)
     return items
 
 

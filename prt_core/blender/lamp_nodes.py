@@ -126,8 +126,11 @@ def _key(scene, data, matrix, item):
         shape += [data.shape, data.size, data.size_y]
     elif data.type != "SUN":
         shape += [data.shadow_soft_size, data.type == "SPOT" and data.spot_size]
-    if not {node.type for node in all_nodes(data.node_tree)} <= _ANYWHERE:
-        shape += [matrix.tobytes(), item, *layer_numbers(scene).items()]
+    kinds = {node.type for node in all_nodes(data.node_tree)}
+    if not kinds <= _ANYWHERE:
+        shape.append(matrix.tobytes())
+    if kinds & {"OBJECT_INFO", "ATTRIBUTE"}:
+        shape += [item, *layer_numbers(scene).items()]
     return tree_signature(data.node_tree, scene.frame_current), *shape
 
 

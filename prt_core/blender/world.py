@@ -134,7 +134,9 @@ def read_environment(scene=None, messages=None):
     if plain is not None:
         return plain
     frame = scene.frame_current, scene.frame_subframe
-    asked = scene.cycles.shading_system, *layer_numbers(scene).items()
+    asked = [scene.cycles.shading_system]
+    if any(node.type == "ATTRIBUTE" for node in all_nodes(tree)):
+        asked += layer_numbers(scene).items()
     key = "rendered", world.original.session_uid, tree_signature(tree, frame), *asked
     try:
         image = _kept(key, lambda: world_image(scene, world.original, what))

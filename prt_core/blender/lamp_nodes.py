@@ -12,8 +12,14 @@ import numpy as np
 from mathutils import Euler, Matrix
 
 from prt_core.blender.identity import by_uid
-from prt_core.blender.node_trees import all_nodes, as_diffuse_rays_see, tree_signature
-from prt_core.blender.small_render import small_render
+from prt_core.blender.node_trees import (
+    all_nodes,
+    as_diffuse_rays_see,
+    counts_bounces,
+    tree_signature,
+)
+from prt_core.blender.small_render import layer_numbers, small_render
+from prt_core.blender.spot_coordinates import with_spot_coordinates
 from prt_core.errors import expect
 
 # Pixels of a pattern: two degrees of direction; places along each side of an area lamp.
@@ -23,6 +29,9 @@ _SAME = 2e-3
 # Edges of a pattern: a step between pixels of this share of the greatest value, and which share of
 # the pixels may have one before it is said.
 _STEP, _STEPS = 0.3, 0.01
+# A lamp's ball is seen from so many of its radii, by so many samples; the median may differ by
+# this share from what its middle shows.
+_FAR, _OF_BALL, _OTHER = 20, 64, 0.03
 # Distances at which a falloff is seen, relative to that of the pattern.
 _DISTANCES = 10.0 ** np.arange(-2, 3.01, 0.25)
 # Nodes whose values do not depend on where the lamp is or how it is turned.
@@ -65,12 +74,13 @@ class LampNodes:
         Evaluated; nothing of it is kept.
     matrix : (4, 4) float64
         Where the lamp is.
+    item : LampObject
     """
 
-    def __init__(self, scene, data, matrix):
-        self._plain, self._matrix = _numbers(data.node_tree), matrix
+    def __init__(self, scene, data, matrix, item):
+        self._plain, self._matrix, self._item = _numbers(data.node_tree), matrix, item
         self._light = data.original.session_uid
-        self._key = None if self._plain is not None else _key(scene, data, matrix)
+        self._key = None if self._plain is not None else _key(scene, data, matrix, item)
 
     def emission(self, scene):
         """(`Emission`, list of what it cannot follow).
@@ -93,7 +103,8 @@ class LampNodes:
             while len(_KEPT) >= _MOST_KEPT:
                 _KEPT.pop(next(iter(_KEPT)))
             with small_render(scene) as render:
-                _KEPT[self._key] = _rendered(render, light, Matrix(self._matrix.tolist()))
+                matrix = Matrix(self._matrix.tolist())
+                _KEPT[self._key] = _rendered(render, light, matrix, self._item)
         return _KEPT[self._key]
 
 
@@ -109,19 +120,30 @@ def _numbers(tree):
     return np.array(node.inputs["Color"].default_value[:3], np.float64) * strength
 
 
-def _key(scene, data, matrix):
-    shape = [data.type]
+def _key(scene, data, matrix, item):
+    shape = [data.type, scene.cycles.shading_system]
     if data.type == "AREA":
         shape += [data.shape, data.size, data.size_y]
-    if not {node.type for node in all_nodes(data.node_tree)} <= _ANYWHERE:
+    elif data.type != "SUN":
+        shape += [data.shadow_soft_size, data.type == "SPOT" and data.spot_size]
+    kinds = {node.type for node in all_nodes(data.node_tree)}
+    if not kinds <= _ANYWHERE:
         shape.append(matrix.tobytes())
+    if kinds & {"OBJECT_INFO", "ATTRIBUTE"}:
+        shape += [item, *layer_numbers(scene).items()]
     return tree_signature(data.node_tree, scene.frame_current), *shape
 
 
-def _rendered(render, light, matrix):
+def _rendered(render, light, matrix, item):
     """(Emission, list of what it cannot follow)."""
     kind, notes = light.type, []
-    look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, _unit_lamp(render, light), matrix)
+    if counts_bounces(light.node_tree):
+        notes.append("that its nodes count bounces")
+    data = _unit_lamp(render, light)
+    notes += item.answer(data.node_tree, render.keep)
+    if kind == "SPOT":
+        with_spot_coordinates(data.node_tree, light, np.abs(matrix.to_scale()))
+    look = {"SUN": _Sun, "AREA": _Area}.get(kind, _Point)(render, data, matrix, item)
     seen, small = look.pattern(1.0), look.pattern(1.0, small=True)
     falloff = None
     if np.abs(look.pattern(4.0, small=True) - small).max() > _SAME * np.abs(small).max():
@@ -131,12 +153,17 @@ def _rendered(render, light, matrix):
     factor, table = _summary(seen)
     if kind != "AREA" and _has_edges(seen):
         notes.append("how sharp the edges are that its nodes show")
+    anywhere = {node.type for node in all_nodes(light.node_tree)} <= _ANYWHERE
+    if kind in {"POINT", "SPOT"} and not anywhere and look.differs_from_place_to_place():
+        notes.append("that its nodes change from place to place on it")
     if kind != "AREA":
         return Emission(factor, table, None, falloff), notes
     if look.is_alike_from_aside():
         return Emission(factor, None, table, falloff), notes
     look.remove()
-    seen = _Point(render, _unit_lamp(render, light, "POINT"), matrix).pattern(1.0)
+    data = _unit_lamp(render, light, "POINT")
+    item.answer(data.node_tree, render.keep)
+    seen = _Point(render, data, matrix, item).pattern(1.0)
     if table is not None:
         notes.append("that its nodes change with direction otherwise in each place")
     return Emission(np.ones(3), seen, None, falloff), notes
@@ -189,9 +216,10 @@ def _falloff(look, pattern):
 class _Point:
     """A point or spot lamp, by direction."""
 
-    def __init__(self, render, data, matrix):
+    def __init__(self, render, data, matrix, item):
+        self._data, self._radius = data, data.shadow_soft_size
         data.shadow_soft_size = 0
-        render.add(data, matrix)
+        item.dress(render.add(data, matrix))
         self._render, self._axes = render, matrix.normalized()
         self._ball = render.add(_white(render, *_ball()))
         turned = self._axes @ Euler((np.pi / 2, 0, -np.pi / 2)).to_matrix().to_4x4()
@@ -199,9 +227,20 @@ class _Point:
             turned, type="PANO", panorama_type="EQUIRECTANGULAR", clip_start=1e-6, clip_end=1e6
         )
 
-    def pattern(self, distance, small=False):
+    def differs_from_place_to_place(self):
+        """Whether its ball shows another pattern from far away than its middle."""
+        if not self._radius:
+            return False
+        away = max(1.0, _FAR * self._radius)
+        of_middle = self.pattern(away, small=True, samples=_OF_BALL)
+        self._data.shadow_soft_size = self._radius
+        of_ball = self.pattern(away, small=True, samples=_OF_BALL)
+        self._data.shadow_soft_size = 0
+        return np.median(np.abs(of_ball - of_middle)) > _OTHER * np.median(np.abs(of_middle))
+
+    def pattern(self, distance, small=False, samples=1):
         self._ball.matrix_world = self._axes @ Matrix.Diagonal((*[distance] * 3, 1))
-        size, samples = ((24, 12), 1) if small else (_BY_DIRECTION, 4)
+        size, samples = ((24, 12), samples) if small else (_BY_DIRECTION, 4)
         seen = self._render.pixels(*size, samples).astype(np.float64)
         # Power 1 is 1 / 4 pi in each direction.
         return seen * 4 * np.pi**2 * distance**2
@@ -210,16 +249,17 @@ class _Point:
 class _Area:
     """An area lamp, by the place on it."""
 
-    def __init__(self, render, data, matrix):
+    def __init__(self, render, data, matrix, item):
         square = data.shape in {"SQUARE", "DISK"}
         size = data.size, data.size if square else data.size_y
         data.shape, data.spread = "RECTANGLE", np.pi
         data.size, data.size_y = size
         as_diffuse_rays_see(data.node_tree, render.keep)
         self._lamp = render.add(data, matrix)
+        item.dress(self._lamp)
         self._lamp.visible_camera = True
         self._render, self._axes = render, matrix.normalized()
-        self._size = np.array(size) * np.array(matrix.to_scale())[:2]
+        self._size = np.array(size) * np.abs(matrix.to_scale())[:2]
         wide, high = np.maximum(self._size / self._size.min(), 1e-6)
         render.scene.render.pixel_aspect_x, render.scene.render.pixel_aspect_y = wide, high
         self._camera = render.add_camera(
@@ -256,10 +296,10 @@ class _Area:
 class _Sun:
     """A sun, which shines alike from everywhere."""
 
-    def __init__(self, render, data, matrix):
+    def __init__(self, render, data, matrix, item):
         data.angle = 0
         axes = matrix.normalized()
-        render.add(data, axes)
+        item.dress(render.add(data, axes))
         corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float64)
         render.add(_white(render, corners, [(0, 1, 2, 3)]), axes)
         render.add_camera(axes @ Matrix.Translation((0, 0, 1)), type="ORTHO", ortho_scale=1)

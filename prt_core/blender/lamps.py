@@ -7,6 +7,7 @@ import numpy as np
 
 from prt_core.blender.compat import depsgraph_of, has_nodes, view_layer_of
 from prt_core.blender.lamp_nodes import LampNodes
+from prt_core.blender.lamp_object import LampObject
 from prt_core.blender.light_linking import Linking, say_linked_surfaces
 from prt_core.blender.stand_ins import renders
 from prt_core.errors import PRTError
@@ -71,7 +72,8 @@ def see_lamps(scene, depsgraph, messages):
             alone.add(source.original.session_uid)
         if owner.original.session_uid in rendered and _shines(source, owner):
             matrix = np.array(instance.matrix_world, np.float64)
-            seen.append(_see(scene, source, owner, matrix, linking))
+            number = None if instance.parent is None else instance.random_id
+            seen.append(_see(scene, source, owner, matrix, linking, number))
     if depsgraph.mode == "VIEWPORT":
         # What is hidden in the viewport alone is not evaluated.
         for uid, item in rendered.items():
@@ -116,7 +118,10 @@ def world_left_out(lamps):
 
 
 def rendering_objects(scene, view_layer):
-    """{session_uid: object} of those whose collections and own switch let them render."""
+    """{session_uid: object} of those whose collections and own switch let them render.
+
+    Those of a scene that stands as a set behind it as well.
+    """
     items = {}
 
     def visit(layer):
@@ -125,7 +130,10 @@ def rendering_objects(scene, view_layer):
             for child in layer.children:
                 visit(child)
 
-    visit(scene.original.view_layers[view_layer.name].layer_collection)
+    scene = scene.original
+    visit(scene.view_layers[view_layer.name].layer_collection)
+    while (scene := scene.background_set) is not None:
+        visit(scene.view_layers[0].layer_collection)
     return items
 
 
@@ -145,8 +153,8 @@ def _matrix(item):
     return _matrix(item.parent) @ item.matrix_parent_inverse @ item.matrix_basis
 
 
-def _see(scene, source, owner, matrix, linking):
-    data, ignored = source.data, []
+def _see(scene, source, owner, matrix, linking, random_id=None):
+    data, ignored, nodes = source.data, [], None
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.maximum(lengths, 1e-30)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
@@ -162,11 +170,13 @@ def _see(scene, source, owner, matrix, linking):
         name=source.original.name,
         casts_shadow=data.use_shadow,
         highlights=source.visible_glossy and owner.visible_glossy,
-        receivers=linking.named(owner.light_linking.receiver_collection),
-        blockers=linking.named(owner.light_linking.blocker_collection),
+        receivers=linking.named(source.light_linking.receiver_collection),
+        blockers=linking.named(source.light_linking.blocker_collection),
         **settings,
     )
-    return SeenLamp(lamp, LampNodes(scene, data, matrix) if has_nodes(data) else None, ignored)
+    if has_nodes(data):
+        nodes = LampNodes(scene, data, matrix, LampObject.of(source, owner, random_id))
+    return SeenLamp(lamp, nodes, ignored)
 
 
 def _shape(data, lengths):

@@ -14,8 +14,9 @@ from prt_core.blender.stand_ins import (
 )
 
 _DISPLACED = {"DISPLACEMENT", "BOTH"}
-# Diffuse bounces that Cycles has unless it is told otherwise.
-_USUAL_BOUNCES = 4
+# What Cycles has unless it is told otherwise: diffuse bounces, transparent surfaces that a ray
+# passes, and what indirect light is clamped to.
+_USUAL_BOUNCES, _USUAL_PASSES, _USUAL_CLAMP = 4, 8, 10
 # What Blender shows for a face without material.
 NO_MATERIAL = (0.8, 0.8, 0.8)
 
@@ -172,6 +173,17 @@ def render_remarks(scene):
             f"renders end light after {bounces} diffuse bounces, a bake has all of them; "
             f"--bounces {bounces} has as many"
         )
+    if cycles.transparent_max_bounces < _USUAL_PASSES:
+        yield (
+            f"renders end light behind {cycles.transparent_max_bounces} transparent surfaces, in a "
+            "bake it passes all of them"
+        )
+    if cycles.use_fast_gi and cycles.fast_gi_method == "REPLACE":
+        yield "renders have Fast GI in the place of bounces, a bake has the bounces"
+    for kind, usual in (("direct", np.inf), ("indirect", _USUAL_CLAMP)):
+        most = getattr(cycles, f"sample_clamp_{kind}")
+        if 0 < most < usual:
+            yield f"renders clamp {kind} light to {most:g}, a bake has all of it"
 
 
 def holdout_remarks(source, owner, layer):

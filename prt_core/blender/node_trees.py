@@ -26,6 +26,7 @@ _DIFFUSE_RAY = {
     "Transmission Depth": 0.0,
     "Portal Depth": 0.0,
 }
+_DEPTHS = {name for name in _DIFFUSE_RAY if name.endswith("Depth")}
 
 
 def linked_to(socket):
@@ -51,6 +52,32 @@ def all_nodes(tree):
             yield node
             if hasattr(node, "node_tree"):
                 trees.append(node.node_tree)
+
+
+def counts_bounces(tree):
+    """Whether a tree asks how often light was reflected or let through."""
+    return any(
+        output.is_linked and output.name in _DEPTHS
+        for node in all_nodes(tree) if node.bl_idname == "ShaderNodeLightPath"
+        for output in node.outputs
+    )  # fmt: skip
+
+
+def numbers_of(*blocks):
+    """{name: value} of the custom properties that Attribute nodes can read; the last one counts.
+
+    Parameters
+    ----------
+    blocks : bpy.types.bpy_struct or None
+    """
+    values = {}
+    for block in blocks:
+        for key in block.keys() if block is not None else ():
+            value = block[key]
+            value = tuple(value.to_list()) if hasattr(value, "to_list") else value
+            if isinstance(value, int | float | tuple):
+                values[key] = value
+    return values
 
 
 def tree_signature(tree, frame=0):
@@ -123,7 +150,12 @@ def _block(block):
 
 
 def as_diffuse_rays_see(tree, keep):
-    """Change a tree, and copies of its groups, to what diffuse rays find everywhere.
+    """`with_answers` of what diffuse rays find everywhere."""
+    with_answers(tree, keep, {"ShaderNodeLightPath": _DIFFUSE_RAY})
+
+
+def with_answers(tree, keep, answers):
+    """Change a tree, and copies of its groups, so that outputs of some nodes are numbers.
 
     Parameters
     ----------
@@ -131,13 +163,14 @@ def as_diffuse_rays_see(tree, keep):
         A copy already.
     keep : callable(block) -> block
         Takes each copy of a group that is made.
+    answers : dict of str -> dict of str -> float
+        By the `bl_idname` of nodes and the names of their outputs.
     """
     copies, trees = {}, [tree]
     while trees:
         tree = trees.pop()
         for node in list(tree.nodes):
-            if node.bl_idname == "ShaderNodeLightPath":
-                _fix_light_path(tree, node)
+            _answer(tree, node, answers.get(node.bl_idname, {}))
             group = getattr(node, "node_tree", None)
             if group is None:
                 continue
@@ -147,11 +180,11 @@ def as_diffuse_rays_see(tree, keep):
             node.node_tree = copies[group.session_uid]
 
 
-def _fix_light_path(tree, node):
+def _answer(tree, node, answers):
     for output in node.outputs:
-        if output.name not in _DIFFUSE_RAY or not output.is_linked:
+        if output.name not in answers or not output.is_linked:
             continue
         number = tree.nodes.new("ShaderNodeValue")
-        number.outputs[0].default_value = _DIFFUSE_RAY[output.name]
-        for end in [link.to_socket for link in output.links]:
+        number.outputs[0].default_value = answers[output.name]
+        for end in [link.to_socket for link in output.links if not link.is_muted]:
             tree.links.new(number.outputs[0], end)

@@ -7,9 +7,10 @@ from pathlib import Path
 import bpy
 
 from prt_core.blender.casters import mark_temporary
+from prt_core.blender.node_trees import numbers_of
 from prt_core.blender.operator_context import context_of
 from prt_core.blender.passes.traces import no_handlers, no_output
-from prt_core.blender.render_scene import is_rendering
+from prt_core.blender.render_scene import is_rendering, rendered_layer, rendered_world
 from prt_core.errors import PRTError, expect
 from prt_core.light import read_image
 
@@ -87,7 +88,8 @@ def small_render(like=None):
     Parameters
     ----------
     like : bpy.types.Scene, optional
-        Whose frame it is.
+        Whose frame it is, whose custom properties nodes find, and whose OSL scripts run where they
+        do in its renders.
 
     Raises
     ------
@@ -107,9 +109,12 @@ def small_render(like=None):
             bpy.data.images.remove(bpy.data.images[_RESULT])
 
 
+def layer_numbers(scene):
+    """{name: value} of what Attribute nodes find by the view layer of a scene that is baked."""
+    return numbers_of(rendered_world(scene), scene, rendered_layer(scene)[0])
+
+
 def _prepare(scene, like):
-    if like is not None:
-        scene.frame_current, scene.frame_subframe = like.frame_current, like.frame_subframe
     try:
         scene.render.engine = "CYCLES"
     except TypeError as error:
@@ -118,6 +123,11 @@ def _prepare(scene, like):
             "preferences"
         ) from error
     cycles, render = scene.cycles, scene.render
+    if like is not None:
+        scene.frame_current, scene.frame_subframe = like.frame_current, like.frame_subframe
+        cycles.shading_system = like.cycles.shading_system
+        for name, value in layer_numbers(like).items():
+            scene.view_layers[0][name] = value
     cycles.device, cycles.use_denoising, cycles.use_adaptive_sampling = "CPU", False, False
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     cycles.light_sampling_threshold = cycles.max_bounces = 0

@@ -9,9 +9,10 @@ import numpy as np
 from prt_core.blender.compat import has_nodes
 from prt_core.blender.images import has_known_colours, pixels_of
 from prt_core.blender.lamps import ALL_BOUNCES, read_lamps
-from prt_core.blender.node_trees import all_nodes, linked_to, tree_signature
+from prt_core.blender.node_trees import all_nodes, counts_bounces, linked_to, tree_signature
 from prt_core.blender.passes.graphs import asks_camera
 from prt_core.blender.render_scene import rendered_layer, rendered_world
+from prt_core.blender.small_render import layer_numbers
 from prt_core.blender.world_image import world_image
 from prt_core.errors import PRTError, expect
 from prt_core.light.environment import EnvironmentMap
@@ -126,16 +127,23 @@ def read_environment(scene=None, messages=None):
         return None
     if messages is not None and any(asks_camera(node) for node in all_nodes(tree)):
         messages.append(f"{what}: Window and Camera coordinates in it are not those of the camera")
+    if messages is not None and counts_bounces(tree):
+        messages.append(f"{what}: its nodes count bounces; light is as after the first of them")
     _expect_images(tree, what)
     plain = _plain(tree, output, what)
     if plain is not None:
         return plain
     frame = scene.frame_current, scene.frame_subframe
-    key = "rendered", world.original.session_uid, tree_signature(tree, frame)
+    asked = [scene.cycles.shading_system]
+    if any(node.type == "ATTRIBUTE" for node in all_nodes(tree)):
+        asked += layer_numbers(scene).items()
+    key = "rendered", world.original.session_uid, tree_signature(tree, frame), *asked
     try:
         image = _kept(key, lambda: world_image(scene, world.original, what))
     except PRTError as error:
         raise PRTError(f"{what}: {error}") from error
+    if image.takes and messages is not None:
+        messages.append(f"{what}: light below zero takes none away; it is none")
     return WorldLight(image.map, np.eye(3), 1.0, tuple(image.suns))
 
 
@@ -154,7 +162,10 @@ def _plain(tree, output, what):
     if texture.type != "TEX_ENVIRONMENT" or texture.mute or colour.name != "Color":
         return None
     image = texture.image
-    if image.source not in {"FILE", "GENERATED"} or not has_known_colours(image):
+    # Bytes are interpolated as they are encoded, and multiplied with their alpha.
+    if image.source not in {"FILE", "GENERATED"} or not image.is_float:
+        return None
+    if not has_known_colours(image):
         return None
     if texture.projection != "EQUIRECTANGULAR":
         return None
@@ -173,10 +184,16 @@ def _expect_images(tree, what):
         image = node.image
         expect(image is not None, f"{what}: the texture '{node.name}' has no image; choose one")
         expect(
-            image.size[0] > 0,
+            image.size[0] > 0 or _has_file(image),
             f"{what}: image '{image.name}' has no pixels; its file '{image.filepath}' is missing "
             "or unreadable",
         )
+
+
+def _has_file(image):
+    """Whether a film or sequence is there, of which Blender knows no size before it is shown."""
+    path = bpy.path.abspath(image.filepath, library=image.library)
+    return image.source in {"MOVIE", "SEQUENCE"} and Path(path).is_file()
 
 
 def _even(colour, strength, what):

@@ -24,14 +24,17 @@ _FINE, _DISCS = 64, 2.5
 _SMALLEST = float(np.radians(0.2))
 # A disc is so many times brighter than the brightest of the sky around it.
 _BRIGHTER = 1.5
+# Less than this share of the brightest below zero are traces of a filter.
+_TRACES = 0.01
 
 
 @dataclass(frozen=True)
 class WorldImage:
-    """An `EnvironmentMap`, and the suns of its skies as a list of `Lamp`."""
+    """An `EnvironmentMap`, the suns of its skies as a list of `Lamp`, and whether it took light."""
 
     map: EnvironmentMap
     suns: list
+    takes: bool
 
 
 def world_image(scene, world, name):
@@ -65,9 +68,12 @@ def world_image(scene, world, name):
                 node.id_data.links.remove(link)
             node.sun_disc = False
         width = _width(copy.node_tree)
-        pixels = _radiance(render, width, width // 2, _SAMPLES if width <= 2 * _WIDTH else 1)
+        samples = _SAMPLES if width <= 2 * _WIDTH else 1
+        pixels = np.nan_to_num(render.pixels(width, width // 2, samples), nan=0.0)
+        takes = bool(pixels.min() < -_TRACES * max(float(pixels.max()), 1e-6))
+        pixels = np.clip(pixels, 0, BRIGHTEST)
         suns = [sun for node in discs for sun in _suns_of(render, node, f"sun of {name}")]
-        return WorldImage(EnvironmentMap(pixels, name), suns)
+        return WorldImage(EnvironmentMap(pixels, name), suns, takes)
 
 
 def _has_disc(node):
@@ -82,11 +88,6 @@ def _width(tree):
     return int(np.clip(2 * ((widest + 1) // 2), _WIDTH, _WIDEST))
 
 
-def _radiance(render, width, height, samples=_SAMPLES):
-    pixels = render.pixels(width, height, samples)
-    return np.clip(np.nan_to_num(pixels, nan=0.0, posinf=BRIGHTEST), 0, BRIGHTEST)
-
-
 def _suns_of(render, node, name):
     """The sun of a sky texture in a list; an empty one where nothing is seen of its disc."""
     elevation, turn = node.sun_elevation, node.sun_rotation
@@ -97,7 +98,8 @@ def _suns_of(render, node, name):
     looking = Matrix(axes.tolist()).to_4x4() @ Euler((0, np.pi, 0)).to_matrix().to_4x4()
     render.add_camera(looking, type="PERSP", angle=2 * np.arctan(side / 2))
     node.sun_disc = True
-    light = _radiance(render, _FINE, _FINE, 4 * _SAMPLES).astype(np.float64)
+    light = np.clip(np.nan_to_num(render.pixels(_FINE, _FINE, 4 * _SAMPLES)), 0, BRIGHTEST)
+    light = light.astype(np.float64)
     node.sun_disc = False
     step = side / _FINE
     across = (np.arange(_FINE) + 0.5) * step - side / 2

@@ -443,6 +443,21 @@ def test_film_exposure_and_few_bounces_are_said(scene):
     ]
 
 
+def test_what_renders_cut_off_light_is_said(scene):
+    cube("box", scene.collection)
+    cycles = scene.cycles
+    cycles.use_fast_gi, cycles.fast_gi_method = True, "ADD"
+    assert not read()[1]
+    cycles.transparent_max_bounces, cycles.fast_gi_method = 2, "REPLACE"
+    cycles.sample_clamp_direct, cycles.sample_clamp_indirect = 0.5, 3
+    assert read()[1] == [
+        "renders end light behind 2 transparent surfaces, in a bake it passes all of them",
+        "renders have Fast GI in the place of bounces, a bake has the bounces",
+        "renders clamp direct light to 0.5, a bake has all of it",
+        "renders clamp indirect light to 3, a bake has all of it",
+    ]
+
+
 def test_motion_blur_and_the_compositor_are_said(scene):
     cube("box", scene.collection)
     if hasattr(scene, "compositing_node_group"):

@@ -1,5 +1,7 @@
 import math
+from pathlib import Path
 
+import _cycles
 import bpy
 import numpy as np
 import pytest
@@ -122,6 +124,32 @@ def test_the_world_is_that_of_diffuse_rays(world, output, seen):
     assert list(bpy.data.node_groups) == [group]
 
 
+OSL = "shader tint(output color Tint = 0) { Tint = color(0.2, 0.9, 0.1); }"
+
+
+def test_osl_scripts_of_worlds_and_lamps_run_where_the_scene_has_them(world, monkeypatch):
+    # Where Blender is a module, its own path lacks what finds a script's sockets.
+    found = next(Path(bpy.utils.resource_path("LOCAL")).rglob("oslquery"), None)
+    if not _cycles.with_osl or found is None:
+        pytest.skip("this Blender has no OSL")
+    monkeypatch.syspath_prepend(found.parent)
+    bpy.context.scene.render.engine = "CYCLES"
+    lamp, text = build.lamp("lamp", "POINT", (0, 0, 1), 50), bpy.data.texts.new("tint.osl")
+    text.write(OSL)
+    if lamp.data.node_tree is None:
+        lamp.data.use_nodes = True
+    for tree, shader in ((world.node_tree, "Background"), (lamp.data.node_tree, "Emission")):
+        script = tree.nodes.new("ShaderNodeScript")
+        script.script = text
+        tree.links.new(script.outputs["Tint"], tree.nodes[shader].inputs["Color"])
+    for runs in (True, False):
+        bpy.context.scene.cycles.shading_system = runs
+        bpy.context.view_layer.update()
+        seen = read_environment().map.pixels.mean(axis=(0, 1)), read_lamps()[0].power / 50
+        has_tint = np.allclose(seen, (0.2, 0.9, 0.1), rtol=0.01)
+        assert has_tint == runs, seen
+
+
 def test_a_world_without_light_for_diffuse_rays_is_none(world):
     assert read_environment() is not None
     world.cycles_visibility.diffuse = False
@@ -185,6 +213,23 @@ def test_the_disc_of_a_sky_is_a_sun_of_its_own(world):
     np.testing.assert_allclose(power, sun.power, rtol=2e-3)
     sky.sun_disc = False
     assert not read_environment().suns
+
+
+def test_the_picture_of_a_sequence_is_that_of_the_frame(world, tmp_path):
+    for frame, value in ((1, 0.2), (2, 0.8)):
+        picture = bpy.data.images.new("picture", 4, 2, float_buffer=True)
+        picture.pixels.foreach_set(np.full(32, value, np.float32))
+        picture.filepath_raw, picture.file_format = str(tmp_path / f"{frame:04d}.exr"), "OPEN_EXR"
+        picture.save()
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(str(tmp_path / "0001.exr"))
+    texture.image.source, texture.image_user.frame_duration = "SEQUENCE", 2
+    texture.image_user.use_auto_refresh = True
+    shader = world.node_tree.nodes["Background"]
+    world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    for frame, value in ((1, 0.2), (2, 0.8)):
+        bpy.context.scene.frame_set(frame)
+        np.testing.assert_allclose(read_environment().map.pixels, value, rtol=0.01)
 
 
 def test_what_the_world_lacks_is_named(world):

@@ -158,9 +158,11 @@ def graph_of(material, gloss=False):
 
 
 def asks_camera(node):
-    """Whether a node gives something in coordinates that are a camera's own."""
+    """Whether a node gives something in coordinates or pixels that are a camera's own."""
     if node.type == "VECT_TRANSFORM":
         return "CAMERA" in (node.convert_from, node.convert_to)
+    if node.type == "WIREFRAME":
+        return node.use_pixel_size
     asked = {socket.name for socket in node.outputs if socket.is_linked}
     return bool(asked & _OF_A_CAMERA.get(node.type, set()))
 

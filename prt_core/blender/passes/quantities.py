@@ -56,6 +56,7 @@ LINES = {
     "bumpy": "bump is left out, as in Cycles' own bakes; use a normal map, or displace the mesh",
     "lengths": "Light Path: lengths and depths are those of a ray of length 1 after one bounce",
     "sampled": "Light Path: its emission is that of diffuse rays; Cycles also takes other rays'",
+    "takes": "emission below zero takes no light away; it is none",
     "sides": "Light Path: to shadow rays its back is as its front",
     "holdouts": "a holdout is black to light; renders have a hole there, pictures of a bake do not",
     "views": "Layer Weight, Fresnel, Incoming and the like: it is as seen from straight on",
@@ -87,7 +88,7 @@ def quantities_of(passes, plain=None):
     -------
     values : (n, N_COLUMNS) float32
     signs : dict of str -> (n,) bool
-        Where there is metal, specular reflection and glass, by the keys of `LINES`.
+        Where there is metal, specular reflection, glass and the like, by the keys of `LINES`.
     """
     values = np.zeros((len(passes["share"]), N_COLUMNS), np.float32)
     diffuse, glossy, through = (
@@ -102,7 +103,8 @@ def quantities_of(passes, plain=None):
     values[:, COLUMNS["transmission"]] = through * np.clip(1 - most / _GLASS, 0, 1)
     values[:, COLUMNS["normal"]] = passes["normal"]
     steps = np.round(values * _STEPS) / _STEPS
-    emission = np.maximum(np.nan_to_num(passes["emission"], posinf=0), 0)
+    given = np.nan_to_num(passes["emission"], posinf=0)
+    emission = np.maximum(given, 0)
     mantissa, exponent = np.frexp(emission)
     steps[:, COLUMNS["emission"]] = np.ldexp(np.round(mantissa * _STEPS) / _STEPS, exponent)
     return steps, {
@@ -110,6 +112,7 @@ def quantities_of(passes, plain=None):
         "specular": (glossy - metal).max(axis=1) > 5 * _NOTHING,
         "glass": through.max(axis=1) > _NOTHING,
         "tinted": np.ptp(through, axis=1) > 0.05,
+        "takes": given.min(axis=1) < -_NOTHING,
     }
 
 

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from tests.conformance.parts import (
+    BESIDE,
     GREY,
     add,
     ball,
@@ -278,3 +279,15 @@ def lava_of_noise(on):
     ground(painted("ground", lambda tree: add(tree, "ShaderNodeRGB").outputs[0]))
     world(0.3)
     sheet("lava", shaded("lava", surface), 2.5, 12, **DOWN)
+
+
+@scene(says=("material", "below zero"))
+def wall_that_takes_light_away(on):
+    def surface(tree):
+        paper = add(tree, "ShaderNodeBsdfDiffuse", {"Color": (*GREY, 1)}).outputs[0]
+        dark = add(tree, "ShaderNodeEmission", {"Strength": -0.5 * on}).outputs[0]
+        return add(tree, "ShaderNodeAddShader", {0: paper, 1: dark}).outputs[0]
+
+    ground()
+    world()
+    wall(shaded("wall", surface), **BESIDE)

@@ -2,7 +2,19 @@
 
 import bpy
 
-from tests.conformance.parts import add, ground, lamp, lamp_above
+from tests.conformance.parts import (
+    BESIDE,
+    add,
+    ground,
+    image,
+    lamp,
+    lamp_above,
+    move,
+    patches,
+    plain,
+    put,
+    wall,
+)
 from tests.conformance.scene import scene
 
 
@@ -107,3 +119,90 @@ def lamp_with_a_pattern(on):
 
     ground()
     _nodes(lamp_above("SPOT", 200, spot_size=2.0, shadow_soft_size=0.0), colour)
+
+
+@scene(light="lamps")
+def spot_lamp_that_projects_an_image(on):
+    def colour(tree):
+        kind = "ShaderNodeTexImage" if on else "ShaderNodeRGB"
+        picture = {"image": image("slide", patches()), "interpolation": "Cubic"} if on else {}
+        return add(tree, kind, **picture).outputs[0]
+
+    ground(cells=24)
+    _nodes(lamp_above("SPOT", 200, (0, 0, 1.8), (0.2, 0, 0.3), (1, 1.4, 1), spot_size=1.4), colour)
+
+
+@scene(light="lamps", says=("lamp", "place to place"))
+def ball_of_noise(on):
+    def colour(tree):
+        place = add(tree, "ShaderNodeNewGeometry").outputs["Position" if on else "Normal"]
+        return add(tree, "ShaderNodeTexNoise", {"Vector": place, "Scale": 3.0}).outputs["Color"]
+
+    ground()
+    _nodes(lamp_above("POINT", location=(0, 0, 1.6), shadow_soft_size=0.4), colour)
+
+
+# ---- what nodes ask of the lamp's object
+
+
+def _value(kind, output, **settings):
+    """The output of a node of this kind, as a function of a tree."""
+    return lambda tree: add(tree, kind, **settings).outputs[output]
+
+
+def _property(of):
+    return _value("ShaderNodeAttribute", "Fac", attribute_type=of, attribute_name="dimmed")
+
+
+def _two(bulb):
+    """Two instances of a collection of the lamp."""
+    bulb.location = 0, 0, 0
+    library = bpy.data.collections.new("street lamps")
+    move(bulb, library)
+    for x in (-1, 1):
+        item = put(f"street lamp {x}", None, location=(x, 0, 1))
+        item.instance_type, item.instance_collection = "COLLECTION", library
+        yield item
+
+
+@scene(light="lamps", quick=True)
+def lamp_in_the_colour_of_its_object(on):
+    ground()
+    bulb = _nodes(lamp_above("POINT"), _value("ShaderNodeObjectInfo", "Color"))
+    bulb.color = (1, 0.3, 0.1, 1) if on else (1, 1, 1, 1)
+
+
+@scene(light="lamps")
+def lamp_dimmed_by_a_property(on):
+    ground()
+    bulb = _nodes(lamp_above("POINT"), _property("OBJECT"))
+    bulb["dimmed"] = 0.3 if on else 1.0
+
+
+@scene(light="lamps")
+def lamp_dimmed_by_a_property_of_the_view_layer(on):
+    ground()
+    _nodes(lamp_above("POINT"), _property("VIEW_LAYER"))
+    bpy.context.view_layer["dimmed"] = 0.3 if on else 1.0
+
+
+@scene(light="lamps", quick=True)
+def instanced_lamps_of_random_strengths(on):
+    ground()
+    kind, output = ("ShaderNodeObjectInfo", "Random") if on else ("ShaderNodeValue", 0)
+    list(_two(_nodes(lamp_above("POINT"), _value(kind, output))))
+
+
+@scene(light="lamps")
+def instanced_lamps_dimmed_by_their_instancers(on):
+    ground()
+    for item in _two(_nodes(lamp_above("POINT"), _property("INSTANCER"))):
+        item["dimmed"] = 0.2 if on and item.location.x > 0 else 1.0
+
+
+@scene(light="lamps", says=("lamp", "count bounces"), samples=4096, quick=True)
+def lamp_that_counts_bounces(on):
+    ground()
+    wall(plain("wall", (0.95, 0.95, 0.95)), **BESIDE)
+    kind, output = ("ShaderNodeLightPath", "Ray Depth") if on else ("ShaderNodeValue", 0)
+    _nodes(lamp_above("POINT"), _value(kind, output))

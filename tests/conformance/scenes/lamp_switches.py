@@ -95,3 +95,12 @@ def lamps_and_a_world(on):
     world(0.5, (0.3, 0.5, 1))
     box(location=(0, 0, 0.5))
     lamp_above("SUN", 2.0 * on, rotation=(0.5, 0.6, 0), angle=0.1)
+
+
+@scene(light="lamps")
+def lamp_of_a_background_set(on):
+    ground()
+    lamp("weak", "POINT", (-1, -1, 1), 10)
+    behind = bpy.data.scenes.new("set")
+    move(lamp_above("POINT"), behind.collection)
+    bpy.context.scene.background_set = behind if on else None

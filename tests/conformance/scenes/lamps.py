@@ -2,7 +2,7 @@
 
 import math
 
-from tests.conformance.parts import box, ground, lamp_above
+from tests.conformance.parts import add, box, ground, lamp_above
 from tests.conformance.scene import scene
 
 
@@ -143,3 +143,18 @@ def area_lamp_that_is_not_normalised(on):
 @scene(light="lamps")
 def area_lamp_without_a_size(on):
     _area("SQUARE", size=0.0 if on else 2.0)
+
+
+@scene(light="lamps")
+def area_lamp_of_a_pattern_mirrored(on):
+    ground()
+    data = lamp_above(
+        "AREA", 60, rotation=(0.3, 0, 0), scale=(-1 if on else 1, 1, 1), size=1.5
+    ).data
+    data.use_nodes = True
+    tree = data.node_tree
+    tree.nodes.clear()
+    place = add(tree, "ShaderNodeTexCoord").outputs["UV"]
+    across = add(tree, "ShaderNodeTexGradient", {"Vector": place}).outputs["Color"]
+    shine = add(tree, "ShaderNodeEmission", {"Color": across}).outputs[0]
+    add(tree, "ShaderNodeOutputLight", {0: shine})

@@ -13,8 +13,11 @@ from tests.conformance.parts import (
     ground,
     lamp,
     lamp_above,
+    move,
     place,
     plain,
+    plate,
+    put,
     sheet,
     wall,
     world,
@@ -136,3 +139,21 @@ def portal(on):
     lamp_above("POINT", 20)
     item = lamp("portal", "AREA", (0.5, 0.5, 1), 50, size=1)
     item.data.cycles.is_portal = on
+
+
+@scene(light="lamps")
+def shadow_linking_of_an_instanced_lamp(on):
+    ground()
+    slab, bulb = plate(size=1), lamp_above("POINT", location=(0, 0, 0))
+    library = bpy.data.collections.new("street lamps")
+    move(bulb, library)
+    item = put("street lamp", None, location=(0.4, 0.2, 1.5))
+    item.instance_type, item.instance_collection = "COLLECTION", library
+    if on:
+        # Of the instance it counts for nothing.
+        for owner, linked in ((bulb, slab), (item, bpy.data.objects["ground"])):
+            collection = bpy.data.collections.new("linking")
+            collection.objects.link(linked)
+            collection.collection_objects[0].light_linking.link_state = "EXCLUDE"
+            way = "blocker" if owner is bulb else "receiver"
+            setattr(owner.light_linking, f"{way}_collection", collection)

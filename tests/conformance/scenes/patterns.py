@@ -1,6 +1,6 @@
 """Procedural textures and the coordinates they are in."""
 
-from tests.conformance.parts import add, ball, ground, painted, put, world
+from tests.conformance.parts import BESIDE, add, ball, ground, painted, put, wall, world
 from tests.conformance.scene import scene
 
 
@@ -92,3 +92,14 @@ def coordinates_of_the_texture_space(on):
         item.data.use_auto_texspace = False
         item.data.texspace_location, item.data.texspace_size = (1, 0, 0), (2.5, 2.5, 2.5)
     world()
+
+
+@scene(says=("material", "seen from straight on"), targets=("ground", "wall"))
+def wireframe_in_pixels(on):
+    def lines(tree):
+        node = add(tree, "ShaderNodeWireframe", {"Size": 2.0 if on else 0.1}, use_pixel_size=on)
+        return node.outputs[0]
+
+    ground()
+    world()
+    wall(painted("wall", lines), **BESIDE)

@@ -5,7 +5,7 @@ import math
 import bpy
 import numpy as np
 
-from tests.conformance.parts import add, box, ground, image, lamp, wall, world
+from tests.conformance.parts import add, box, ground, image, lamp, patches, wall, world
 from tests.conformance.scene import scene
 
 
@@ -169,6 +169,26 @@ def environment_image_in_sRGB(on):
     _lit(_environment(on, linear=not on))
 
 
+@scene(quick=True)
+def environment_image_of_coarse_bytes(on):
+    def colour(tree):
+        kind, picture = "ShaderNodeTexEnvironment", image("coarse", patches(16, 8))
+        between = "Linear" if on else "Closest"
+        return add(tree, kind, image=picture, interpolation=between).outputs[0]
+
+    _lit(_background(colour))
+
+
+@scene()
+def environment_image_with_alpha(on):
+    def colour(tree):
+        clear = np.full((32, 64, 1), 0.5 if on else 1.0)
+        picture = image("clear", np.concatenate([_panorama(), clear], axis=-1))
+        return add(tree, "ShaderNodeTexEnvironment", image=picture).outputs[0]
+
+    _lit(_background(colour))
+
+
 @scene(says=("gone.exr",), quick=True)
 def environment_image_that_is_missing(on):
     def colour(tree):
@@ -326,3 +346,30 @@ def fog_of_the_world(on):
     fog = add(tree, "ShaderNodeVolumeAbsorption", {"Density": 0.5 * on}).outputs[0]
     output = next(n for n in tree.nodes if n.type == "OUTPUT_WORLD")
     tree.links.new(fog, output.inputs["Volume"])
+
+
+@scene()
+def world_dimmed_by_a_property_of_the_scene(on):
+    def strength(tree):
+        kind, of = "ShaderNodeAttribute", {"attribute_type": "VIEW_LAYER"}
+        return add(tree, kind, attribute_name="dimmed", **of).outputs["Fac"]
+
+    _lit(_background(None, strength))
+    bpy.context.scene["dimmed"] = 0.3 if on else 1.0
+
+
+@scene(says=("world", "count bounces"))
+def world_that_counts_bounces(on):
+    def strength(tree):
+        return add(tree, "ShaderNodeLightPath").outputs["Diffuse Depth"]
+
+    _lit(_background(None, strength if on else 1.0))
+
+
+@scene(says=("world", "below zero"))
+def world_below_zero_on_one_side(on):
+    def colour(tree):
+        way = add(tree, "ShaderNodeVectorMath", {0: _direction(tree)}, operation="ABSOLUTE")
+        return _direction(tree) if on else way.outputs[0]
+
+    _lit(_background(colour))

@@ -126,8 +126,8 @@ def bake_blend_steps(
             sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
         if settings.gloss and light is not None:
-            image = image_of_world(light.map, light.rotation, light.strength)
-            world = BakedWorld(world, image)
+            what = light.map, light.rotation, light.strength
+            world = BakedWorld(world, image_of_world(*what))
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
     say_copies(meshes, messages)

@@ -49,6 +49,8 @@ def test_a_picture_of_a_mirror_and_gold_is_that_of_cycles(tmp_path):
     caster.close()
     relighter = Relighter(bake, "blender")
     picture = relighter.picture(rays, sky)
+    # The bake knows the file's own world as well as the image.
+    own = relighter.picture(rays, "world")
     coloured = rays.picture(relighter.radiance(sky), relighter.sky(prt_core.Lighting(sky)))
     assert relighter.mirror_rays > 1000
     relighter.close()
@@ -56,3 +58,4 @@ def test_a_picture_of_a_mirror_and_gold_is_that_of_cycles(tmp_path):
         np.linalg.norm(each - truth) / np.linalg.norm(truth) for each in (picture, coloured)
     )
     assert error < 0.03 < 0.2 < before
+    assert np.linalg.norm(own - picture) < 2e-3 * np.linalg.norm(picture)

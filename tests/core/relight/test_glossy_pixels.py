@@ -10,7 +10,7 @@ import prt_core
 from prt_core import BakeSettings, Lamp, PRTError, Scene, bake_steps, load, run
 from prt_core.cli import main
 from prt_core.evaluate.view import CameraRays
-from prt_core.light import EnvironmentMap, write_image
+from prt_core.light import EnvironmentMap, sun_light, write_image
 from prt_core.reflectance import Materials
 from prt_core.reflectance.fresnel_powers import N_POWERS
 from prt_core.relight.glossy_pixels import ordered_dither
@@ -121,6 +121,27 @@ def test_a_mirror_shows_the_texels_of_a_world_smoothed_as_they_are_behind_the_sc
     up, _, _, free = mirrored(bake, rays)
     assert free.sum() > 20
     np.testing.assert_allclose(pixels[free], sky(up[free]), rtol=2e-3)
+
+
+def test_a_mirror_shows_the_image_of_a_world_and_its_suns(mirror):
+    bake, caster, _ = mirror
+    towards = np.array([0.8, 0.0, 0.6])
+    axes = np.column_stack([[0, 1.0, 0], np.cross(towards, [0, 1.0, 0]), towards])
+    sun = Lamp("sun", [3, 2, 1], axes=axes, angle=0.3)
+    texels = SKY.to_cube_map(bake.cube_map) + sun_light(bake.cube_map, towards, sun.power, 0.3)
+    bake = replace(bake, world=texels.astype(np.float32), world_image=SKY, lamps=[sun])
+    rays, relighter = rays_of(bake, bake.camera, 24, 18), Relighter(bake, caster)
+    pixels = relighter.picture(rays, "world", strength=2.0).reshape(-1, 3)
+    behind = relighter.sky(Lighting("world", strength=2.0))
+    relighter.close()
+    up, _, _, free = mirrored(bake, rays)
+    sunny = free & (up @ towards > np.cos(0.15))
+    assert sunny.sum() > 3 and (free & ~sunny).sum() > 20
+    wanted = 2 * SKY.interpolated(up)
+    np.testing.assert_allclose(behind(up[free]), wanted[free], rtol=1e-4)
+    disc = 2 * sun.power / (np.pi * np.sin(0.15) ** 2)
+    np.testing.assert_allclose(pixels[free & ~sunny], wanted[free & ~sunny], rtol=2e-3)
+    np.testing.assert_allclose(pixels[sunny], wanted[sunny] + disc, rtol=2e-3)
 
 
 def test_at_points_pixels_are_what_points_are(rough):

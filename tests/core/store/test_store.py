@@ -10,6 +10,8 @@ import pytest
 
 from prt_core import BakeSettings, Camera, PRTError, Scene, bake_steps, load, run
 from prt_core.cli import main
+from prt_core.light import EnvironmentMap
+from prt_core.light.baked_world import BakedWorld
 from prt_core.store import BakeStore, read_scene, write_scene
 from tests.core.store.conftest import (
     LAMPS,
@@ -73,6 +75,28 @@ def test_new_lamps_and_world_are_taken_without_a_ray(scene, baked, finished):
         np.testing.assert_array_equal(bake.world, world)
         assert len(list(baked.glob("world*"))) == (world is not None)
     assert BakeStore(baked).attributes["report"] == attributes["report"]
+
+
+def test_an_image_of_the_world_is_kept_beside_it(scene, baked):
+    pixels = np.random.default_rng(2).random((8, 16, 3)).astype(np.float32)
+    for image in (pixels, 2 * pixels, None, pixels):
+        kept = BakedWorld(WORLD, None if image is None else EnvironmentMap(image))
+        run(bake_steps(scene, baked, SETTINGS, LAMPS, kept))
+        bake = load(baked)
+        np.testing.assert_array_equal(bake.world, WORLD)
+        assert (bake.world_image is None) == (image is None)
+        if image is not None:
+            np.testing.assert_array_equal(bake.world_image.pixels, image)
+        assert len(list(baked.glob("world*"))) == 1 + (image is not None)
+    before = {p: p.stat().st_mtime_ns for p in baked.rglob("*") if p.is_file()}
+    run(bake_steps(scene, baked, SETTINGS, LAMPS, kept))
+    after = {p: p.stat().st_mtime_ns for p in baked.rglob("*") if p.is_file()}
+    assert {p: t for p, t in after.items() if "world" in str(p)} == {
+        p: t for p, t in before.items() if "world" in str(p)
+    }
+    forge_facts(baked, world_image="world_image7")
+    with pytest.raises(PRTError, match="the name of its world's image"):
+        load(baked)
 
 
 def test_a_kill_before_new_lights_are_named_leaves_the_old_ones(scene, baked, monkeypatch):

@@ -125,7 +125,7 @@ def bake_blend_steps(
         if refine is not None:
             sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
-        if settings.gloss and light is not None:
+        if light is not None:
             what = light.map, light.rotation, light.strength
             world = BakedWorld(world, image_of_world(*what))
     except PRTError as error:

@@ -43,7 +43,7 @@ class Bake(NamedCameras):
     cameras : dict of str -> Camera
         All cameras of the scene whose lens is followed.
     world_image : EnvironmentMap, or None
-        The world in finer detail, without suns that are lamps; kept with gloss.
+        The world in finer detail, without suns that are lamps.
     """
 
     scene: Scene

@@ -40,14 +40,14 @@ def image_of_world(environment, rotation=None, strength=1.0):
 
     Returns
     -------
-    EnvironmentMap, or None
-        Of at most 512 rows, whose pixels are means of those that they replace; None where the
-        world is even.
+    EnvironmentMap
+        Of at most 512 rows, whose pixels are means of those that they replace; of one pixel where
+        the world is even.
     """
     expect_kind("environment", environment, EnvironmentMap)
     pixels, matrix = environment.pixels, rotation_matrix(rotation)
     if (pixels == pixels[0, 0]).all():
-        return None
+        return EnvironmentMap(pixels[:1, :1] * np.float32(strength), "world")
     height = min(_ROWS, len(pixels))
     if height == len(pixels) and np.array_equal(matrix, np.eye(3)):
         return EnvironmentMap(pixels * np.float32(strength), "world")

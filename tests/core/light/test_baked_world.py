@@ -7,6 +7,7 @@ from prt_core import PRTError
 from prt_core.light import EnvironmentMap
 from prt_core.light.baked_world import image_of_world
 from prt_core.light.sky import Sky, with_suns
+from prt_core.sphere import CubeMap
 
 
 def noise(height):
@@ -33,8 +34,13 @@ def test_large_images_become_means_of_their_pixels():
     np.testing.assert_allclose(image.pixels, means, atol=1e-5)
 
 
-def test_an_even_world_needs_no_image():
-    assert image_of_world(EnvironmentMap(np.full((4, 8, 3), 0.5, np.float32))) is None
+def test_an_even_world_needs_one_pixel():
+    image = image_of_world(EnvironmentMap(np.full((4, 8, 3), 0.5, np.float32)), 20.0, 3.0)
+    np.testing.assert_array_equal(image.pixels, np.full((1, 1, 3), 1.5, np.float32))
+    np.testing.assert_array_equal(
+        Sky(((image, np.eye(3), 1.0),))(noise(4)[0]), np.full((8, 3), 1.5)
+    )
+    np.testing.assert_allclose(image.to_cube_map(CubeMap(4)), 1.5, rtol=1e-6)
     with pytest.raises(PRTError, match="environment: expected"):
         image_of_world(noise(4))
 

@@ -42,7 +42,7 @@ class PartialBake(Bake):
     scene, transport, lamps, world, camera, settings, report, source, path, origin
         As those of a `Bake`; the transport is a `PartialTransport`, the report is empty, and it
         has no path.
-    dense, emission, reflections, cameras
+    dense, emission, reflections, cameras, world_image
         As those of a `Bake`: no dense points, and no gloss.
     known_percent : float
         Of the points: those whose rows are known.
@@ -236,7 +236,8 @@ class Pictures:
             scene, transport, list(lamps), world and world.texels, camera,
             self._given[1].stored(), {},
             dict(source or {}), None, dict(origin or {}), None, emission,
-            cameras=dict(cameras or {}), known_percent=100 * share, error=error, coarse=few.bake,
+            cameras=dict(cameras or {}), world_image=world and world.image,
+            known_percent=100 * share, error=error, coarse=few.bake,
         )  # fmt: skip
         self._latest, self._n_shown, self._count = bake, n_known, self._count + 1
         self._last = 0.0, max(n_known, 1)

@@ -15,6 +15,11 @@ from prt_core.runtime.machine import expect_memory
 
 _READERS = {}
 _RGB, _GREY = ("R", "G", "B"), "Y"
+# Beside which Y is no grey image.
+_NO_GREY = {
+    "luminance and chroma (Y, RY, BY)": ("RY", "BY"),
+    "vectors or CIE colours (X, Y, Z)": ("X", "Z"),
+}
 # What the main layer of a file is called; others are passes, such as AO.
 _MAIN = ("", "combined", "composite", "rgba", "rgb", "beauty", "color", "colour", "main", "default")
 _MOST_NAMES = 6
@@ -194,12 +199,12 @@ def _read_exr(path):
     expect(
         not part.deep, f"{path}: deep images are not understood; flatten it to one layer of pixels"
     )
-    base = names[0].rpartition(".")[0]
-    chroma = [f"{base}.{name}" if base else name for name in ("RY", "BY")]
-    expect(
-        names[0] != names[1] or not any(name in part.channels for name in chroma),
-        f"{path}: luminance and chroma (Y, RY, BY) are not understood; save it as R, G, B",
-    )
+    prefix = _prefix(names[0])
+    for what, more in _NO_GREY.items():
+        expect(
+            names[0] != names[1] or not any(prefix + name in part.channels for name in more),
+            f"{path}: {what} are not understood; save it as R, G, B",
+        )
     sampled = {part.channels[name][1:] for name in names}
     expect(
         sampled == {(1, 1)},

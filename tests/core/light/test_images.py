@@ -175,6 +175,10 @@ def test_kinds_that_would_be_another_picture_are_refused(tmp_path):
     (tmp_path / "yc.exr").write_bytes(exr_lines(chroma, planes, 10, 4))
     with pytest.raises(PRTError, match="luminance and chroma .* are not understood"):
         read_image(tmp_path / "yc.exr")
+    for names in ("XYZ", "XY", ("N.X", "N.Y", "N.Z")):
+        save(tmp_path / "n.exr", {name: half[..., i].copy() for i, name in enumerate(names)})
+        with pytest.raises(PRTError, match="vectors or CIE colours .* are not understood"):
+            read_image(tmp_path / "n.exr")
     planes = {"R": half[::2, ::2, 0], "G": half[..., 1], "B": half[..., 2]}
     few = [("R", 2, 2, 2), ("G", 2, 1, 1), ("B", 2, 1, 1)]
     (tmp_path / "s.exr").write_bytes(exr_lines(few, planes, 10, 4))

@@ -373,11 +373,13 @@ def test_the_compressed_form_is_shown_where_it_is_asked_for(scene):
 
 
 def form_of(path):
-    """Attributes of a compressed form but its seconds, and its bytes."""
+    """Attributes of a compressed form but its seconds and its folder's, and its bytes."""
     store = BakeStore(path)
     attributes = compressed_attributes(store)
     state = read_compressed(store, attributes)
-    return {k: v for k, v in attributes.items() if k not in ("seconds", "folder")}, state["data"]
+    # Digests belong to the names of arrays, and so to their folder.
+    own = "seconds", "folder", "arrays"
+    return {k: v for k, v in attributes.items() if k not in own}, state["data"]
 
 
 @needs_camera

@@ -1,6 +1,7 @@
 """Which frame of a moving scene a bake is of: kept, told, and held against that of a .blend."""
 
 import json
+from pathlib import Path
 
 import bpy
 import pytest
@@ -30,7 +31,7 @@ def moving(tmp_path, monkeypatch):
 
 def save(scene, frame, name="moving.blend"):
     scene.frame_set(int(frame), subframe=frame % 1)
-    bpy.ops.wm.save_as_mainfile(filepath=name)
+    bpy.ops.wm.save_as_mainfile(filepath=str(Path.cwd() / name))
 
 
 def bake(*flags):

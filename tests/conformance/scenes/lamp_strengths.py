@@ -17,6 +17,9 @@ from tests.conformance.parts import (
 )
 from tests.conformance.scene import scene
 
+# Since then lamps of Cycles know whose they are; before, what nodes ask of an object is 0.
+_OBJECTS = (4, 4)
+
 
 def _nodes(item, strength):
     """The lamp's nodes: an Emission of the strength or colour that `strength(tree)` gives."""
@@ -165,14 +168,14 @@ def _two(bulb):
         yield item
 
 
-@scene(light="lamps", quick=True)
+@scene(light="lamps", quick=True, since=_OBJECTS)
 def lamp_in_the_colour_of_its_object(on):
     ground()
     bulb = _nodes(lamp_above("POINT"), _value("ShaderNodeObjectInfo", "Color"))
     bulb.color = (1, 0.3, 0.1, 1) if on else (1, 1, 1, 1)
 
 
-@scene(light="lamps")
+@scene(light="lamps", since=_OBJECTS)
 def lamp_dimmed_by_a_property(on):
     ground()
     bulb = _nodes(lamp_above("POINT"), _property("OBJECT"))
@@ -186,14 +189,14 @@ def lamp_dimmed_by_a_property_of_the_view_layer(on):
     bpy.context.view_layer["dimmed"] = 0.3 if on else 1.0
 
 
-@scene(light="lamps", quick=True)
+@scene(light="lamps", quick=True, since=_OBJECTS)
 def instanced_lamps_of_random_strengths(on):
     ground()
     kind, output = ("ShaderNodeObjectInfo", "Random") if on else ("ShaderNodeValue", 0)
     list(_two(_nodes(lamp_above("POINT"), _value(kind, output))))
 
 
-@scene(light="lamps")
+@scene(light="lamps", since=_OBJECTS)
 def instanced_lamps_dimmed_by_their_instancers(on):
     ground()
     for item in _two(_nodes(lamp_above("POINT"), _property("INSTANCER"))):

@@ -99,8 +99,11 @@ def bake_blend_steps(
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
     from prt_core.blender.unwrap import lightmap_uvs
-    from prt_core.blender.world import read_environment, world_on_texels_steps
-    from prt_core.light.baked_world import BakedWorld, image_of_world
+    from prt_core.blender.world import (
+        baked_world_steps,
+        read_environment,
+        world_on_texels_steps,
+    )
     from prt_core.sphere import CubeMap
 
     scene = scene or import_bpy().context.scene
@@ -121,13 +124,10 @@ def bake_blend_steps(
     try:
         light = read_environment(scene, messages)
         suns = [lamp for lamp in lamps if lamp.is_on_texels]
-        world = yield from world_on_texels_steps(CubeMap(settings.resolution), light, suns)
+        world = yield from baked_world_steps(CubeMap(settings.resolution), light, suns)
         if refine is not None:
             sky = yield from world_on_texels_steps(CubeMap(settings.resolution), light, [])
         lamps += [] if light is None else light.suns
-        if light is not None:
-            what = light.map, light.rotation, light.strength
-            world = BakedWorld(world, image_of_world(*what))
     except PRTError as error:
         messages.append(f"{error}; '--light world' is not there for this bake")
     say_copies(meshes, messages)

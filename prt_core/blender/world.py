@@ -15,12 +15,14 @@ from prt_core.blender.render_scene import rendered_layer, rendered_world
 from prt_core.blender.small_render import layer_numbers
 from prt_core.blender.world_image import world_image
 from prt_core.errors import PRTError, expect
+from prt_core.light.baked_world import BakedWorld, image_of_world
 from prt_core.light.environment import EnvironmentMap
 from prt_core.light.sun import sun_light
 from prt_core.runtime.main_thread import in_thread
 from prt_core.runtime.progress import run
 from prt_core.sphere import rotation_matrix
 
+_BLACK = EnvironmentMap(np.zeros((1, 1, 3), np.float32), "world")
 _MOST_MAPS = 4
 _MAPS = {}
 
@@ -54,6 +56,16 @@ def read_world(cube_map, scene=None, suns=True):
 def world_on_texels_steps(cube_map, world, suns):
     """(n_directions, 3) float32 radiance of a `WorldLight` or None, with suns; a generator."""
     return (yield from in_thread("light", _on_texels, cube_map, world, suns))
+
+
+def baked_world_steps(cube_map, world, suns):
+    """The `BakedWorld` of a `WorldLight`, or of a black sky, and suns; a generator."""
+    return (yield from in_thread("light", _baked, cube_map, world, suns))
+
+
+def _baked(cube_map, world, suns):
+    sky = _BLACK if world is None else image_of_world(world.map, world.rotation, world.strength)
+    return BakedWorld(_on_texels(cube_map, world, suns), sky)
 
 
 def _on_texels(cube_map, world, suns):

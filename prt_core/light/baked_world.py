@@ -6,7 +6,7 @@ import numpy as np
 
 from prt_core.errors import expect_kind
 from prt_core.light.environment import EnvironmentMap
-from prt_core.light.sky import Sky
+from prt_core.light.sky import Sky, coarser
 from prt_core.sphere import rotation_matrix
 
 # Rows of the image at most, and at once.
@@ -51,7 +51,7 @@ def image_of_world(environment, rotation=None, strength=1.0):
     height = min(_ROWS, len(pixels))
     if height == len(pixels) and np.array_equal(matrix, np.eye(3)):
         return EnvironmentMap(pixels * np.float32(strength), "world")
-    sky, bands = Sky(((environment, matrix, strength),)), []
+    sky, bands = Sky(((coarser(environment, np.pi / height), matrix, strength),)), []
     turn = (0.5 - (np.arange(2 * height) + 0.5) / (2 * height)) * 2 * np.pi
     for first in range(0, height, _BAND):
         rows = np.arange(first, min(first + _BAND, height))
@@ -59,5 +59,5 @@ def image_of_world(environment, rotation=None, strength=1.0):
         up, around = (each.ravel() for each in np.meshgrid(rise, turn, indexing="ij"))
         level = np.cos(up)
         ways = np.stack([level * np.cos(around), level * np.sin(around), np.sin(up)], axis=1)
-        bands.append(sky(ways, np.pi / height).reshape(len(rows), -1, 3))
+        bands.append(sky(ways).reshape(len(rows), -1, 3))
     return EnvironmentMap(np.concatenate(bands), "world")

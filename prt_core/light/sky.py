@@ -41,7 +41,7 @@ class Sky:
         expect_number("spread", spread, 0, 2 * np.pi)
         total = np.zeros(directions.shape, np.float32)
         for image, matrix, factor in self.parts:
-            seen = _coarser(image, spread).interpolated(directions @ matrix)
+            seen = coarser(image, spread).interpolated(directions @ matrix)
             total += seen * np.float32(factor)
         return total
 
@@ -84,8 +84,16 @@ def with_suns(sky, suns):
     return shown
 
 
-def _coarser(image, spread):
-    """An image whose pixels are about as wide as `spread`: means of blocks of its own."""
+def coarser(image, spread):
+    """An `EnvironmentMap` whose pixels are about as wide as `spread` in radians.
+
+    They are means of blocks of those of the image, which is returned where they would be its own.
+
+    Parameters
+    ----------
+    image : EnvironmentMap
+    spread : float
+    """
     height, width = image.pixels.shape[:2]
     side = min(int(spread / (2 * np.pi / width)), height)
     while side > 1 and (height % side or width % side):

@@ -270,16 +270,9 @@ class GlossyPixels:
             materials = self._scene.points.materials.between(here.points, here.weights)
             world = self._scene.to_world(here.between(self._scene.points.positions))
             seen = lit_lamp.seen
-            result[lit] = highlights(
-                materials,
-                frames[lit],
-                lit_lamp.lamp,
-                received[lit],
-                world,
-                here.outgoing,
-                _POWER,
-                None if seen is None else seen.between(here.points, here.weights),
-            )
+            seen = None if seen is None else seen.between(here.points, here.weights)
+            work = materials, frames[lit], lit_lamp.lamp, received[lit], world, here.outgoing
+            result[lit] = highlights(*work, _POWER, seen)
         return result
 
 

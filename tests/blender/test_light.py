@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import build
-from prt_core import PRTError
+from prt_core import Lamp, PRTError, run
 from prt_core.blender import read_lamps, read_world
-from prt_core.blender.world import read_environment
+from prt_core.blender.world import baked_world_steps, read_environment
 from prt_core.light import EnvironmentMap, read_image, write_image
 from prt_core.sphere import CubeMap
 
@@ -228,6 +228,16 @@ def test_the_picture_of_a_sequence_is_that_of_the_frame(world, tmp_path):
     for frame, value in ((1, 0.2), (2, 0.8)):
         bpy.context.scene.frame_set(frame)
         np.testing.assert_allclose(read_environment().map.pixels, value, rtol=0.01)
+
+
+def test_a_baked_world_has_suns_on_its_texels_and_none_in_its_image(world):
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.1, 0.2, 0.3, 1)
+    sun, cube_map = Lamp("sun", [3, 2, 1], angle=0.1), CubeMap(8)
+    for light, sky in ((read_environment(), [0.1, 0.2, 0.3]), (None, [0, 0, 0])):
+        baked = run(baked_world_steps(cube_map, light, [sun]))
+        np.testing.assert_allclose(baked.image.pixels, np.reshape(sky, (1, 1, 3)), rtol=1e-6)
+        by_sun = baked.texels - np.float32(sky)
+        np.testing.assert_allclose(by_sun.T @ cube_map.vectors[:, 2], [3, 2, 1], rtol=0.02)
 
 
 def test_what_the_world_lacks_is_named(world):

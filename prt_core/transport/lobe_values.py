@@ -82,10 +82,9 @@ def lobe_values(directions, normals, outgoing, alpha, axes, n_powers, spread=Non
         fifth *= value
         lobes.append(fifth)
         if n_powers > 2:
-            third = rest * rest
-            third *= rest
-            third *= value
-            lobes.append(third)
+            square = rest * rest
+            square *= value
+            lobes.append(square)
         if n_powers > 3:
             rest *= facet
             rest *= fifth

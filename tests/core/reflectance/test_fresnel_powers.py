@@ -10,7 +10,7 @@ COSINE = np.linspace(0.15, 1, 200)
 
 def summed(term):
     powers, rest = fresnel_powers(term), 1 - COSINE
-    each = np.stack([np.ones_like(rest), rest**5, rest**3, COSINE * rest**6], axis=1)
+    each = np.stack([np.ones_like(rest), rest**5, rest**2, COSINE * rest**6], axis=1)
     return np.einsum("mk,nkc->nmc", each, powers)
 
 
@@ -31,11 +31,11 @@ def test_constants_and_metals_are_sums_of_powers(term):
 def test_curves_of_dielectrics_are_near(ior):
     curve = Dielectric(np.array([[ior]]))
     wanted = curve(COSINE[None])
-    assert np.abs(summed(curve) / wanted - 1).max() < 0.1
+    assert np.abs(summed(curve) / wanted - 1).max() < 0.06
     # Seen from straight on it is exact.
     np.testing.assert_allclose(summed(curve)[0, -1], wanted[0, -1].repeat(3), rtol=1e-9)
     layer = RealSchlick(np.full((1, 1, 3), 0.05), 1.0, np.array([[ior]]))
-    assert np.abs(summed(layer) / layer(COSINE[None]) - 1).max() < 0.1
+    assert np.abs(summed(layer) / layer(COSINE[None]) - 1).max() < 0.06
 
 
 def test_without_refraction_nothing_is_reflected():

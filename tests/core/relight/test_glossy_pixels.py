@@ -224,7 +224,7 @@ def test_thresholds_are_even():
 def test_a_mirror_of_one_power_each():
     powers = np.eye(N_POWERS, dtype=np.float32)[:, :, None] * np.ones(3, np.float32)
     share = mirrored_share(np.full(4, 0.5, np.float32), powers)
-    np.testing.assert_allclose(share[:, 0], [1, 0.5**5, 0.5**3, 0.5 * 0.5**6], rtol=1e-6)
+    np.testing.assert_allclose(share[:, 0], [1, 0.5**5, 0.5**2, 0.5 * 0.5**6], rtol=1e-6)
 
 
 def test_the_command_says_that_mirrors_are_traced(mirror, tmp_path, capsys):

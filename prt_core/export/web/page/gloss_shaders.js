@@ -102,8 +102,8 @@ uniform int rowBytes;
 vec3 N, O, P[4]; float H, own, A;
 // Of the cosine between light and facet.
 vec3 fresnel(float facet) {
-  float rest = max(1. - facet, 0.), third = rest * rest * rest, fifth = third * rest * rest;
-  return P[0] + fifth * P[1] + third * P[2] + facet * rest * fifth * P[3];
+  float rest = max(1. - facet, 0.), square = rest * rest, fifth = square * square * rest;
+  return P[0] + fifth * P[1] + square * P[2] + facet * rest * fifth * P[3];
 }
 vec3 lobe(vec3 way, float spread) {
   float c = dot(N, way);

@@ -175,6 +175,27 @@ class Lamp:
             radius = np.sqrt(self.area * facing / np.pi)
         return directions, np.arctan2(radius, distances)
 
+    def cone_from(self, positions):
+        """How wide cones are that hold all of the lamp.
+
+        Parameters
+        ----------
+        positions : (n, 3) float
+            Where their tips are.
+
+        Returns
+        -------
+        (n,) float64
+            Half angles in radians, about the directions of `seen_from`; from within it pi / 2.
+        """
+        if self.kind == "sun":
+            return np.full(len(positions), self.angle / 2)
+        radius = self.radius
+        if self.kind == "area":
+            radius = (max(self.size) if self.ellipse else np.hypot(*self.size)) / 2
+        distances = np.linalg.norm(self.position - positions, axis=1)
+        return np.arcsin(np.minimum(radius / np.maximum(distances, 1e-30), 1))
+
     @property
     def area(self):
         """Of an area lamp, in square units."""

@@ -6,6 +6,7 @@ from concurrent.futures import wait
 import numpy as np
 
 from prt_core.rays.caster import Hits
+from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.main_thread import MainThreadCalls
 from prt_core.runtime.progress import Pace
 from prt_core.runtime.stillness import waiting
@@ -88,14 +89,15 @@ def cast_on_all_cores(caster, function, items):
         return on_all_cores(lambda item: function(caster, item), items)
     calls = MainThreadCalls()
     relay = RelayCaster(caster, calls, None)
-    pieces = started(lambda item: function(relay, item), items)
-    try:
-        for piece in pieces:
-            piece.add_done_callback(lambda _: calls.wake())
-        while not all(piece.done() for piece in pieces):
-            calls.serve(_POLL)
-    finally:
-        calls.stop()
-        with waiting():
-            wait(pieces)
+    with one_blas_thread():
+        pieces = started(lambda item: function(relay, item), items)
+        try:
+            for piece in pieces:
+                piece.add_done_callback(lambda _: calls.wake())
+            while not all(piece.done() for piece in pieces):
+                calls.serve(_POLL)
+        finally:
+            calls.stop()
+            with waiting():
+                wait(pieces)
     return [piece.result() for piece in pieces]

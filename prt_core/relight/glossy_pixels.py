@@ -181,7 +181,7 @@ class GlossyPixels:
             seen = self._mirrored(places[some], normals[some], cosine[some], light, depth)
             result[some] += mirrored[some] * seen
         for lit in light.lamps:
-            result += self._highlights(places, frames, lit)
+            result += self._highlights(places, groups, frames, lit)
         return result, diffuse * self._rough_share(places, normals)
 
     def _normals(self, places):
@@ -261,18 +261,16 @@ class GlossyPixels:
         result[met[lit]] = self._shaded(there, light, depth - 1) / share[lit, None]
         return result
 
-    def _highlights(self, places, frames, lit_lamp):
+    def _highlights(self, places, groups, frames, lit_lamp):
         received = places.between(lit_lamp.received).astype(np.float32)
         result = np.zeros((len(places), 3), np.float32)
         lit = np.flatnonzero(received.any(axis=1))
         if len(lit):
             here = places[lit]
-            materials = self._scene.points.materials.between(here.points, here.weights)
+            groups = [(alpha[lit], powers[lit]) for alpha, powers in groups]
             world = self._scene.to_world(here.between(self._scene.points.positions))
-            seen = lit_lamp.seen
-            seen = None if seen is None else seen.between(here.points, here.weights)
-            work = materials, frames[lit], lit_lamp.lamp, received[lit], world, here.outgoing
-            result[lit] = highlights(*work, _POWER, seen)
+            work = groups, frames[lit], lit_lamp.lamp, received[lit], world, here.outgoing
+            result[lit] = highlights(*work, _POWER, lit_lamp.seen_at(here.points, here.weights))
         return result
 
 

@@ -51,7 +51,6 @@ class GlossyPoints:
         self._normals = points.normals[which]
         self._view = GlossyView(self.field, self._normals)
         self._mirror = Mirror(self.field, bake.transport.bits)
-        self._materials = points.materials[which]
         self._frames = lobes.frames[first : first + len(which)]
         self.narrowest = narrowest_of(bake.cube_map)
         # Wide lobes need no detail of the light.
@@ -222,18 +221,22 @@ class GlossyPoints:
         (k, 3) float32
         """
         result = np.zeros((len(rows), 3), np.float32)
-        received, seen = lit_lamp.received[self.points[rows]], lit_lamp.seen
+        received = lit_lamp.received[self.points[rows]]
         lit = np.flatnonzero(received.any(axis=1))
         if len(lit):
-            some = rows[lit]
             # Parts of a lamp take more samples than all of it.
-            power = power if power is None or seen is None else power + 1
-            result[lit] = highlights(
-                self._materials[some], self._frames[some], lit_lamp.lamp, received[lit],
-                world[self.points[some]], outgoing[lit], power,
-                None if seen is None else seen.of(self.points[some]),
-            )  # fmt: skip
+            power = power if power is None or lit_lamp.seen is None else power + 1
+            some, outgoing = rows[lit], outgoing[lit]
+            own = self.points[some]
+            cells = lit_lamp.seen_at(own[:, None], np.ones((len(own), 1), np.float32))
+            work = self._lobes_toward(some, outgoing), self._frames[some], lit_lamp.lamp
+            result[lit] = highlights(*work, received[lit], world[own], outgoing, power, cells)
         return result
+
+    def _lobes_toward(self, rows, outgoing):
+        """Lobes of points by `rows` (k,) towards views (k, 3), as `PointLobes.at` gives them."""
+        cosine = np.einsum("kx,kx->k", outgoing, self._normals[rows])
+        return self._lobes.at(self._first + rows, cosine)[0]
 
     def glimpsed_highlights(self, lamp, received, world, rows, outgoing):
         """About what lobes reflect of a lamp, of points that are seen in others.
@@ -242,11 +245,6 @@ class GlossyPoints:
         may come more than once, and face away by their smooth normals.
         """
         result = np.zeros((len(rows), 3), np.float32)
-        rough = {
-            name: np.maximum(getattr(self._materials, name), np.sqrt(LEAST))
-            for name in ("roughness", "coat_roughness")
-        }
-        materials = self._materials.replaced(**rough)
 
         def one(first):
             own = slice(first, first + _SIGHTS)
@@ -254,10 +252,13 @@ class GlossyPoints:
             lit = np.flatnonzero(here.any(axis=1))
             if len(lit):
                 some = rows[own][lit]
-                result[own][lit] = highlights(
-                    materials[some], self._frames[some], lamp, here[lit],
-                    world[self.points[some]], lifted(outgoing[own][lit], self._normals[some]), None,
-                )  # fmt: skip
+                view = lifted(outgoing[own][lit], self._normals[some])
+                groups = [
+                    (np.maximum(alpha, LEAST), powers)
+                    for alpha, powers in self._lobes_toward(some, view)
+                ]
+                work = groups, self._frames[some], lamp, here[lit], world[self.points[some]], view
+                result[own][lit] = highlights(*work, power=None)
 
         on_all_cores(one, range(0, len(rows), _SIGHTS))
         return result

@@ -2,16 +2,19 @@
 
 A lamp that looks as wide as lobes are, or wider, is sampled in two ways, by its own surface and by
 the lobes, which are weighed by how densely each falls (Veach 1995, the balance heuristic). Where
-something hides a part of it, cells of its surface are sampled as much as they are seen (see
-`transport.lamp_cells`); in all it brings what is received. A lamp that looks small is one
-direction, and lobes are widened by it as by facets that turn.
+lobes would hardly find it, only its own surface is. Where something hides a part of it, cells of
+that are sampled as much as they are seen (see `transport.lamp_cells`); in all it brings what is
+received. A lamp that looks small is one direction, and lobes are widened by it as by facets that
+turn.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from prt_core.light import Lamp
 from prt_core.light.lamp_rays import met
-from prt_core.reflectance import principled_lobes
+from prt_core.relight.sampled_lobes import SampledLobes, local
 from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import sobol_points
 from prt_core.transport.lamp_cells import warped
@@ -22,18 +25,22 @@ _SMALL = 0.25
 POWER = 4
 # The share of a lamp that is seen, as samples know it, at most.
 _MOST_SEEN = 1.25
+# Samples of lobes that fall on a lamp, in parts of its own, below which they are left out; of lamps
+# within a cone, half of which is this in radians.
+_HARDLY, _WIDEST = 0.25, 0.6
 # Places worked on at once.
 _PART = 1 << 11
 # Of the plastic number, for shifts of places that follow one another (Roberts 2018).
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 
-def highlights(materials, frames, lamp, received, world, outgoing, power=POWER, seen=None):
+def highlights(groups, frames, lamp, received, world, outgoing, power=POWER, seen=None):
     """What lobes at k places reflect of a lamp.
 
     Parameters
     ----------
-    materials : Materials
+    groups : list of (alpha, powers)
+        Their lobes, (k, 2) and (k, N_POWERS, 3) float32 (see `PointLobes.at`).
     frames : (k, 3, 3) float
         Tangents and normals.
     lamp : Lamp or BrightPixels
@@ -43,95 +50,142 @@ def highlights(materials, frames, lamp, received, world, outgoing, power=POWER, 
     power : int, optional
         2**power samples of each kind, where the lamp is sampled; those of a picture's samples are
         averaged once more. None: every lamp is one direction.
-    seen : (k, side, side) float32, optional
-        How much of the cells of a wide lamp each place sees; default: as much of each.
+    seen : callable((j,) int) -> (j, side, side) float32, or None; optional
+        How much of the cells of a wide lamp some of the places see, by their numbers; None, and by
+        default: as much of each.
 
     Returns
     -------
-    (k, 3) float
+    (k, 3) float32
     """
-    frames = frames.astype(np.float64)
-    view = np.einsum("nx,nkx->nk", outgoing, frames)[:, None]
-    direction, angle = lamp.seen_from(world)
-    wide = np.zeros(len(world), bool)
-    if power is not None and isinstance(lamp, Lamp) and not lamp.is_small:
-        wide = angle > _SMALL * narrowest_alpha(materials)
-    result = np.zeros((len(world), 3))
-    some = np.flatnonzero(~wide)
-    if len(some):
-        lobes = principled_lobes(_widened(materials[some], angle[some]))
-        incoming = np.einsum("nx,nkx->nk", direction[some], frames[some])[:, None]
-        result[some] = np.pi * received[some] * lobes.eval(incoming, view[some])[:, 0]
+    result = np.zeros((len(world), 3), np.float32)
+    places = _Places(groups, frames, received, world, outgoing)
 
     def one(first):
-        part = many[first : first + _PART]
-        lobes = principled_lobes(materials[part])
-        ways = frames[part], view[part], world[part]
-        cells = None if seen is None else seen[part]
-        result[part] = _sampled(lobes, lamp, *ways, received[part], power, cells)
+        here = places[first : first + _PART]
+        direction, angle = lamp.seen_from(here.world)
+        towards = local(direction[:, None], here.frames)
+        wide = np.zeros(len(angle), bool)
+        if power is not None and isinstance(lamp, Lamp) and not lamp.is_small:
+            wide = angle > _SMALL * _narrowest(here.groups)
+        some = np.flatnonzero(~wide)
+        if len(some):
+            result[first + some] = _of_one(here[some], towards[some], angle[some])
+        hardly = np.zeros(len(angle), bool)
+        if wide.any():
+            most = here.lobes.density_within(towards[:, 0], cone := lamp.cone_from(here.world))
+            hardly = (most * np.pi * angle**2 < _HARDLY) & (cone < _WIDEST)
+        for some, both in ((wide & hardly, False), (wide & ~hardly, True)):
+            some = np.flatnonzero(some)
+            if len(some):
+                cells = None if seen is None else seen(first + some)
+                result[first + some] = _sampled(here[some], lamp, power, cells, both)
 
-    many = np.flatnonzero(wide)
-    on_all_cores(one, range(0, len(many), _PART))
+    on_all_cores(one, range(0, len(world), _PART))
     return result
 
 
-def _sampled(lobes, lamp, frames, view, world, received, power, cells):
-    """(k, 3): what lobes reflect of a lamp that gives irradiance / pi (k, 3)."""
-    k, m = len(world), 1 << power
-    shift = _number(world)[:, None, None] * _STEPS
+@dataclass(frozen=True)
+class _Places:
+    """The arguments of `highlights`, of some of the places."""
+
+    groups: list
+    frames: np.ndarray
+    received: np.ndarray
+    world: np.ndarray
+    outgoing: np.ndarray
+
+    def __getitem__(self, some):
+        groups = [(alpha[some], powers[some]) for alpha, powers in self.groups]
+        arrays = self.frames, self.received, self.world, self.outgoing
+        return _Places(groups, *(array[some] for array in arrays))
+
+    @property
+    def view(self):
+        """(k, 3) float32: to the viewer, in the frames."""
+        return local(self.outgoing[:, None], self.frames)[:, 0]
+
+    @property
+    def lobes(self):
+        """Their `SampledLobes`."""
+        return SampledLobes(self.groups, self.view)
+
+
+def _of_one(here, towards, angle):
+    """(k, 3): what lobes reflect of a lamp that is one direction (k, 1, 3), of half angles (k,)."""
+    # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
+    spread = (angle / 2 / np.sqrt(2)).astype(np.float32)[:, None]
+    widened = [(np.minimum(np.hypot(alpha, spread), 1), powers) for alpha, powers in here.groups]
+    light = np.float32(np.pi) * here.received[:, None]
+    return SampledLobes(widened, here.view).at(towards).reflected(light)
+
+
+def _sampled(here, lamp, power, cells, both):
+    """(k, 3): what lobes reflect of a lamp that is sampled, and by the lobes where it is `both`."""
+    k, m, lobes = len(here.world), 1 << power, here.lobes
+    shift = _number(here.world)[:, None, None] * _STEPS
     uv = (sobol_points(power) + 0.5 / m + shift) % 1
-    starts, on_lamp = np.repeat(world, m, axis=0), uv if cells is None else warped(uv, cells)
+    starts, on_lamp = np.repeat(here.world, m, axis=0), uv if cells is None else warped(uv, cells)
     ways, _, light = lamp.sample(starts, on_lamp.reshape(-1, 2))
-    what = lobes, lamp, starts, frames, view
-    own = _Seen(*what, ways.reshape(k, m, 3), cells, light, on_lamp)
-    local = lobes.sample(view, 1 - uv[..., ::-1])
-    ways = np.einsum("nmk,nkx->nmx", local, frames)
-    by_lobes = _Seen(*what, ways, cells)
-    arrives = own.brought(1).sum(axis=1)
-    reflected = own.brought(own.reflectance) * own.share_of_lamp[..., None]
-    # Samples of lobes fall by the density of these; what they meet is radiance.
-    rest = by_lobes.brought(by_lobes.reflectance) * (1 - by_lobes.share_of_lamp)[..., None]
-    odds = by_lobes.density / np.maximum(by_lobes.by_lobes, 1e-30)
-    reflected = reflected.sum(axis=1) + (rest * odds[..., None]).sum(axis=1)
+    incoming = local(ways.reshape(k, m, 3), here.frames)
+    along, arriving = lobes.at(incoming), _arriving(light, incoming)
+    arrives = arriving.sum(axis=1)
+    if both:
+        density = met(lamp, starts, ways)[1].reshape(k, m) * _thicker(cells, on_lamp)
+        arriving *= _share(density, along.density)[..., None]
+    reflected = along.reflected(arriving)
+    if both:
+        reflected += _found(here, lobes, lamp, starts, 1 - uv[..., ::-1], cells)
     # Between points more may be received than could arrive, as where a ball turns away.
     there = np.abs(arrives) > 1e-30
-    share = np.where(there, np.pi * m * received / np.where(there, arrives, 1), _MOST_SEEN)
+    share = np.where(there, np.pi * m * here.received / np.where(there, arrives, 1), _MOST_SEEN)
     return np.clip(share, 0, _MOST_SEEN) * reflected / m
 
 
-class _Seen:
-    """A lamp along directions (k, m, 3), and what lobes make of it."""
-
-    def __init__(self, lobes, lamp, starts, frames, view, ways, cells, light=None, on_lamp=None):
-        shape = ways.shape[:2]
-        uv, density = met(lamp, starts, ways.reshape(-1, 3))
-        if light is None:
-            light = lamp.sample(starts, uv)[2] * (density > 0)[:, None]
-        light, density = light.reshape(*shape, 3), density.reshape(shape)
-        if cells is not None:
-            # Samples fall the more densely the more is seen, and so bring the less.
-            mean = np.maximum(cells.mean(axis=(1, 2), dtype=np.float64), 1e-30)[:, None]
-            uv = uv.reshape(*shape, 2) if on_lamp is None else on_lamp
-            place = np.minimum((uv * cells.shape[1]).astype(np.int64), cells.shape[1] - 1)
-            which = np.arange(len(cells))[:, None]
-            density = density * cells[which, place[..., 0], place[..., 1]] / mean
-            light = light * mean[..., None]
-        local = np.einsum("nmx,nkx->nmk", ways, frames)
-        self._arriving = light * np.maximum(local[..., 2:], 0)
-        self.density, self.by_lobes = density, lobes.pdf(local, view)
-        self.reflectance = lobes.eval(local, view)
-        both = self.density + self.by_lobes
-        self.share_of_lamp = np.where(both > 0, self.density / np.maximum(both, 1e-300), 1)
-
-    def brought(self, factor):
-        """(k, m, 3): irradiance of each, times a factor."""
-        return self._arriving * factor
+def _found(here, lobes, lamp, starts, uv, cells):
+    """(k, 3): what samples of lobes find of a lamp beyond what its own samples bring."""
+    k, m, _ = uv.shape
+    incoming = lobes.sample(uv)
+    ways = np.matmul(incoming, here.frames).reshape(-1, 3)
+    on_lamp, density = met(lamp, starts, ways)
+    there, light = np.flatnonzero(density > 0), np.zeros((k * m, 3))
+    light[there] = lamp.sample(starts[there], on_lamp[there])[2]
+    density = density.reshape(k, m) * _thicker(cells, on_lamp.reshape(k, m, 2))
+    along, arriving = lobes.at(incoming), _arriving(light, incoming)
+    # They fall by the density of lobes; what they meet is radiance.
+    rest = 1 - _share(density, along.density)
+    arriving *= (rest * density / np.maximum(along.density, 1e-30))[..., None]
+    return along.reflected(arriving)
 
 
-def narrowest_alpha(materials):
-    """(k,) float: alpha of the narrowest lobe of each of k `Materials`."""
-    coat = np.where(materials.coat[:, 0] > 0, materials.coat_roughness[:, 0], 1)
-    return np.minimum(materials.roughness[:, 0], coat) ** 2
+def _arriving(light, incoming):
+    """(k, m, 3) float32: light (k m, 3) along directions (k, m, 3), on the surfaces."""
+    light = light.reshape(incoming.shape).astype(np.float32)
+    return light * np.maximum(incoming[..., 2:], 0)
+
+
+def _thicker(cells, on_lamp):
+    """How much more densely samples fall at places (k, m, 2) of a lamp by what is seen of it."""
+    if cells is None:
+        return 1.0
+    place = np.minimum((on_lamp * cells.shape[1]).astype(np.int64), cells.shape[1] - 1)
+    here = cells[np.arange(len(cells))[:, None], place[..., 0], place[..., 1]]
+    return here / np.maximum(cells.mean(axis=(1, 2)), 1e-30)[:, None]
+
+
+def _share(density, by_lobes):
+    """Of samples that fall by `density` (k, m), where those of lobes fall too."""
+    both = density + by_lobes
+    return np.where(both > 0, density / np.maximum(both, 1e-300), 1).astype(np.float32)
+
+
+def _narrowest(groups):
+    """(k,) float32: alpha of the narrowest lobe of each place."""
+    result = np.float32(1)
+    for alpha, powers in groups:
+        there = powers.any(axis=(1, 2))
+        result = np.minimum(result, np.where(there, np.sqrt(alpha.prod(axis=1)), 1))
+    return result
 
 
 def _number(world):
@@ -139,14 +193,3 @@ def _number(world):
     bits = np.ascontiguousarray(world, np.float32).view(np.uint32).astype(np.uint64)
     mixed = (bits * np.array([2654435761, 2246822519, 3266489917], np.uint64)).sum(axis=1)
     return ((mixed ^ mixed >> np.uint64(15)) & np.uint64(0xFFFFF)).astype(np.int64)
-
-
-def _widened(materials, angle):
-    """`Materials` whose lobes are as wide as they and discs of half angles (k,) together."""
-    # A facet that turns by an angle turns what it mirrors by two: half of it, in the mean.
-    spread = angle / 2 / np.sqrt(2)
-    widened = {
-        name: np.minimum(np.sqrt(np.hypot(getattr(materials, name)[:, 0] ** 2, spread)), 1)
-        for name in ("roughness", "coat_roughness")
-    }
-    return materials.replaced(**{name: values[:, None] for name, values in widened.items()})

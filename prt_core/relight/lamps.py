@@ -28,6 +28,18 @@ class LitLamp:
     received: np.ndarray
     seen: SeenCells | None = None
 
+    def seen_at(self, points, weights):
+        """A function of the numbers of places between points, for `highlights`, or None.
+
+        Parameters
+        ----------
+        points : (k, m) int
+        weights : (k, m) float32
+        """
+        if self.seen is None:
+            return None
+        return lambda some: self.seen.between(points[some], weights[some])
+
 
 class LampLight:
     """What the points of one bake receive of lamps.

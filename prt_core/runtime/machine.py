@@ -2,13 +2,17 @@
 
 import os
 import sys
-from contextlib import suppress
+import threading
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
 from threadpoolctl import ThreadpoolController
 
 from prt_core.errors import expect
+
+_changing = threading.Lock()
+_inside, _before = 0, []
 
 # Where Linux says how much a container may take.
 _CONTAINER = Path("/sys/fs/cgroup/memory.max")
@@ -135,17 +139,39 @@ def _windows_memory():
 
 def limit_blas(threads):
     """Let matrix products use so many threads from now on."""
-    _controller().limit(limits=threads, user_api="blas")
+    with _changing:
+        _set_threads([threads] * len(_libraries()))
 
 
-@cache
-def _controller():
-    return ThreadpoolController()
-
-
+@contextmanager
 def one_blas_thread():
     """A context in which matrix products use one thread: for callers that make threads themselves.
 
-    Threads that each ask a threaded BLAS wait for one another: six times slower with some.
+    Threads that each ask a threaded BLAS wait for one another: six times slower with some. Several
+    threads may be in it; the last that leaves gives back what there was.
     """
-    return _controller().limit(limits=1, user_api="blas")
+    global _inside, _before
+    with _changing:
+        if not _inside:
+            _before = [library.num_threads for library in _libraries()]
+            _set_threads([1] * len(_before))
+        _inside += 1
+    try:
+        yield
+    finally:
+        with _changing:
+            _inside -= 1
+            if not _inside:
+                _set_threads(_before)
+
+
+@cache
+def _libraries():
+    found = ThreadpoolController().lib_controllers
+    return [library for library in found if library.user_api == "blas"]
+
+
+def _set_threads(numbers):
+    for library, number in zip(_libraries(), numbers, strict=True):
+        # The plain way does nothing for any but the first thread of Python that asked.
+        getattr(library, "_real_set_num_threads", library.set_num_threads)(number)

@@ -4,9 +4,9 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from prt_core.runtime.cores import n_cores
+from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.threads import on_all_cores
 
 
@@ -17,7 +17,7 @@ def in_parallel(function, items):
     each of several Python threads get in each other's way. Few results wait at any time.
     """
     n_threads = n_cores()
-    with threadpool_limits(1), ThreadPoolExecutor(n_threads) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(n_threads) as pool:
         waiting = deque()
         for item in items:
             waiting.append(pool.submit(function, item))

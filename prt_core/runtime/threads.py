@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 from prt_core.runtime.cores import n_cores
+from prt_core.runtime.machine import one_blas_thread
 from prt_core.runtime.stillness import as_work, keeps_others_still, waiting
 
 _here = threading.local()
@@ -25,10 +26,11 @@ def on_all_cores(function, items):
     items = list(items)
     if works_alone(items):
         return [function(item) for item in items]
-    pieces = started(function, items)
-    # Also where one fails: what they work on may be closed as soon as this returns.
-    with waiting():
-        wait(pieces)
+    with one_blas_thread():
+        pieces = started(function, items)
+        # Also where one fails: what they work on may be closed as soon as this returns.
+        with waiting():
+            wait(pieces)
     return [piece.result() for piece in pieces]
 
 

@@ -39,11 +39,19 @@ class SeenCells:
         return self._table[self._row[points]] * np.float32(1 / 255)
 
     def between(self, points, weights):
-        """The same of places between points (k, 3), by their weights (k, 3)."""
-        shares = sum(
-            self.of(points[:, corner]) * weights[:, corner, None, None] for corner in range(3)
+        """The same of places between points (k, 3), by their weights (k, 3).
+
+        None where no place has a point that sees a part.
+        """
+        partly = np.flatnonzero((self._row[points] >= 0).any(axis=1))
+        if not len(partly):
+            return None
+        shares = np.ones((len(points), *self._table.shape[1:]), np.float32)
+        shares[partly] = sum(
+            self.of(points[partly, corner]) * weights[partly, corner, None, None]
+            for corner in range(points.shape[1])
         )
-        return shares.astype(np.float32)
+        return shares
 
 
 class LampCells:

@@ -10,6 +10,7 @@ from prt_core.reflectance.bump import bump_mean, bump_shadowing
 from prt_core.reflectance.oren_nayar import seen_from_above
 from prt_core.runtime.progress import Pace, Progress, run
 from prt_core.runtime.seeds import Stage, generator
+from prt_core.runtime.threads import on_all_cores
 from prt_core.scene import Scene
 
 # Shadow rays end this share of their length before the lamp, and so many steps of float32 of the
@@ -17,6 +18,8 @@ from prt_core.scene import Scene
 _SHORT, _STEPS = 1 - 2e-6, 16 * 2.0**-24
 # Points whose random numbers are drawn together; rays a call of the caster at most.
 _BLOCK, _RAYS = 4096, 1 << 18
+# Rays that are aimed at once.
+_PIECE = 1 << 15
 
 
 def lamp_light(scene, caster, lamps, n_samples=256, seed=0):
@@ -95,8 +98,8 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike
         expect_seed(number)
     points = scene.points
     n_points = len(points)
-    origins = scene.ray_origins
-    world = scene.to_world(origins)
+    world = scene.to_world(scene.ray_origins)
+    shadow = caster if lamp.casts_shadow else None
     received = np.zeros((n_points, 3))
     receives = None
     if lamp.receivers is not None:
@@ -108,50 +111,101 @@ def lamp_steps(scene, caster, lamp, n_samples=256, seed=(0, 0), pace=None, alike
         rng = generator(seed[0], Stage.LAMPS, *seed[1:], block)
         shift = rng.random((inside.stop - block, 2))
         uv = lamp_samples(count, 0 * shift + 0.5 if alike else shift)
-        # Ray r belongs to point r // count, sample r % count; a step is a range of rays.
+        # Ray r is for sample r; a step is a range of rays.
         n_rays = (inside.stop - block) * count
         if cells is not None:
             cells.begin(inside)
+        samples = _Samples(scene, world, lamp, receives, block, uv.reshape(-1, 2), count)
         for first in range(0, n_rays, _RAYS):
             for part in rays.parts(first, min(first + _RAYS, n_rays)):
-                which = np.arange(part.start, part.stop)
-                point = block + which // count
-                direction, distance, irradiance = lamp.sample(
-                    world[point], uv[which // count, which % count]
-                )
-                light = _unshaded(points, point, direction, irradiance)
-                if receives is not None:
-                    light[~receives[point]] = 0
-                lit = np.flatnonzero(light.any(axis=1))
-                arriving = np.ones(len(lit))
-                if len(lit) and caster is not None and lamp.casts_shadow:
-                    limit = before_the_lamp(
-                        origins[point[lit]], direction[lit], distance[lit] / scene.size
-                    )
-                    share = transmitted(
-                        caster,
-                        origins[point[lit]],
-                        direction[lit].astype(np.float32),
-                        limit if np.isfinite(limit).all() else None,
-                    )
-                    # A lamp in the surface gives infinity: nothing of it, where it is blocked.
-                    light[lit[share == 0]] = 0
-                    light[lit] *= np.where(share > 0, share, 1)[:, None]
-                    arriving = share
-                if cells is not None:
-                    aim = uv[which[lit] // count, which[lit] % count]
-                    cells.take(point[lit], aim, arriving)
-                if len(lit):
+                point, aim, light, share = samples.shaded(shadow, part)
+                if len(point):
+                    some = slice(point[0], point[-1] + 1)
                     for channel in range(3):
                         sums = np.bincount(point - point[0], light[:, channel])
-                        received[point[0] : point[-1] + 1, channel] += sums
+                        received[some, channel] += sums
+                if cells is not None:
+                    cells.take(point, aim, share)
                 rays.worked()
-                yield Progress("lamps", int(point[-1]) + 1, n_points)
+                yield Progress("lamps", block + (part.stop - 1) // count + 1, n_points)
         if cells is not None:
             cells.end()
     # A lamp in the surface itself may give more than float32 holds: infinity, which bounces refuse.
     with np.errstate(over="ignore"):
         return (received / (np.pi * count)).astype(np.float32)
+
+
+class _Samples:
+    """Samples of a lamp for the points of one block, as many of each, one point after the other.
+
+    Parameters
+    ----------
+    scene : Scene
+    world : (n_points, 3) float64
+        Where rays start.
+    lamp : Lamp or BrightPixels
+    receives : (n_points,) bool, or None
+        Which points it lights; None: all.
+    first : int
+        The first point of the block.
+    uv : (n, 2) float64
+        Where on the lamp.
+    count : int
+        Samples of each point.
+    """
+
+    def __init__(self, scene, world, lamp, receives, first, uv, count):
+        self._scene, self._world, self._lamp, self._receives = scene, world, lamp, receives
+        self._first, self._uv, self._count = first, uv, count
+
+    def shaded(self, caster, part):
+        """Those of a slice that can bring light, and what they do.
+
+        Parameters
+        ----------
+        caster : RayCaster, or None
+            Over what may be in the way.
+        part : slice
+
+        Returns
+        -------
+        point : (k,) int
+            Ascending.
+        uv : (k, 2) float64
+        light : (k, 3) float64
+            Irradiance, were each all of the lamp.
+        share : (k,) float
+            Of light that gets along the ray; it is in `light`.
+        """
+        pieces = range(part.start, part.stop, _PIECE)
+        aimed = on_all_cores(
+            self._aimed, [slice(first, min(first + _PIECE, part.stop)) for first in pieces]
+        )
+        point, uv, direction, limit, light = (
+            np.concatenate(each) for each in zip(*aimed, strict=True)
+        )
+        if caster is None or not len(point):
+            return point, uv, light, np.ones(len(point))
+        limit = limit if np.isfinite(limit).all() else None
+        share = transmitted(caster, self._scene.ray_origins[point], direction, limit)
+        # A lamp in the surface gives infinity: nothing of it, where it is blocked.
+        light[share == 0] = 0
+        light *= np.where(share > 0, share, 1)[:, None]
+        return point, uv, light, share
+
+    def _aimed(self, part):
+        """Points, places on the lamp, directions, lengths of rays and unshaded light of a slice."""
+        point, uv = self._first + np.arange(part.start, part.stop) // self._count, self._uv[part]
+        direction, distance, irradiance = self._lamp.sample(self._world[point], uv)
+        light = _unshaded(self._scene.points, point, direction, irradiance)
+        lit = (light[:, 0] != 0) | (light[:, 1] != 0) | (light[:, 2] != 0)
+        if self._receives is not None:
+            lit &= self._receives[point]
+        lit = np.flatnonzero(lit)
+        point, direction = point[lit], direction[lit]
+        starts, distance = self._scene.ray_origins[point], distance[lit] / self._scene.size
+        limit = before_the_lamp(starts, direction, distance)
+        return point, uv[lit], direction.astype(np.float32), limit, light[lit]
 
 
 def before_the_lamp(starts, directions, distances):

@@ -31,7 +31,6 @@ from prt_core.export.web.sources import (
 from prt_core.export.web.start import start_of
 from prt_core.export.web.surface import pack_share, pack_surface, surface_of
 from prt_core.reflectance.mean_gloss import more_by_gloss
-from prt_core.relight.highlights import narrowest_alpha
 from prt_core.relight.lighting import MOST_LAMP_SAMPLES
 from prt_core.runtime.main_thread import MainThreadCalls, in_thread, steps_in_thread
 from prt_core.scene import ended_at
@@ -200,7 +199,9 @@ def _wide_lamps(bake, sources):
     points = bake.scene.points
     glossy = np.concatenate([part.points for part in bake.reflections])
     world = bake.scene.to_world(points.positions[glossy])
-    alpha = narrowest_alpha(points.materials[glossy])
+    materials = points.materials[glossy]
+    coat = np.where(materials.coat[:, 0] > 0, materials.coat_roughness[:, 0], 1)
+    alpha = np.minimum(materials.roughness[:, 0], coat) ** 2
     wide = [
         repr(source.name)
         for source in sources

@@ -11,6 +11,7 @@ from prt_core.light.bright import split_sun
 from prt_core.rays.caster import known_casters
 from prt_core.reflectance import Materials, principled_lobes
 from prt_core.relight.highlights import highlights
+from prt_core.relight.point_lobes import PointLobes
 from prt_core.relight.relighter import Relighter
 from prt_core.sphere import sobol_points
 from prt_core.transport import View
@@ -41,6 +42,13 @@ def floor(roughness, n=4):
     return Materials(albedo=0 * metal, metal=metal, roughness=rough), world, outgoing
 
 
+def shown_of(materials, lamp, received, world, outgoing, **options):
+    """Highlights of places whose normals point up."""
+    lobes = PointLobes(materials, np.tile([0.0, 0.0, 1.0], (len(world), 1)))
+    groups = lobes.at(np.arange(len(world)), outgoing[:, 2])[0]
+    return highlights(groups, lobes.frames, lamp, received, world, outgoing, **options)
+
+
 def of_metal(mesh, roughness):
     """A mesh of gold."""
     n = len(mesh.materials.albedo)
@@ -60,8 +68,7 @@ def test_highlights_of_wide_lamps_are_what_lobes_reflect_of_them(name):
         lobes = principled_lobes(materials[np.array([k])])
         received[k] = light.mean(axis=0) / np.pi
         truth[k] = (light * lobes.eval(ways[None], outgoing[k][None, None])[0]).mean(axis=0)
-    frames = np.tile(np.eye(3), (len(world), 1, 1))
-    shown = highlights(materials, frames, lamp, received, world, outgoing, power=9)
+    shown = shown_of(materials, lamp, received, world, outgoing, power=9)
     assert np.linalg.norm(shown - truth) < 0.03 * np.linalg.norm(truth), name
 
 
@@ -80,9 +87,8 @@ def test_what_hides_a_part_of_a_lamp_hides_it_from_its_highlight(name):
         received[k] = light.mean(axis=0) / np.pi
         truth[k] = (light * lobes.eval(ways[None], outgoing[k][None, None])[0]).mean(axis=0)
     cells.end()
-    frames, seen = np.tile(np.eye(3), (len(world), 1, 1)), cells.seen().of(np.arange(len(world)))
-    shown = highlights(materials, frames, lamp, received, world, outgoing, power=9, seen=seen)
-    whole = highlights(materials, frames, lamp, received, world, outgoing, power=9)
+    shown = shown_of(materials, lamp, received, world, outgoing, power=9, seen=cells.seen().of)
+    whole = shown_of(materials, lamp, received, world, outgoing, power=9)
 
     assert np.linalg.norm(shown - truth) < 0.02 * np.linalg.norm(truth), name
     assert np.linalg.norm(shown - truth) < 0.1 * np.linalg.norm(whole - truth), name
@@ -114,8 +120,7 @@ def test_a_mirror_shows_the_radiance_of_a_lamp():
     world, outgoing = 0 * world, np.tile([0.0, -0.8, 0.6], (len(world), 1))
     lamp = LAMPS["sun"]
     received = np.tile(lamp.power * 0.6 / np.pi, (len(world), 1))
-    frames = np.tile(np.eye(3), (len(world), 1, 1))
-    shown = highlights(materials, frames, lamp, received, world, outgoing, power=8)
+    shown = shown_of(materials, lamp, received, world, outgoing, power=8)
     radiance = lamp.power / (np.pi * np.sin(lamp.angle / 2) ** 2)
     np.testing.assert_allclose(shown, np.tile(0.8 * radiance, (len(world), 1)), rtol=0.03)
 
@@ -125,8 +130,7 @@ def test_a_wide_sun_of_an_image_stays_one_direction():
     pixels[6, 8:11] = 500
     _, sun = split_sun(EnvironmentMap(pixels))
     materials, world, outgoing = floor(0.1)
-    frames, received = np.tile(np.eye(3), (len(world), 1, 1)), np.ones((len(world), 3))
-    shown = highlights(materials, frames, sun, received, world, outgoing)
+    shown = shown_of(materials, sun, np.ones((len(world), 3)), world, outgoing)
     assert sun.seen_from(world)[1].min() > 0.1 and np.isfinite(shown).all()
 
 

@@ -22,10 +22,6 @@ under changing light), `LightBlend` (under several lights, each a `WeightedLight
 arrays are in `prt_core.transport`, `prt_core.light` and `prt_core.sphere`.
 """
 
-# First, before anything loads numpy.
-import prt_core.runtime.blas_kernels  # noqa: F401
-
-# isort: split
 from prt_core.api import (
     bake,
     compress,

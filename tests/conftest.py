@@ -2,9 +2,6 @@
 
 from pathlib import Path
 
-# Before numpy, as in the processes that tests begin (see `runtime.blas_kernels`).
-import prt_core  # noqa: F401
-
 # A file goes to one process; those that take long are begun first, so that none is waited for.
 LONG = (
     "core/store/test_fuzz.py", "core/store/test_resume.py", "blender/test_entry_points.py",

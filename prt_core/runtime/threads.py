@@ -6,7 +6,7 @@ from functools import cache
 
 from prt_core.runtime.cores import n_cores
 from prt_core.runtime.machine import one_blas_thread
-from prt_core.runtime.stillness import as_work, keeps_others_still, waiting
+from prt_core.runtime.stillness import as_work, keeps_others_still, rest, waiting
 
 _here = threading.local()
 
@@ -26,12 +26,22 @@ def on_all_cores(function, items):
     items = list(items)
     if works_alone(items):
         return [function(item) for item in items]
+    results, turns = [None] * len(items), iter(range(len(items)))
+
+    def takes_turns(_):
+        # To hand out thousands of items one by one took longer than to work on some.
+        for index in turns:
+            rest()
+            results[index] = function(items[index])
+
     with one_blas_thread():
-        pieces = started(function, items)
+        pieces = started(takes_turns, range(min(n_cores(), len(items))))
         # Also where one fails: what they work on may be closed as soon as this returns.
         with waiting():
             wait(pieces)
-    return [piece.result() for piece in pieces]
+    for piece in pieces:
+        piece.result()
+    return results
 
 
 def works_alone(items):

@@ -14,8 +14,9 @@ from prt_core.runtime.threads import on_all_cores
 from prt_core.sphere import sobol_points, tangent_frames
 from prt_core.transport.bright_lobes import BrightLobes
 
-# Facets of each lobe, and points worked on at once: at facets, and at bright texels.
-_FACETS, _MANY, _BRIGHT = 4, 1 << 12, 1 << 10
+# Facets of each lobe, and points worked on at once, at facets and at bright texels: so many that
+# threads seldom wait for Python's lock.
+_FACETS, _MANY, _BRIGHT = 4, 1 << 14, 1 << 12
 # Glimpses whose facets are kept: 32 bytes each.
 _MOST_KEPT = 3_000_000
 # Least alpha: the lobe of the one point stands for those of all that is met in a block.

@@ -73,7 +73,8 @@ def highlights(groups, frames, lamp, received, world, outgoing, power=POWER, see
             result[first + some] = _of_one(here[some], towards[some], angle[some])
         hardly = np.zeros(len(angle), bool)
         if wide.any():
-            most = here.lobes.density_within(towards[:, 0], cone := lamp.cone_from(here.world))
+            cone = lamp.cone_from(here.world)
+            most = here.lobes.density_within(towards[:, 0], cone)
             hardly = (most * np.pi * angle**2 < _HARDLY) & (cone < _WIDEST)
         for some, both in ((wide & hardly, False), (wide & ~hardly, True)):
             some = np.flatnonzero(some)

@@ -65,7 +65,12 @@ class SampledLobes:
         return LobesAlong(values, cosine, density)
 
     def sample(self, uv):
-        """Directions (k, m, 3), about as densely as the lobes reflect, of `uv` (k, m, 2)."""
+        """Directions (k, m, 3), about as densely as the lobes reflect, of `uv` (k, m, 2).
+
+        Straight up, of density 0, where no place has a lobe.
+        """
+        if not self._groups:
+            return np.broadcast_to(np.float32([0, 0, 1]), (*uv.shape[:2], 3))
         first, result, begin = uv[..., 0], None, 0
         for (alpha_x, alpha_y, *_), share in zip(self._groups, self._shares, strict=True):
             own = uv

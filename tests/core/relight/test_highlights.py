@@ -125,6 +125,17 @@ def test_a_mirror_shows_the_radiance_of_a_lamp():
     np.testing.assert_allclose(shown, np.tile(0.8 * radiance, (len(world), 1)), rtol=0.03)
 
 
+def test_places_that_no_lobe_is_at_have_no_highlight():
+    materials, world, outgoing = floor(0.3)
+    bare = materials.replaced(metal=0 * materials.metal)
+    close = Lamp("area", [9, 9, 9], (0, 0, 0.4), size=(4, 4))
+    received = np.ones((len(world), 3))
+    lobes = PointLobes(materials, np.tile([0.0, 0.0, 1.0], (len(world), 1)))
+    (alpha, powers), *_ = lobes.at(np.arange(len(world)), outgoing[:, 2])[0]
+    shown = highlights([(alpha, 0 * powers)], lobes.frames, close, received, world, outgoing)
+    assert not shown.any() and not shown_of(bare, close, received, world, outgoing).any()
+
+
 def test_a_wide_sun_of_an_image_stays_one_direction():
     pixels = np.full((16, 32, 3), 0.01, np.float32)
     pixels[6, 8:11] = 500

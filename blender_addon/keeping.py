@@ -8,6 +8,7 @@ from prt_core.blender import colours, exporters
 from prt_core.blender.camera import read_camera
 from prt_core.blender.compat import PATH_OPTIONS, fcurve_of
 from prt_core.blender.realised import KEPT_COLLECTION
+from prt_core.blender.view_transform import FILES, view_transform_of
 from prt_core.errors import expect
 from prt_core.runtime.progress import Progress
 
@@ -166,8 +167,8 @@ class PRT_OT_export(LongWork, BakeButton, bpy.types.Operator):
                     write_npz(path, held.bake.colours(radiance))
                     if self.pictures:
                         camera, sky = read_camera(self.scene), light.sky(held)
-                        encode = preview.transform_of(self.scene).encode
-                        pictures.write(path.with_suffix(".png"), radiance, camera, sky, encode)
+                        pictures.view_transform = view_transform_of(self.scene, FILES)
+                        pictures.write(path.with_suffix(".png"), radiance, camera, sky)
                 yield Progress("frames", count + 1, len(frames))
         finally:
             self.scene.frame_set(before)

@@ -11,7 +11,7 @@ from prt_core.blender import colours, preview_look
 from prt_core.blender.identity import objects_by_place
 from prt_core.blender.realised import PREVIEW, holds
 from prt_core.blender.stand_ins import ORIGINAL, is_kept
-from prt_core.blender.view_transform import ViewTransform, transform_key
+from prt_core.blender.view_transform import transform_key, view_transform_of
 from prt_core.errors import expect
 from prt_core.relight.blend import LightBlend
 from prt_core.runtime.main_thread import in_thread
@@ -28,8 +28,6 @@ _HELD = []
 # nearly white, as the display shows it; the share of points that is no brighter than that; how
 # many points are looked at.
 MOST_BURNT, _BURNT, _NEARLY_WHITE, _BRIGHT, _SAMPLED = 0.2, 0.98, 0.85, 0.95, 4096
-# The view transform that Solid mode was last shown by.
-_TRANSFORM = []
 
 
 class Preview:
@@ -192,7 +190,7 @@ def write(scene, preview, radiance, asked):
         settings.shown = settings.attribute
     preview.shown, preview.radiance = asked, radiance
     if not rendering.is_under_way():
-        shown = transform_of(scene).display(_sample(radiance))
+        shown = view_transform_of(scene).display(_sample(radiance))
         preview.burnt = float((shown.min(axis=1) > _BURNT).mean())
     add_rows(scene, preview)
 
@@ -234,15 +232,8 @@ def layers_of(scene, attribute, source, radiance):
     """
     if rendering.is_under_way() or not views.in_solid():
         return {}, None, None
-    transform, name = transform_of(scene), colours.solid_name(attribute)
-    return {name: source.colours(transform.for_solid(radiance))}, name, transform.key
-
-
-def transform_of(scene):
-    """The `ViewTransform` of a scene as it is now."""
-    if not _TRANSFORM or _TRANSFORM[0].key != transform_key(scene):
-        _TRANSFORM[:] = [ViewTransform(scene)]
-    return _TRANSFORM[0]
+    transform, name = view_transform_of(scene), colours.solid_name(attribute)
+    return {name: source.colours(transform.for_solid(radiance))}, name, transform_key(scene)
 
 
 def is_seen_otherwise(scene, shown):
@@ -306,7 +297,7 @@ def fitting_stops(scene, radiance):
     bright = float(np.quantile(_sample(radiance).max(axis=1), _BRIGHT))
     if bright <= 0:
         return None
-    transform, low, high = transform_of(scene), -24.0, 24.0
+    transform, low, high = view_transform_of(scene), -24.0, 24.0
     for _ in range(24):
         middle = (low + high) / 2
         shown = transform.display(np.full((1, 3), bright * 2.0**middle, np.float32))

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from prt_core import BakeSettings, EnvironmentMap, Scene, bake_steps, load, open_blend, run
-from prt_core.evaluate import render_view, to_srgb, write_png
+from prt_core.evaluate import render_view, to_display, write_png
 
 blend, image = sys.argv[1:3]
 open_blend(blend)
@@ -29,4 +29,5 @@ print(f"\nbounces add {everything.mean() / direct.mean() - 1:.1%}")
 # The bake does not know the albedo: T follows when it changes.
 transport.albedo = np.full_like(transport.albedo, 0.9)
 caster = bake.make_caster(rays="camera")
-write_png("example_objects.png", to_srgb(render_view(bake, transport.radiance(light), caster)))
+picture = render_view(bake, transport.radiance(light), caster)
+write_png("example_objects.png", to_display(picture, bake.view_transform))

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 import prt_core
-from prt_core.evaluate import render_view, to_srgb, write_png
+from prt_core.evaluate import render_view, to_display, write_png
 
 
 class Stripes(prt_core.Lamp):
@@ -34,4 +34,4 @@ radiance = prt_core.relight_points(bake, lamps=[lamp], lamp_samples=64)
 direct = prt_core.relight_points(bake, lamps=[lamp], lamp_samples=64, bounces=0)
 print(f"bounces add {radiance.mean() / direct.mean() - 1:.1%}")
 picture = render_view(bake, radiance, bake.make_caster(rays="camera"), 480, 300)
-write_png(sys.argv[2], to_srgb(picture))
+write_png(sys.argv[2], to_display(picture, bake.view_transform))

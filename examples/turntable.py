@@ -7,7 +7,7 @@ import sys
 import time
 
 import prt_core
-from prt_core.evaluate import render_view, to_srgb, write_png
+from prt_core.evaluate import render_view, to_display, write_png
 
 bake = prt_core.load(sys.argv[1])
 light = prt_core.EnvironmentMap.read(sys.argv[2])
@@ -21,7 +21,7 @@ for step in range(steps):
     radiance = relighter.radiance(light, rotation=360 * step / steps)
     spent = time.perf_counter() - start
     picture = render_view(bake, radiance, caster, width=480, height=300)
-    write_png(f"turn_{step + 1:03d}.png", to_srgb(picture))
+    write_png(f"turn_{step + 1:03d}.png", to_display(picture, bake.view_transform))
     print(f"{360 * step / steps:5.1f} degrees: {relighter.used}, {1e3 * spent:.1f} ms")
 caster.close()
 relighter.close()

@@ -14,7 +14,7 @@ import bpy
 import matplotlib.pyplot as plt
 
 import prt_core
-from prt_core.evaluate import render_view, to_srgb
+from prt_core.evaluate import render_view, to_display
 
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
@@ -41,7 +41,8 @@ for frame, (name, stops) in zip(
     frames, {"courtyard": 0, "city": -2, "sunset": 0}.items(), strict=True
 ):
     radiance = prt_core.relight_points(bake, skies / f"{name}.exr", rotation=60, exposure=stops)
-    frame.imshow(to_srgb(render_view(bake, radiance, caster, width=400, height=260)))
+    picture = render_view(bake, radiance, caster, width=400, height=260)
+    frame.imshow(to_display(picture, bake.view_transform))
     frame.set(title=f"{name}, {stops:+} stops", xticks=[], yticks=[])
 caster.close()
 plt.show()

@@ -14,7 +14,7 @@ import bpy
 import matplotlib.pyplot as plt
 
 import prt_core
-from prt_core.evaluate import to_srgb
+from prt_core.evaluate import to_display
 from prt_core.evaluate.view import CameraRays
 
 BLEND_SCENES = Path(prt_core.__file__).parents[1] / "blend_scenes"
@@ -31,7 +31,8 @@ figure, rows = plt.subplots(2, 4, figsize=(12, 4), layout="constrained")
 for frames, sharp in zip(rows, (False, True), strict=True):
     for frame, turn in zip(frames, (0, 40, 80, 120), strict=True):
         light = prt_core.Lighting(city, rotation=turn, sharp_sun=sharp, exposure=-1)
-        frame.imshow(to_srgb(rays.picture(relighter.radiance(light))))
+        picture = rays.picture(relighter.radiance(light))
+        frame.imshow(to_display(picture, bake.view_transform))
         kind = "sharp sun" if sharp else "texels"
         frame.set(title=f"{kind}, {turn}°", xticks=[], yticks=[])
 caster.close()

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import prt_core
-from prt_core.evaluate import to_srgb
+from prt_core.evaluate import to_display
 from prt_core.evaluate.view import CameraRays
 
 BLEND_SCENES = Path(prt_core.__file__).parents[1] / "blend_scenes"
@@ -38,7 +38,8 @@ rays = CameraRays(bake.scene, caster, bake.camera, 400, 260)
 figure, frames = plt.subplots(1, 3, figsize=(12, 3), layout="constrained")
 for frame, (mood, gains) in zip(frames, moods.items(), strict=True):
     mixed = sum(field * gain for field, gain in zip(fields, gains, strict=True))
-    frame.imshow(to_srgb(rays.picture(mixed.astype(np.float32))))
+    picture = rays.picture(mixed.astype(np.float32))
+    frame.imshow(to_display(picture, bake.view_transform))
     frame.set(title=mood, xticks=[], yticks=[])
 caster.close()
 plt.show()

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 from mathutils import Vector
 
 import prt_core
-from prt_core.evaluate import to_srgb
+from prt_core.evaluate import to_display
 from prt_core.evaluate.view import CameraRays
 
 
@@ -52,7 +52,8 @@ for frame, place in zip(frames, ((2.5, -5.5, 2.6), (-4.5, -4.0, 1.2)), strict=Tr
     towards = (Vector((0, 0, 0.9)) - Vector(place)).to_track_quat("-Z", "Y").to_matrix().to_4x4()
     towards.translation = place
     rays = CameraRays(bake.scene, caster, prt_core.Camera(towards, 0.33), 320, 208)
-    frame.imshow(to_srgb(relighter.picture(rays, light)))
+    picture = relighter.picture(rays, light)
+    frame.imshow(to_display(picture, bake.view_transform))
     frame.set(title=f"from {place}", xticks=[], yticks=[])
 caster.close()
 relighter.close()

@@ -18,7 +18,7 @@ from mathutils import Vector
 
 import prt_core
 from prt_core.bake.light_field_view import field_picture, field_toward
-from prt_core.evaluate import to_srgb
+from prt_core.evaluate import to_display
 
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.context.scene.render.engine = "CYCLES"
@@ -63,7 +63,8 @@ for frame, (title, place, strengths) in zip(frames, looks, strict=True):
     towards.translation = place
     camera = prt_core.Camera(towards, tangent=0.33)
     radiance, _ = field_toward(field, prt_core.View.of_camera(camera), strengths)
-    frame.imshow(to_srgb(field_picture(field, radiance, camera, caster, 400, 260)))
+    picture = field_picture(field, radiance, camera, caster, 400, 260)
+    frame.imshow(to_display(picture, field.view_transform))
     frame.set(title=title, xticks=[], yticks=[])
 caster.close()
 plt.show()

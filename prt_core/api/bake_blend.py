@@ -99,6 +99,7 @@ def bake_blend_steps(
     from prt_core.blender.left_out import say_copies
     from prt_core.blender.studio import studio_images, studio_lights
     from prt_core.blender.unwrap import lightmap_uvs
+    from prt_core.blender.view_transform import FILES, view_transform_of
     from prt_core.blender.world import (
         baked_world_steps,
         read_environment,
@@ -109,7 +110,7 @@ def bake_blend_steps(
     scene = scene or import_bpy().context.scene
     uid, origin = scene.session_uid, origin_now(scene, expect_store_path("output", output).parent)
     camera, seen = read_camera(scene, messages), []
-    cameras = read_cameras(scene)
+    cameras, view_transform = read_cameras(scene), view_transform_of(scene, FILES)
 
     def see_too(depsgraph):
         seen.extend(see_lamps(depsgraph.scene, depsgraph, messages))
@@ -148,7 +149,7 @@ def bake_blend_steps(
     if plan or cluster is not None:
         stages = yield from plan_steps(
             built, output, settings, lamps, world, camera, source, lights, origin, cameras, memory,
-            finished=cluster is not None,
+            finished=cluster is not None, view_transform=view_transform,
         )  # fmt: skip
         if cluster is not None:
             return (yield from distribute_steps(output, cluster, memory))
@@ -156,7 +157,7 @@ def bake_blend_steps(
     had_form = has_form(output)
     result = yield from bake_steps(
         built, output, settings, lamps, world, camera, source, restart, pace, lights, origin,
-        cameras, pictures, memory, reuse, only,
+        cameras, pictures, memory, reuse, only, view_transform,
     )  # fmt: skip
     if had_form and not has_form(output):
         result = {**result, "messages": [*result["messages"], _WITHOUT_FORM]}

@@ -124,6 +124,7 @@ def light_field_steps(
             plan=plan,
             share=share,
             cameras=bake.cameras,
+            view_transform=bake.view_transform,
         )
         return (yield from steps)
     messages = [] if source is None else list(open_blend(source))
@@ -131,6 +132,7 @@ def light_field_steps(
     from prt_core.blender.camera import read_cameras
     from prt_core.blender.identity import origin_now, scene_of
     from prt_core.blender.light_field_scene import light_field_camera, light_field_meshes_steps
+    from prt_core.blender.view_transform import FILES, view_transform_of
 
     scene = scene or bpy.context.scene
     uid, origin = scene.session_uid, origin_now(scene, expect_store_path("output", output).parent)
@@ -150,6 +152,8 @@ def light_field_steps(
         built = yield from image_steps(built, meshes, None, "auto", image)
         messages += built.messages
     camera, view = light_field_camera(uid, built, lamps, messages)
-    given = view, origin, restart, messages, pace, plan, share, read_cameras(scene_of(uid))
-    steps = capture_light_field(built, camera, output, settings, *given)
+    scene = scene_of(uid)
+    given = view, origin, restart, messages, pace, plan, share, read_cameras(scene)
+    shown = view_transform_of(scene, FILES)
+    steps = capture_light_field(built, camera, output, settings, *given, shown)
     return (yield from steps)

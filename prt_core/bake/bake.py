@@ -9,7 +9,7 @@ from prt_core.bake.emission import Emission
 from prt_core.bake.named_cameras import NamedCameras
 from prt_core.errors import expect, expect_array
 from prt_core.light import EnvironmentMap
-from prt_core.scene import Camera, Scene
+from prt_core.scene import Camera, Scene, ViewTransform
 from prt_core.transport import Transport
 
 
@@ -44,6 +44,8 @@ class Bake(NamedCameras):
         All cameras of the scene whose lens is followed.
     world_image : EnvironmentMap, or None
         The world in finer detail, without suns that are lamps.
+    view_transform : ViewTransform, or None
+        How the scene shows radiance (see `to_display`), where that is known.
     """
 
     scene: Scene
@@ -61,6 +63,7 @@ class Bake(NamedCameras):
     reflections: tuple = ()
     cameras: dict = field(default_factory=dict)
     world_image: EnvironmentMap | None = None
+    view_transform: ViewTransform | None = None
 
     @property
     def cube_map(self):

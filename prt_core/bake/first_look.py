@@ -1,5 +1,6 @@
 """The first look at a scene that is known before its bake reads it anew."""
 
+from prt_core.bake.lights import Beside
 from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.settings import BakeSettings
@@ -43,8 +44,7 @@ def _look(scene, settings, pictures, pace, source, calls):
     try:
         rays = caster if caster.threads > 1 else RelayCaster(caster, calls, pace)
         cube_map = CubeMap(settings.resolution)
-        parts = (), None, None, source, None, None
         joined = comes_in_blocks(settings, len(scene.points), cube_map, Memory.of())
-        pictures.begin(scene, cube_map, settings, rays, parts, joined)
+        pictures.begin(scene, cube_map, settings, rays, Beside(source=source), joined)
     finally:
         calls.call(caster.close)

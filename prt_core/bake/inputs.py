@@ -16,7 +16,7 @@ from prt_core.light.baked_world import BakedWorld
 from prt_core.light.environment import EnvironmentMap, expect_radiance
 from prt_core.runtime.address import expect_store_path
 from prt_core.runtime.machine import expect_memory
-from prt_core.scene import Camera, Scene
+from prt_core.scene import Camera, Scene, ViewTransform
 from prt_core.store import files_at, is_taken, remove_begun
 
 # Of a point while it is baked; its bits are in memory a tile at a time.
@@ -26,8 +26,9 @@ _RAYS = "visibility", "ray_journal", "tile_bits0"
 
 
 def expect_bake_input(
-    scene, path, cube_map, lamps, world, camera, source, restart, pace, lights, origin, cameras=None
-):
+    scene, path, cube_map, lamps, world, camera, source, restart, pace, lights, origin,
+    cameras=None, view_transform=None,
+):  # fmt: skip
     """Raise `PRTError` unless `bake_steps` can bake this, and `load` will read it.
 
     Parameters
@@ -35,7 +36,7 @@ def expect_bake_input(
     scene, path
         See `bake_steps`.
     cube_map : CubeMap
-    lamps, world, camera, source, restart, pace, lights, origin, cameras
+    lamps, world, camera, source, restart, pace, lights, origin, cameras, view_transform
         See `bake_steps`.
 
     Returns
@@ -53,6 +54,8 @@ def expect_bake_input(
         expect_kind("camera", camera, Camera)
     if cameras is not None:
         expect_named("cameras", cameras, Camera, "cameras")
+    if view_transform is not None:
+        expect_kind("view_transform", view_transform, ViewTransform)
     for name, given, what in (("source", source, "digests"), ("origin", origin, "names")):
         if given is not None:
             expect_named(name, given, str, what)

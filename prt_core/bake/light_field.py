@@ -30,7 +30,7 @@ from prt_core.bake.light_field_settings import (
     expect_share,
     planned_field,
 )
-from prt_core.bake.lights import cameras_attribute
+from prt_core.bake.lights import cameras_attribute, keep_view_transform
 from prt_core.errors import (
     expect,
     expect_flag,
@@ -76,6 +76,7 @@ def capture_light_field(
     plan=False,
     share=None,
     cameras=None,
+    view_transform=None,
 ):
     """Capture a light field into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -109,6 +110,8 @@ def capture_light_field(
         do so at once, on any machine; who captures without a share then closes it.
     cameras : dict of str -> Camera, optional
         Kept as well: all cameras of the scene by name.
+    view_transform : ViewTransform, optional
+        Kept as well: how pictures are shown.
 
     Returns
     -------
@@ -152,7 +155,8 @@ def capture_light_field(
     work = _Capture(scene, camera, settings, points, None if pace is None else _RENDER)
     with system_errors(path), unless_begun(path):
         kept = {"camera": view and view.to_dict(), "cameras": cameras_attribute(cameras)}
-        return (yield from work.steps(path, kept, origin, restart, list(messages), plan, share))
+        given = kept, view_transform, origin, restart, list(messages), plan, share
+        return (yield from work.steps(path, *given))
 
 
 def points_of(scene):
@@ -185,7 +189,7 @@ class _Capture:
         self.cells = settings.angles[0] * settings.angles[1]
         self.a_render, self.seconds, self.paths = seconds, 0, 0
 
-    def steps(self, path, kept, origin, restart, messages, plan, share):
+    def steps(self, path, kept, view_transform, origin, restart, messages, plan, share):
         settings, points = self.settings, self.points
         check_scene(self.scene)
         pilot = yield from self._pilot()
@@ -206,7 +210,7 @@ class _Capture:
         store = begin_bake(path, identity, restart)
         if store.is_complete:
             if store.is_sound():
-                store.update(**kept)
+                keep_view_transform(store, view_transform, kept)
                 with damage_as_error(path):
                     return finish_bake(store, path).attributes["report"]
             store.update(complete=False)
@@ -214,8 +218,9 @@ class _Capture:
         if not resumed:
             store.update(identity=identity, kind=KIND, settings=asdict(settings))
         store.update(
-            origin=origin or {}, lights=list(self.lights), **kept, **write_scene(store, self.scene)
+            origin=origin or {}, lights=list(self.lights), **write_scene(store, self.scene)
         )
+        keep_view_transform(store, view_transform, kept)
         store.keep("field_point", points.point)
         store.keep("field_frames", points.frames.astype(np.float32))
         if plan:

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from prt_core.bake.field_denoise import RADIANCE, by_blocks
-from prt_core.bake.lights import read_cameras
+from prt_core.bake.lights import read_cameras, read_view_transform
 from prt_core.bake.named_cameras import NamedCameras
 from prt_core.errors import expect, expect_array, expect_named
 from prt_core.runtime.address import expect_store_path
-from prt_core.scene import Camera, Scene
+from prt_core.scene import Camera, Scene, ViewTransform
 from prt_core.store import BakeStore, damage_as_error, read_scene
 
 KIND = "light field"
@@ -38,6 +38,8 @@ class LightField(NamedCameras):
     store : BakeStore
     cameras : dict of str -> Camera
         All cameras of the scene whose lens is followed.
+    view_transform : ViewTransform, or None
+        How the scene shows radiance, where that is known.
     """
 
     scene: Scene
@@ -51,6 +53,7 @@ class LightField(NamedCameras):
     origin: dict
     store: BakeStore
     cameras: dict = field(default_factory=dict)
+    view_transform: ViewTransform | None = None
 
     def __len__(self):
         return len(self.point)
@@ -151,6 +154,7 @@ def load_light_field(path):
         expect(bool(ascending) and point[-1] < len(scene.points), "'field_point' is out of range")
         camera = None if camera is None else Camera(**camera)
         cameras = read_cameras(attributes)
+        shown = read_view_transform(store)
         expect_named("origin", origin, str, "names")
     frames = store.read("field_frames", (n_points, 3, 3), "float32")
     radiance = store.array(RADIANCE)
@@ -159,5 +163,5 @@ def load_light_field(path):
     expect(bool(np.isfinite(frames).all()), f"{path}: 'field_frames' is damaged; {_AGAIN}")
     return LightField(
         scene, point, frames, tuple(lights), radiance, camera, report, attributes["settings"],
-        origin, store, cameras,
+        origin, store, cameras, shown,
     )  # fmt: skip

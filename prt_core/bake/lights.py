@@ -1,77 +1,114 @@
-"""What is kept with a bake for relighting and pictures: lamps, world, camera, digests of meshes.
+"""What is kept with a bake for relighting and pictures: lamps, world, cameras, view transform,
+digests of meshes.
 
 They may change without any ray being cast again, so a finished bake takes new ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from typing import NamedTuple
 
 from prt_core.errors import PRTError, expect, expect_named
 from prt_core.light import Lamp
 from prt_core.light.baked_world import BakedWorld
 from prt_core.light.environment import EnvironmentMap, expect_radiance
-from prt_core.scene import Camera
+from prt_core.scene import Camera, ViewTransform
 from prt_core.store import damage_as_error
 
-# How the arrays that hold the world's light begin; attributes of these names say which do.
-_WORLD, _IMAGE = "world", "world_image"
+# How the arrays that hold the world's light and the view transform begin; attributes of these names
+# say which do, and one more what the table of the last is of.
+_WORLD, _IMAGE, _SHOWN = _KINDS = "world", "world_image", "view_transform"
+_SHOWN_BY = "shown_by"
 
 
-def light_attributes(lamps=(), world=None, camera=None, source=None, origin=None, cameras=None):
-    """What `keep_lights` takes: attributes of lamps, cameras and source, and the world's light.
+class Beside(NamedTuple):
+    """What is kept beside a bake, as `bake_steps` takes it; the world is a `BakedWorld`."""
+
+    lamps: Sequence = ()
+    world: BakedWorld | None = None
+    camera: Camera | None = None
+    source: dict | None = None
+    origin: dict | None = None
+    cameras: dict | None = None
+    view_transform: ViewTransform | None = None
+
+
+def light_attributes(beside):
+    """What `keep_lights` takes: attributes of lamps, cameras and source, and what is large.
 
     Parameters
     ----------
-    lamps, world, camera, source, origin, cameras
-        See `bake_steps`.
+    beside : Beside
 
     Returns
     -------
     attributes : dict
-    world : BakedWorld, or None
+    arrays : dict of str -> array
+        The world's light and the table of the view transform, by what they are.
     """
+    world, shown = beside.world, beside.view_transform
     attributes = {
-        "lamps": [asdict(lamp) for lamp in lamps],
-        "camera": camera and camera.to_dict(),
-        "source": source or {},
-        "origin": origin or {},
-        "cameras": cameras_attribute(cameras),
+        "lamps": [asdict(lamp) for lamp in beside.lamps],
+        "camera": beside.camera and beside.camera.to_dict(),
+        "source": beside.source or {},
+        "origin": beside.origin or {},
+        "cameras": cameras_attribute(beside.cameras),
+        **view_transform_attribute(shown),
     }
-    return attributes, world
+    arrays = {} if world is None else {_WORLD: world.texels}
+    if world is not None and world.image is not None:
+        arrays[_IMAGE] = world.image.pixels
+    if shown is not None:
+        arrays[_SHOWN] = shown.table
+    return attributes, arrays
 
 
-def keep_lights(store, attributes, world):
+def keep_lights(store, attributes, arrays):
     """Put them in place of those that a store has; where they are the same it is not touched."""
-    old = [store.attributes.get(kind) for kind in (_WORLD, _IMAGE)]
-    with damage_as_error(store.path):
-        number = _number(old[0]) if old[0] else 0
-    new = _arrays(world, number)
-    # A finished bake keeps the old light until the new one is named.
-    same = [key for key in old if key] == list(new) and all(
-        _is_same(store, *one) for one in new.items()
-    )
-    if not number or (store.is_complete and not same):
-        new = _arrays(world, number + 1)
-    for key, array in new.items():
-        store.keep(key, array)
-        store.files.sync(key)
-    if store.is_complete:
-        arrays = {key: value for key, value in store.attributes["arrays"].items() if key not in old}
-        digests = {key: store.array(key).digest() for key in new}
-        attributes["arrays"] = {**arrays, **digests}
     # Whoever began a bake has it; lamps and world are of the frame they were read at.
     origin = attributes["origin"]
     frame = {"frame": origin["frame"]} if "frame" in origin else {}
     attributes["origin"] = {**(store.attributes.get("origin") or origin), **frame}
-    names = dict.fromkeys((_WORLD, _IMAGE)) | dict(zip((_WORLD, _IMAGE), new, strict=False))
-    store.update(**names, **attributes)
-    # Only now: a kill before leaves the old light, one after leaves an array that nothing names.
+    _keep(store, attributes, arrays, _KINDS)
+
+
+def keep_view_transform(store, view_transform, attributes):
+    """Put a `ViewTransform`, or None, in place of that of a store, with other attributes."""
+    arrays = {} if view_transform is None else {_SHOWN: view_transform.table}
+    attributes = {**attributes, **view_transform_attribute(view_transform)}
+    _keep(store, attributes, arrays, (_SHOWN,))
+
+
+def _keep(store, attributes, arrays, kinds):
+    """Attributes, and arrays by which of the `kinds` they are."""
+    old = {kind: store.attributes.get(kind) for kind in kinds}
+    with damage_as_error(store.path):
+        number = max([0, *(_number(kind, name) for kind, name in old.items() if name)])
+    names = {kind: f"{kind}{number}" for kind in arrays}
+    # What is finished keeps the old ones until the new ones are named.
+    same = names == {kind: name for kind, name in old.items() if name} and all(
+        _is_same(store, name, arrays[kind]) for kind, name in names.items()
+    )
+    if not number or (store.is_complete and not same):
+        names = {kind: f"{kind}{number + 1}" for kind in arrays}
+    new = {names[kind]: array for kind, array in arrays.items()}
+    for key, array in new.items():
+        store.keep(key, array)
+        store.files.sync(key)
+    if store.is_complete:
+        digests = {key: store.array(key).digest() for key in new}
+        others = store.attributes["arrays"].items()
+        others = {key: value for key, value in others if key not in old.values()}
+        attributes["arrays"] = {**others, **digests}
+    store.update(**(dict.fromkeys(kinds) | names), **attributes)
+    # Only now: a kill before leaves the old ones, one after leaves an array that nothing names.
     for other in store.names():
-        if other.startswith(_WORLD) and other not in new:
+        if other.startswith(tuple(kinds)) and other not in new:
             store.remove(other)
 
 
 def read_lights(store, cube_map):
-    """Lamps, world, camera, source, origin and cameras of a store, as `Bake` has them.
+    """The `Beside` of a store.
 
     Raises
     ------
@@ -87,13 +124,14 @@ def read_lights(store, cube_map):
         cameras = read_cameras(attributes)
         expect_named("source", source, str, "digests")
         origin = expect_named("origin", attributes["origin"], str, "names")
-        expect(name is None or name == f"{_WORLD}{_number(name)}", "the name of its world is")
+        shown = read_view_transform(store)
         world = None
         if name is not None:
             shape = cube_map.n_directions, 3
+            number = _number(_WORLD, name)
             texels = expect_radiance("world", store.read(name, shape, "float32"), cube_map)
-            world = BakedWorld(texels, _read_image(store, _number(name)))
-    return lamps, world, camera, source, origin, cameras
+            world = BakedWorld(texels, _read_image(store, number))
+    return Beside(lamps, world, camera, source, origin, cameras, shown)
 
 
 def _read_image(store, number):
@@ -105,12 +143,20 @@ def _read_image(store, number):
     return EnvironmentMap(store.read(name), "world")
 
 
-def _arrays(world, number):
-    """Arrays of a `BakedWorld`, or of none, by name."""
-    if world is None:
-        return {}
-    image = {} if world.image is None else {f"{_IMAGE}{number}": world.image.pixels}
-    return {f"{_WORLD}{number}": world.texels, **image}
+def view_transform_attribute(view_transform):
+    """What is kept of a `ViewTransform` or None beside its table: as keywords of `store.update`."""
+    known = view_transform is not None
+    shown_by = {"name": view_transform.name, "exposure": view_transform.exposure} if known else None
+    return {_SHOWN_BY: shown_by}
+
+
+def read_view_transform(store):
+    """The `ViewTransform` of a store; None where it has none, as those of older versions."""
+    name = store.attributes.get(_SHOWN)
+    if name is None:
+        return None
+    _number(_SHOWN, name)
+    return ViewTransform(store.read(name), **store.attributes[_SHOWN_BY])
 
 
 def cameras_attribute(cameras):
@@ -131,5 +177,8 @@ def _is_same(store, name, array):
         return False
 
 
-def _number(name):
-    return int(name.removeprefix(_WORLD))
+def _number(kind, name):
+    """The number at the end of the name of an array of a kind."""
+    number = name.removeprefix(kind)
+    expect(name.startswith(kind) and number.isdecimal(), f"the name of its {kind} is")
+    return int(number)

@@ -55,7 +55,7 @@ def load(path):
             type(rounds) is int and 0 <= rounds <= MOST_ROUNDS and isinstance(report, dict),
             "the number of its rounds or its report is damaged",
         )
-    lamps, world, camera, source, origin, cameras = read_lights(store, cube_map)
+    beside = read_lights(store, cube_map)
     points = scene.points
     n_points, n_bytes = len(points), -(-cube_map.n_directions // 8)
     memory = Memory.of()
@@ -71,12 +71,14 @@ def load(path):
         None if points.mean_materials.equals(points.materials) else points.mean_materials,
         scene.opposite if points.materials.through.any() else None,
     )
+    world = beside.world
     texels, image = (None, None) if world is None else (world.texels, world.image)
-    parts = lamps, texels, camera, settings.stored(), report, source, path, origin
+    said = settings.stored(), report, beside.source, path, beside.origin
+    parts = beside.lamps, texels, beside.camera, *said
     emission = read_emission(store, scene, rounds, transport.bounced_albedo)
     reflections = read_reflections(store, scene, cube_map)
-    more = _read_dense(store, n_points), emission, reflections, cameras, image
-    return Bake(scene, transport, *parts, *more)
+    more = _read_dense(store, n_points), emission, reflections, beside.cameras, image
+    return Bake(scene, transport, *parts, *more, beside.view_transform)
 
 
 def _read_dense(store, n_points):

@@ -42,7 +42,7 @@ class PartialBake(Bake):
     scene, transport, lamps, world, camera, settings, report, source, path, origin
         As those of a `Bake`; the transport is a `PartialTransport`, the report is empty, and it
         has no path.
-    dense, emission, reflections, cameras, world_image
+    dense, emission, reflections, cameras, world_image, view_transform
         As those of a `Bake`: no dense points, and no gloss.
     known_percent : float
         Of the points: those whose rows are known.
@@ -93,7 +93,7 @@ class Pictures:
         # There is always a first one, whatever it takes.
         self._spent += seconds if self._count > 1 else 0
 
-    def begin(self, scene, cube_map, settings, caster, parts, joined=False):
+    def begin(self, scene, cube_map, settings, caster, beside, joined=False):
         """The scene is known, and looked at for the first time, unless it has been.
 
         Parameters
@@ -102,12 +102,11 @@ class Pictures:
         cube_map : CubeMap
         settings : BakeSettings
         caster : RayCaster
-        parts : tuple
-            lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
+        beside : Beside
         joined : bool
             Whether the bake's own rows are to join those of the first look (see `block`).
         """
-        self._given, self._parts = (cube_map, settings, caster), parts
+        self._given, self._beside = (cube_map, settings, caster), beside
         if self._coarse is not None and self._digest == scene.fingerprint():
             self._coarse.caster = caster
             return
@@ -225,7 +224,7 @@ class Pictures:
     def _publish(self, transport, n_known, direct, start, error=None):
         """Make the picture the newest; returns its `PartialBake`."""
         scene, few = self._coarse.scene, self._few
-        lamps, world, camera, source, origin, cameras = self._parts
+        beside, world = self._beside, self._beside.world
         share = n_known / len(scene.points)
         if error is None:
             error = ((1 - share) * direct + few.noise).max()
@@ -233,10 +232,11 @@ class Pictures:
         received = few.emission if self._emission is None else self._emission
         emission = None if received is None else Emission(scene.emitters, received)
         bake = PartialBake(
-            scene, transport, list(lamps), world and world.texels, camera,
+            scene, transport, list(beside.lamps), world and world.texels, beside.camera,
             self._given[1].stored(), {},
-            dict(source or {}), None, dict(origin or {}), None, emission,
-            cameras=dict(cameras or {}), world_image=world and world.image,
+            dict(beside.source or {}), None, dict(beside.origin or {}), None, emission,
+            cameras=dict(beside.cameras or {}), world_image=world and world.image,
+            view_transform=beside.view_transform,
             known_percent=100 * share, error=error, coarse=few.bake,
         )  # fmt: skip
         self._latest, self._n_shown, self._count = bake, n_known, self._count + 1

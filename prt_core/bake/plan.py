@@ -9,6 +9,7 @@ import numpy as np
 
 from prt_core.bake.emission import EmissionResult, emission_probes, emission_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
+from prt_core.bake.lights import Beside
 from prt_core.bake.memory import Memory
 from prt_core.bake.settings import BakeSettings
 from prt_core.bake.stages import LIGHTS, OPEN, WORK, is_planned, open_stage, open_stages
@@ -38,6 +39,7 @@ def plan_steps(
     cameras=None,
     memory=None,
     finished=False,
+    view_transform=None,
 ):
     """Put a scene into a store whose blocks of work are computed apart; yields `Progress`.
 
@@ -51,6 +53,8 @@ def plan_steps(
         Gigabytes that each of those who compute blocks may take, beside the scene.
     finished : bool
         Whether a bake that is finished is left as it is, without stages, and is no error.
+    view_transform
+        See `bake_steps`.
 
     Returns
     -------
@@ -67,7 +71,7 @@ def plan_steps(
     expect_kind("settings", settings, BakeSettings)
     cube_map, memory = CubeMap(settings.resolution), Memory.of(memory)
     camera = None if camera is None else expect_camera(camera)
-    given = lamps, world, camera, source, False, None, lights, origin, cameras
+    given = lamps, world, camera, source, False, None, lights, origin, cameras, view_transform
     world = expect_bake_input(scene, path, cube_map, *given)
     casters = []
 
@@ -75,17 +79,17 @@ def plan_steps(
         casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
-    parts = (lamps, world, camera, source, origin, cameras)
+    beside = Beside(lamps, world, camera, source, origin, cameras, view_transform)
     try:
         with system_errors(path), unless_begun(path):
-            begun = yield from begin_steps(scene, path, settings, parts, False, caster)
+            begun = yield from begin_steps(scene, path, settings, beside, False, caster)
             if begun.report is not None:
                 expect(finished, f"{path}: the bake is finished; nothing of it is left to plan")
                 return []
-            beside = begun.store.path
+            place = begun.store.path
             expect(
-                beside == expect_store_path("bake", path),
-                f"{beside}: a restart of this bake was stopped here; end it by the same 'prt bake' "
+                place == expect_store_path("bake", path),
+                f"{place}: a restart of this bake was stopped here; end it by the same 'prt bake' "
                 "without blocks of work, or remove it",
             )
             yield from _planned_steps(begun, cube_map, settings, lights, memory)

@@ -14,7 +14,7 @@ from prt_core.bake.earlier import (
 from prt_core.bake.emission import bounced_emission_steps, emission_steps, read_direct
 from prt_core.bake.gloss_certificate import gloss_certificate_steps
 from prt_core.bake.inputs import expect_bake_input, unless_begun
-from prt_core.bake.lights import keep_lights, light_attributes
+from prt_core.bake.lights import Beside, keep_lights, light_attributes
 from prt_core.bake.memory import Memory
 from prt_core.bake.pictures import Pictures
 from prt_core.bake.reflections import reflection_steps
@@ -60,6 +60,7 @@ def bake_steps(
     memory=None,
     reuse=None,
     only=None,
+    view_transform=None,
 ):
     """Bake a scene into a store; a generator of `Progress` (see `runtime.progress.run`).
 
@@ -103,6 +104,8 @@ def bake_steps(
         touched is taken from it. Where nothing can be, the report says why.
     only : sequence of str, optional
         With `reuse`: objects whose points are asked again; those of others stay as they were.
+    view_transform : ViewTransform, optional
+        Kept with the bake: how its pictures are shown.
 
     Returns
     -------
@@ -120,7 +123,7 @@ def bake_steps(
     expect_kind("settings", settings, BakeSettings)
     cube_map = CubeMap(settings.resolution)
     camera = None if camera is None else expect_camera(camera)
-    given = lamps, world, camera, source, restart, pace, lights, origin, cameras
+    given = lamps, world, camera, source, restart, pace, lights, origin, cameras, view_transform
     world = expect_bake_input(scene, path, cube_map, *given)
     if pictures is not None:
         expect_kind("pictures", pictures, Pictures)
@@ -134,10 +137,10 @@ def bake_steps(
         casters.append(scene.make_caster(settings.caster, "diffuse", settings.resolution))
         return casters[0]
 
-    parts = (lamps, world, camera, source, origin, cameras)
+    beside = Beside(lamps, world, camera, source, origin, cameras, view_transform)
     try:
         with system_errors(path), unless_begun(path):
-            given = scene, path, settings, parts, restart, lights, pictures, memory, reuse, only
+            given = scene, path, settings, beside, restart, lights, pictures, memory, reuse, only
             if pace is None:
                 return (yield from _bake(*given, caster))
             calls = MainThreadCalls()
@@ -154,12 +157,12 @@ def bake_steps(
 
 
 def _bake(
-    scene, path, settings, parts, restart, lights, pictures, memory, reuse, only, new_caster,
+    scene, path, settings, beside, restart, lights, pictures, memory, reuse, only, new_caster,
     pace=None,
 ):  # fmt: skip
     """`bake_steps`, with a function that makes the caster once rays are needed."""
     cube_map = CubeMap(settings.resolution)
-    given = scene, path, settings, parts, restart, new_caster
+    given = scene, path, settings, beside, restart, new_caster
     begun = yield from begin_steps(*given, pictures, memory, reuse, only)
     if begun.report is not None:
         return begun.report
@@ -200,7 +203,7 @@ class Begun:
 
 
 def begin_steps(
-    scene, path, settings, parts, restart, new_caster, pictures=None, memory=None, reuse=None,
+    scene, path, settings, beside, restart, new_caster, pictures=None, memory=None, reuse=None,
     only=None,
 ):  # fmt: skip
     """The first part of a bake: whose it is, and its scene, in a store; yields `Progress`.
@@ -209,8 +212,7 @@ def begin_steps(
     ----------
     scene, path, settings
         See `bake_steps`.
-    parts : tuple
-        lamps, world, camera, source, origin, cameras, as `bake_steps` takes them.
+    beside : Beside
     restart
         See `bake_steps`.
     new_caster : callable() -> RayCaster
@@ -226,7 +228,7 @@ def begin_steps(
     """
     cube_map = CubeMap(settings.resolution)
     check_scene(scene)
-    attributes, world = light_attributes(*parts)
+    attributes, arrays = light_attributes(beside)
     identity = {
         "scene": scene.fingerprint(),
         **{k: v for k, v in settings.stored().items() if k != "caster"},
@@ -238,7 +240,7 @@ def begin_steps(
     store = begin_bake(path, identity, restart)
     if store.is_complete:
         if store.is_sound():
-            keep_lights(store, attributes, world)
+            keep_lights(store, attributes, arrays)
             with damage_as_error(path):
                 return Begun(store, report=finish_bake(store, path).attributes["report"])
         # What is damaged is made again, as if the bake had been stopped before.
@@ -256,14 +258,13 @@ def begin_steps(
         store.update(taken_from=taken_from, sampled=None)
     seconds = stored_seconds(store)
     if pictures is not None:
-        parts = parts[0], world, *parts[2:]
         joined = comes_in_blocks(settings, len(scene.points), cube_map, memory)
-        pictures.begin(scene, cube_map, settings, caster, parts, joined)
+        pictures.begin(scene, cube_map, settings, caster, beside, joined)
         yield Progress("scene", 0, 0)
-    scene = yield from _detailed(store, scene, caster, settings, parts, seconds, earlier)
+    scene = yield from _detailed(store, scene, caster, settings, beside, seconds, earlier)
     if pictures is not None:
         pictures.detailed(scene)
-    keep_lights(store, attributes, world)
+    keep_lights(store, attributes, arrays)
     # What building the scene and looking for details took.
     return_memory()
     yield Progress("scene", 0, 0)
@@ -362,7 +363,7 @@ def stored_seconds(store):
         }
 
 
-def _detailed(store, scene, caster, settings, parts, seconds, earlier):
+def _detailed(store, scene, caster, settings, beside, seconds, earlier):
     """The scene with points on backs, and hidden ones in gaps and rooms within a face, stored.
 
     They are found by rays: what goes on takes those that it began with, where they are whole.
@@ -371,8 +372,9 @@ def _detailed(store, scene, caster, settings, parts, seconds, earlier):
         sided = read_backs(store, scene)
         places = None if sided is None else read_details(store, sided)
         if places is None:
-            start, (lamps, _, camera, *_) = time.perf_counter(), parts
-            sided, probes = yield from side_steps(scene, caster, settings.seed, lamps, camera)
+            start = time.perf_counter()
+            lit_by = beside.lamps, beside.camera
+            sided, probes = yield from side_steps(scene, caster, settings.seed, *lit_by)
             given = sided, caster, settings.seed
             if isinstance(earlier, Earlier):
                 kept = KeptDetails(earlier, sided)

@@ -1,84 +1,43 @@
-"""What a scene's view transform (AgX, Filmic, exposure, look, curves) makes of radiance.
+"""A scene's colour management (AgX, Filmic, exposure, look, curves) as a `ViewTransform`.
 
-Solid mode shows colour attributes without it. So what is written for that mode carries it: Blender
-itself writes a table of colours through the scene's colour management, and radiance is looked up
-there. No transform is rebuilt here, whatever the scene's configuration has.
+Blender itself writes a table of colours through it. Solid mode, which shows colour attributes
+without it, and pictures that are written apart from Blender look radiance up there.
 """
 
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from prt_core.errors import expect, expect_array
+from prt_core.errors import expect
+from prt_core.scene import ViewTransform
 
-# Entries of the table along each channel; they are spaced as logarithms beyond _KNEE, up to _TOP.
-# Exposure is multiplied in before, so every transform is white there.
-_SIDE, _KNEE, _TOP = 41, 2.0**-9, 2.0**8
-_LAST = np.log2(_TOP / _KNEE + 1)
+# The display that pictures in files are for.
+FILES = "sRGB"
+# The last ones that were read, by what they depend on.
+_KEPT, _MOST_KEPT = {}, 4
 
 
-class ViewTransform:
-    """How a scene shows radiance on its display.
+def view_transform_of(scene, display=None):
+    """The `ViewTransform` of a scene as it is now.
 
     Parameters
     ----------
     scene : bpy.types.Scene
-
-    Attributes
-    ----------
-    key : tuple
-        What it depends on (see `transform_key`).
+    display : str, optional
+        The name of another display device than the scene's, where Blender has it.
     """
-
-    def __init__(self, scene):
-        self.key = transform_key(scene)
-        self._factor = np.float32(2.0**scene.view_settings.exposure)
-        self._table = _written_by_blender(scene, 1 / self._factor)
-
-    def display(self, radiance):
-        """What the display is sent.
-
-        Parameters
-        ----------
-        radiance : (n, 3) float
-            Linear Rec.709.
-
-        Returns
-        -------
-        (n, 3) float32
-            0 to 1, as encoded for the display.
-        """
-        from scipy.ndimage import map_coordinates
-
-        radiance = expect_array("radiance", radiance, (None, 3), np.float32)
-        exposed = np.clip(radiance * self._factor, 0, _TOP)
-        places = np.log2(exposed / np.float32(_KNEE) + 1).T * np.float32((_SIDE - 1) / _LAST)
-        shown = [map_coordinates(channel, places, order=1) for channel in self._table]
-        return np.stack(shown, axis=1)
-
-    def encode(self, picture):
-        """(height, width, 3) uint8 of a picture as the display shows it.
-
-        Parameters
-        ----------
-        picture : (height, width, 3) float32
-            Linear Rec.709.
-        """
-        shown = self.display(picture.reshape(-1, 3)).reshape(picture.shape)
-        return (shown * 255 + 0.5).astype(np.uint8)
-
-    def for_solid(self, radiance):
-        """(n, 3) float32 linear colours that Solid mode, which encodes them only, shows alike.
-
-        Parameters
-        ----------
-        radiance : (n, 3) float
-            Linear Rec.709.
-        """
-        shown = self.display(radiance)
-        return np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+    key = display, *transform_key(scene)
+    if key not in _KEPT:
+        while len(_KEPT) >= _MOST_KEPT:
+            _KEPT.pop(next(iter(_KEPT)))
+        settings = scene.view_settings
+        factor = 2.0**-settings.exposure
+        table = _written_by_blender(scene, display, ViewTransform.steps() * np.float32(factor))
+        _KEPT[key] = ViewTransform(table, settings.exposure, _named(settings))
+    return _KEPT[key]
 
 
 def transform_key(scene):
@@ -98,16 +57,26 @@ def transform_key(scene):
     return scene.display_settings.display_device, *values
 
 
-def _written_by_blender(scene, factor):
-    """(3, n, n, n) float32: what Blender writes of the table's colours times `factor`."""
-    axis = ((2 ** np.linspace(0, _LAST, _SIDE) - 1) * _KNEE * factor).astype(np.float32)
-    colours = np.ones((_SIDE, _SIDE, _SIDE, 4), np.float32)
-    colours[..., :3] = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+def _named(settings):
+    """The view transform and the look, of which some are called after theirs."""
+    name, look = settings.view_transform, settings.look
+    if look in ("", "None"):
+        return name
+    return look if look.startswith(name) else f"{name}, {look}"
+
+
+def _written_by_blender(scene, display, steps):
+    """(3, n, n, n) uint16: what Blender writes of the table's colours, at `steps` (n,)."""
+    side = len(steps)
+    colours = np.ones((side, side, side, 4), np.float32)
+    colours[..., :3] = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
     name = "prt view transform"
     copy, made = scene.copy(), []
     try:
+        if display is not None:
+            _to_display(copy, display)
         _write_png(copy.render.image_settings)
-        made.append(bpy.data.images.new(name, _SIDE**2, _SIDE, float_buffer=True))
+        made.append(bpy.data.images.new(name, side**2, side, float_buffer=True))
         made[0].pixels.foreach_set(colours.ravel())
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "table.png"
@@ -120,7 +89,19 @@ def _written_by_blender(scene, factor):
     finally:
         bpy.data.scenes.remove(copy)
         bpy.data.batch_remove(made)
-    return np.ascontiguousarray(np.moveaxis(colours[..., :3], -1, 0))
+    whole = np.rint(np.moveaxis(colours[..., :3], -1, 0) * 65535)
+    return np.ascontiguousarray(whole.astype(np.uint16))
+
+
+def _to_display(scene, display):
+    """Show a scene on another display by the same view transform, where Blender has both."""
+    settings = scene.view_settings
+    names = {name: getattr(settings, name) for name in ("view_transform", "look")}
+    # Configurations of their own have displays by other names.
+    with suppress(TypeError):
+        scene.display_settings.display_device = display
+        for name, value in names.items():
+            setattr(settings, name, value)
 
 
 def _write_png(settings):

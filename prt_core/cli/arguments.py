@@ -86,6 +86,27 @@ class _Renamed(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+def view_transform_argument(parser):
+    """Add `--view-transform`."""
+    parser.add_argument(
+        "--view-transform", choices=("scene", "standard"),
+        help="how pictures are shown: as a render of the scene is, with its view transform, look "
+        "and exposure (the default), or plain sRGB",
+    )  # fmt: skip
+
+
+def view_transform_asked(options, baked):
+    """The `ViewTransform` of `--view-transform`, of a bake or light field; None: plain sRGB."""
+    if options.view_transform == "standard":
+        return None
+    expect(
+        options.view_transform is None or baked.view_transform is not None,
+        "--view-transform: what was baked does not say how its scene shows colours; bake it again "
+        "from its .blend, or leave it out",
+    )
+    return baked.view_transform
+
+
 def form_argument(parser):
     """Add `--form`."""
     parser.add_argument(

@@ -38,7 +38,9 @@ class BakePictures:
         if bake.scene is not self._scene:
             size = (bake.camera or Camera(np.eye(4), 1)).size(_LONGEST)
             self._scene = bake.scene
-            self._writer = PictureWriter(bake, size, self._caster)
+            self._writer = PictureWriter(
+                bake, size, self._caster, view_transform=bake.view_transform
+            )
         lighting = self._lighting(bake)
         radiance = self._relighter.radiance(lighting)
         self._writer.write(self._path, radiance, background=self._relighter.sky(lighting))

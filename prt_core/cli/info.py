@@ -81,6 +81,8 @@ def _lines(path, bake, store):
     yield from object_lines(store.attributes["objects"])
     for lamp in bake.lamps:
         yield f"  lamp    {lamp.name}: {lamp.kind}"
+    if bake.view_transform is not None:
+        yield f"  shown   by {bake.view_transform}"
     for item in bake.report.get("emitters", ()):
         radiance = " ".join(f"{value:.4g}" for value in item["radiance"])
         yield f"  emitter {item['name']}: radiance {radiance}, {item['area']:.3g} square units"

@@ -19,9 +19,11 @@ from prt_core.cli.arguments import (
     caster_argument,
     place_named,
     size,
+    view_transform_argument,
+    view_transform_asked,
 )
 from prt_core.errors import PRTError, expect
-from prt_core.evaluate import to_srgb, write_png
+from prt_core.evaluate import to_display, write_png
 from prt_core.evaluate.view import expect_view
 from prt_core.relight.emission import emission_of
 from prt_core.runtime.files import expect_output
@@ -52,6 +54,7 @@ def add_show(kinds):
         "--form", default="auto", choices=("auto", "exact", "compressed"),
         help="what is shown; auto: the compressed form where there is one",
     )  # fmt: skip
+    view_transform_argument(show)
     caster_argument(show)
     show.set_defaults(run=_show)
 
@@ -60,6 +63,7 @@ def _show(options):
     strengths = _strengths(options.lamps)
     output = expect_output("--png", options.png, ".png")
     field = load_light_field(options.field)
+    shown_by = view_transform_asked(options, field)
     named = camera_named(options.view, field)
     camera = named or camera_at(field, place_named(options.view))
     width, height = options.size or (named or field.camera or Camera(np.eye(4), 1)).size()
@@ -75,7 +79,7 @@ def _show(options):
         picture = field_picture(field, radiance, camera, caster, width, height, grey)
     finally:
         caster.close()
-    write_png(output, to_srgb(picture, options.exposure))
+    write_png(output, to_display(picture, shown_by, options.exposure))
     print(f"{output}: {len(field):,} points towards the view in {1e3 * spent:.0f} ms, {used}")
     names = uncaptured(field)
     if names:

@@ -11,7 +11,7 @@ from prt_core.errors import expect
 from prt_core.light import write_image
 
 
-def write_pixels(path, pixels, bits=8, curve="srgb"):
+def write_pixels(path, pixels, bits=8, curve="srgb", view_transform=None):
     """Linear pixels as a picture for the eye, or as they are in .exr.
 
     Parameters
@@ -23,17 +23,22 @@ def write_pixels(path, pixels, bits=8, curve="srgb"):
         Of a channel of a .png.
     curve : {"srgb", "data"}
         "data": numbers that are no colours, without a curve in a .png either.
+    view_transform : ViewTransform, optional
+        Of colours: how a .png shows them; default: none.
     """
     if Path(path).suffix.lower() == ".exr":
         write_image(path, pixels)
         return
-    from prt_core.evaluate import to_srgb, to_whole, write_png
+    from prt_core.evaluate import to_display, to_whole, write_png
 
-    whole = to_srgb(pixels, bits=bits) if curve == "srgb" else to_whole(pixels, bits)
+    if curve == "srgb":
+        whole = to_display(pixels, view_transform, bits=bits)
+    else:
+        whole = to_whole(pixels, bits)
     write_png(path, whole, curve)
 
 
-def image_notes(path, pixels, image):
+def image_notes(path, pixels, image, view_transform=None):
     """What is to be said of an image that was written.
 
     Parameters
@@ -41,6 +46,8 @@ def image_notes(path, pixels, image):
     path : str or Path
     pixels : (height, width, 3) float32
     image : PointImage
+    view_transform : ViewTransform, optional
+        By which it is shown: nothing is cut then.
 
     Returns
     -------
@@ -48,7 +55,7 @@ def image_notes(path, pixels, image):
         What a .png has cut, and how far the two sides of an atlas' seams differ.
     """
     notes, most = [], float(pixels.max(initial=0))
-    if Path(path).suffix.lower() == ".png" and most > 1:
+    if Path(path).suffix.lower() == ".png" and most > 1 and view_transform is None:
         share = (pixels > 1).any(axis=-1).mean()
         stops = -math.ceil(math.log2(most) * 10) / 10
         notes.append(

@@ -14,6 +14,8 @@ from prt_core.cli.arguments import (
     form_argument,
     is_place,
     size,
+    view_transform_argument,
+    view_transform_asked,
 )
 from prt_core.cli.each_light import each_light
 from prt_core.cli.lighting import LIGHT_NEEDS, expect_light, lighting_arguments, lighting_of
@@ -48,6 +50,7 @@ _NEEDED = {
     "progressive": (("turn",), "--turn"),
     "size": (("png",), "--png"),
     "bits": (("image",), "--image"),
+    "view_transform": (("png", "image"), "--png or --image"),
     "scene": (("blend",), "--blend"),
     "attribute": (("blend",), "--blend"),
     "domain": (("blend",), "--blend"),
@@ -98,6 +101,7 @@ def add_relight(commands, in_blender):
     relight.add_argument(
         "--size", type=size, help="of the picture (960 along the longer side of the scene's own)"
     )
+    view_transform_argument(relight)
     relight.add_argument("--blend", metavar="BLEND", help="a .blend with the colours")
     relight.add_argument(
         "--scene", metavar="BLEND", help="the baked .blend, to colour a copy of it (for --blend)"
@@ -138,9 +142,15 @@ def _relight_one(options):
     lighting = _expect_request(options)
     baked = baked_for(options)
     camera, view = asked_view(options, baked)
+    shown_by = view_transform_asked(options, baked)
+    expect(
+        not options.view_transform or options.png or baked.scene.image.camera,
+        "--view-transform: an image that surfaces wear is no picture: renders show it by theirs; "
+        "leave it out",
+    )
     options.size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     if options.turn:
-        return _relight_turn(baked, lighting, options, camera, view)
+        return _relight_turn(baked, lighting, options, camera, view, shown_by)
     _bpy_for(options)
     start = time.perf_counter()
     relighter, of = Relighter(baked, options.caster, options.form), _of(options)
@@ -152,7 +162,7 @@ def _relight_one(options):
             spent = time.perf_counter() - start
         if options.png:
             bpy_for_rays(options.caster)
-            pictures = PictureWriter(baked, options.size, options.caster, camera)
+            pictures = PictureWriter(baked, options.size, options.caster, camera, shown_by)
             write_picture(options.png, pictures, relighter, lighting, view, radiance)
         if radiance is None:
             spent = time.perf_counter() - start
@@ -162,8 +172,10 @@ def _relight_one(options):
     finally:
         relighter.close()
     if options.image:
-        write_pixels(options.image, pixels, options.bits or 8)
-        notes = [*notes, *image_notes(options.image, pixels, baked.scene.image)]
+        image = baked.scene.image
+        shown_by = shown_by if image.camera else None
+        write_pixels(options.image, pixels, options.bits or 8, view_transform=shown_by)
+        notes = [*notes, *image_notes(options.image, pixels, image, shown_by)]
     if of == "image":
         print(f"{options.image}: {_shown(baked, of)} relit {how} in {spent:.2f} s")
         _print_notes(baked, options, notes)
@@ -277,14 +289,15 @@ def _wear(baked, options):
         wear_lightmap(baked.scene, load_lightmap(options.image), kept=False)
 
 
-def _relight_turn(baked, lighting, options, camera, view):
+def _relight_turn(baked, lighting, options, camera, view, shown_by):
     """A turntable: the light turns once, what the camera sees is traced once."""
     bpy_for_rays(options.caster)
     # What is added to has to be there: the exact way has no state.
     form = "compressed" if options.progressive else options.form
     relighter = Relighter(baked, options.caster, form, options.progressive)
     of = _of(options)
-    pictures = PictureWriter(baked, options.size, options.caster, camera)
+    pictures = PictureWriter(baked, options.size, options.caster, camera, shown_by)
+    image_by = shown_by if options.image and baked.scene.image.camera else None
     start, spent = time.perf_counter(), []
     first, last = options.frames or (1, options.turn)
     for frame in range(first - 1, last):
@@ -297,7 +310,8 @@ def _relight_turn(baked, lighting, options, camera, view):
             spent.append(time.perf_counter() - begun)
         if options.image:
             shown = image_of(baked, relighter, lighting, radiance, of, options.light_only)
-            write_pixels(frame_path(options.image, frame + 1), shown, options.bits or 8)
+            path = frame_path(options.image, frame + 1)
+            write_pixels(path, shown, options.bits or 8, view_transform=image_by)
         if options.output:
             write_npz(frame_path(options.output, frame + 1), baked.colours(radiance))
         if options.png:

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 import prt_core
-from prt_core.cli.arguments import bpy_for_rays, is_place
+from prt_core.cli.arguments import bpy_for_rays, expect_used, is_place, view_transform_asked
 from prt_core.cli.each_light import expect_readable
 from prt_core.cli.relight_view import asked_view
 from prt_core.errors import expect
-from prt_core.evaluate import to_srgb, write_png
 from prt_core.evaluate.sequence import PictureWriter, light_paths, write_npz
 from prt_core.relight.blend import LightBlend
 from prt_core.relight.light_file import read_lights
@@ -71,7 +70,10 @@ def relight_lights(options):
     camera, view = asked_view(options, baked)
     size = options.size or (camera or baked.camera or Camera(np.eye(4), 1)).size()
     blend = LightBlend(baked, options.caster, options.form)
-    pictures = PictureWriter(baked, size, options.caster, camera) if options.png else None
+    shown_by = view_transform_asked(options, baked)
+    pictures = None
+    if options.png:
+        pictures = PictureWriter(baked, size, options.caster, camera, shown_by)
     try:
         for name, shining in chosen.items():
             start = time.perf_counter()
@@ -95,7 +97,7 @@ def _write(baked, blend, lights, view, paths, pictures):
     if view is None:
         pictures.write(paths["png"], radiance, background=blend.sky(lights))
     else:
-        write_png(paths["png"], to_srgb(blend.picture(pictures.rays(), lights)))
+        pictures.write_picture(paths["png"], blend.picture(pictures.rays(), lights))
 
 
 def _expect_request(options):
@@ -112,6 +114,7 @@ def _expect_request(options):
     )
     outputs = {kind: getattr(options, kind) for kind in _OUTPUTS if getattr(options, kind)}
     expect(outputs, "relight: nothing to write; give --output NPZ or --png PNG with --lights")
+    expect_used(options, {"view_transform": (("png",), "--png")})
     return {
         kind: expect_output(f"--{kind}", path, _OUTPUTS[kind]) for kind, path in outputs.items()
     }

@@ -2,7 +2,6 @@
 
 from prt_core.cli.arguments import camera_named, view_named
 from prt_core.compress.subject import Subject
-from prt_core.evaluate import to_srgb, write_png
 
 
 def asked_view(options, baked):
@@ -63,7 +62,7 @@ def write_picture(path, pictures, relighter, lighting, view=None, radiance=None)
     if view is None:
         pictures.write(path, radiance, background=relighter.sky(lighting))
     else:
-        write_png(path, to_srgb(relighter.picture(pictures.rays(), lighting)))
+        pictures.write_picture(path, relighter.picture(pictures.rays(), lighting))
 
 
 def notes_of(relighter):

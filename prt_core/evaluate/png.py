@@ -1,4 +1,4 @@
-"""Linear pictures as sRGB of 8 or 16 bits, and these as PNG files."""
+"""Linear pictures as a display shows them, of 8 or 16 bits, and these as PNG files."""
 
 import struct
 import zlib
@@ -8,6 +8,7 @@ import numpy as np
 from prt_core.errors import (
     expect,
     expect_array,
+    expect_kind,
     expect_number,
     expect_numbers,
     expect_one_of,
@@ -15,9 +16,36 @@ from prt_core.errors import (
     shown,
 )
 from prt_core.runtime.files import written
+from prt_core.scene import ViewTransform
 
 # Types of the pixels, by bits of a channel.
 _TYPES = {8: np.uint8, 16: np.uint16}
+
+
+def to_display(linear, view_transform=None, exposure=0.0, bits=8):
+    """A linear picture as a scene shows it: what a render of the file looks like.
+
+    Parameters
+    ----------
+    linear : (height, width, 3) float
+    view_transform : ViewTransform, optional
+        Of the scene, as `Bake.view_transform` has it; default: none, see `to_srgb`.
+    exposure : float
+        Stops beside the scene's own.
+    bits : {8, 16}
+        Of a channel.
+
+    Returns
+    -------
+    (height, width, 3) uint8 or uint16
+        sRGB.
+    """
+    if view_transform is None:
+        return to_srgb(linear, exposure, bits)
+    expect_kind("view_transform", view_transform, ViewTransform)
+    linear = expect_array("picture", linear, (None, None, 3))
+    shown = view_transform.display(linear.reshape(-1, 3), exposure)
+    return to_whole(shown.reshape(linear.shape), bits)
 
 
 def to_srgb(linear, exposure=0.0, bits=8):

@@ -15,7 +15,7 @@ from prt_core.errors import (
     expect_whole,
     shown,
 )
-from prt_core.evaluate.png import to_srgb, write_png
+from prt_core.evaluate.png import to_display, write_png
 from prt_core.evaluate.view import CameraRays, expect_view
 from prt_core.runtime.files import written
 from prt_core.scene import expect_camera
@@ -96,18 +96,26 @@ class PictureWriter:
     caster : str
     camera : Camera, optional
         Default: that of the baked scene.
+    view_transform : ViewTransform, optional
+        How pictures are shown (see `to_display`).
+
+    Attributes
+    ----------
+    view_transform
+        May change from one picture to the next.
     """
 
-    def __init__(self, bake, size, caster="auto", camera=None):
+    def __init__(self, bake, size, caster="auto", camera=None, view_transform=None):
         self._bake = expect_offers("bake", bake, ("scene", "camera"), "what `load` returns")
         self._size = expect_pair("size", size)
         self._caster = expect_kind("caster", caster, str, "the name of one")
         expect_view(*self._size)
         self._own = bake.camera if camera is None else expect_camera(camera)
         self._camera = self._rays = None
+        self.view_transform = view_transform
 
-    def write(self, path, radiance, camera=None, background=None, encode=to_srgb):
-        """One picture.
+    def write(self, path, radiance, camera=None, background=None):
+        """One picture of what points send.
 
         Parameters
         ----------
@@ -117,11 +125,12 @@ class PictureWriter:
             Default: the writer's own.
         background : callable, optional
             The sky (see `CameraRays.picture`).
-        encode : callable((height, width, 3) float32) -> (height, width, 3) uint8
-            From linear radiance to what a display is sent.
         """
-        picture = self.rays(camera).picture(radiance, background)
-        write_png(path, encode(picture))
+        self.write_picture(path, self.rays(camera).picture(radiance, background))
+
+    def write_picture(self, path, picture):
+        """One linear picture (height, width, 3) float32."""
+        write_png(path, to_display(picture, self.view_transform))
 
     def rays(self, camera=None):
         """The `CameraRays` of a camera, kept until there is another.

@@ -35,6 +35,7 @@ from prt_core.scene.refine import LOCAL, SplitMeshes, split_evenly
 from prt_core.scene.refined import Refined
 from prt_core.scene.scene import Scene
 from prt_core.scene.scene_object import SceneObject
+from prt_core.scene.view_transform import ViewTransform
 
 __all__ = [
     "Atlas",
@@ -57,6 +58,7 @@ __all__ = [
     "SceneObject",
     "SplitMeshes",
     "ViewRays",
+    "ViewTransform",
     "auto_camera",
     "camera_rays",
     "changes",

@@ -9,7 +9,7 @@ from prt_core import run
 from prt_core.blender.own_materials import relit_material
 from prt_core.blender.passes.records import surface_of
 from prt_core.blender.raw_mesh import RawMesh
-from prt_core.blender.view_transform import ViewTransform, transform_key
+from prt_core.blender.view_transform import transform_key, view_transform_of
 from tests.blender.conftest import colours_on
 
 pytestmark = pytest.mark.usefixtures("addon")
@@ -36,7 +36,7 @@ def test_the_view_transform_is_blenders(name, tmp_path):
     scene = bpy.context.scene
     scene.view_settings.view_transform, scene.view_settings.exposure = name, 0.7
     before = len(bpy.data.scenes), len(bpy.data.images)
-    transform = ViewTransform(scene)
+    transform, key = view_transform_of(scene), transform_key(scene)
     assert (len(bpy.data.scenes), len(bpy.data.images)) == before
     colours = (2 ** RNG.uniform(-7, 4, (500, 1)) * RNG.uniform(0.3, 1, (500, 3))).astype(np.float32)
     wanted = shown_by_blender(scene, colours, tmp_path)
@@ -46,9 +46,9 @@ def test_the_view_transform_is_blenders(name, tmp_path):
     solid = transform.for_solid(colours)
     encoded = np.where(solid <= 0.0031308, 12.92 * solid, 1.055 * solid ** (1 / 2.4) - 0.055)
     np.testing.assert_allclose(encoded, got, atol=1e-5)
-    assert transform.key == transform_key(scene)
+    assert view_transform_of(scene) is transform
     scene.view_settings.exposure = 0
-    assert transform.key != transform_key(scene)
+    assert key != transform_key(scene) and view_transform_of(scene) is not transform
 
 
 def test_solid_mode_shows_what_renders_show(baked_floor):
@@ -62,9 +62,7 @@ def test_solid_mode_shows_what_renders_show(baked_floor):
     assert mesh.color_attributes[mesh.color_attributes.render_color_index].name == "Mine"
     bpy.ops.prt.relight()
     radiance, solid = colours_on("ball"), colours_on("ball", "PRT Solid")
-    np.testing.assert_allclose(
-        solid, preview.transform_of(baked_floor).for_solid(radiance), atol=1e-6
-    )
+    np.testing.assert_allclose(solid, view_transform_of(baked_floor).for_solid(radiance), atol=1e-6)
     baked_floor.view_settings.exposure = 2
     preview.see_again(baked_floor)
     assert colours_on("ball", "PRT Solid").mean() > solid.mean() + 0.01
@@ -89,7 +87,7 @@ def test_a_burnt_out_scene_is_said_and_fitted(baked_floor):
     assert bpy.ops.prt.fit_exposure() == {"FINISHED"}
     bpy.ops.prt.relight()
     assert held.burnt < 0.05
-    shown = preview.transform_of(baked_floor).display(held.radiance)
+    shown = view_transform_of(baked_floor).display(held.radiance)
     assert 0.6 < np.quantile(shown.max(axis=1), 0.95) < 0.95
 
 

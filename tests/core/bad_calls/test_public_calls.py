@@ -40,6 +40,7 @@ from .calls import (
     image,
     method,
     plain,
+    view_transform,
 )
 
 
@@ -60,6 +61,7 @@ def bake_call(there):
             "world": there.light,
             "camera": camera(),
             "cameras": {"Top": camera()},
+            "view_transform": view_transform(),
             "source": {"plane": "digest"},
             "pace": 0.5,
             "pictures": Pictures(),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from prt_core import rays, reflectance, scene
+from prt_core.evaluate import to_display
 from prt_core.scene import Mesh, Scene, with_atlas
 
 from .calls import (
@@ -16,6 +17,7 @@ from .calls import (
     faults_of,
     method,
     plain,
+    view_transform,
     with_scene,
 )
 
@@ -119,6 +121,23 @@ CALLS = {
     "split_evenly": lambda t: Call(scene.split_evenly, {"meshes": t.meshes}),
     "with_atlas": atlas,
     "mesh_digests": lambda t: Call(scene.mesh_digests, {"meshes": t.meshes}),
+    "ViewTransform": plain(
+        scene.ViewTransform, ("name",), table=view_transform().table, exposure=1.0, name="AgX"
+    ),
+    "ViewTransform.display": method(
+        lambda _: view_transform(),
+        "display",
+        ("radiance",),
+        radiance=np.ones((5, 3), np.float32),
+        exposure=1.0,
+    ),
+    "to_display": plain(
+        to_display,
+        ("linear",),
+        linear=np.ones((2, 3, 3)),
+        view_transform=view_transform(),
+        exposure=1.0,
+    ),
     "changes": plain(scene.changes, source={"a": "1"}, digests={"b": "1"}),
     "make_caster": lambda t: Call(
         rays.make_caster,

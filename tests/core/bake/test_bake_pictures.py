@@ -17,6 +17,7 @@ from prt_core import (
     run,
 )
 from prt_core.bake.first_look import first_look_steps
+from prt_core.bake.lights import Beside
 from prt_core.bake.pictures import Pictures, handed_out
 from prt_core.evaluate.metrics import colour_error
 from prt_core.sphere import CubeMap
@@ -163,7 +164,7 @@ def test_a_picture_waits_that_would_take_too_much(scene, monkeypatch):
     pictures = Pictures(share=0.1)
     cube_map, n = CubeMap(8), len(scene.points)
     caster = scene.make_caster("auto", "diffuse", 8)
-    pictures.begin(scene, cube_map, SETTINGS, caster, ((), None, None, None, None, None))
+    pictures.begin(scene, cube_map, SETTINGS, caster, Beside())
     assert not pictures.is_due() and pictures.take() is not None and pictures.is_due()
     few = np.arange(150)
     pictures.level(few, visibility_bits(scene, cube_map, caster, few))

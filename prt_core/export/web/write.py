@@ -123,7 +123,8 @@ def write_web_steps(bake, output, settings=None, pace=None, field=None):
         scripts += ["exr.js"] + ["gloss.js"] * ("gloss" in pack.facts)
         scripts += ["sets.js"] * ("sets" in pack.facts)
     if field is not None:
-        pack = Pack({"title": title, "version": __version__, "sources": [], "images": []})
+        facts = {"title": title, "version": __version__, "look": _look(field)}
+        pack = Pack({**facts, "sources": [], "images": []})
         shown = yield from pack_light_field_steps(pack, field)
         data[FIELD_DATA] = pack.script("PRT_FIELD")
         scripts.append("lightfield.js")
@@ -158,7 +159,8 @@ def _bake_steps(bake, settings, title, pace):
     )
     about += " Without visibility bits: suns are soft." * (not settings.bits)
     about += " Gloss is shown as an even colour." * even
-    pack = Pack({"title": title, "version": __version__, "bits": settings.bits, "about": about})
+    facts = {"title": title, "version": __version__, "look": _look(bake)}
+    pack = Pack({**facts, "bits": settings.bits, "about": about})
     work = _pack, pack, pack.facts, bake, surface, sources, coded, images
     notes = yield from in_thread("pack", *work)
     if sets:
@@ -172,6 +174,12 @@ def _bake_steps(bake, settings, title, pace):
         **errors,
     }
     return report, pack
+
+
+def _look(baked):
+    """What the page begins to show colours by: as the scene does, where it is plain."""
+    shown_by = baked.view_transform
+    return "agx" if shown_by is None or shown_by.name != "Standard" else "srgb"
 
 
 def _notes(bake, facts, images, sources):

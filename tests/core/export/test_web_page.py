@@ -1,5 +1,7 @@
 """A small page in headless Chromium: the same colours as `relight`, no network, clear words."""
 
+from dataclasses import replace
+
 import numpy as np
 import OpenEXR
 import pytest
@@ -12,7 +14,7 @@ from prt_core.export.web.surface import surface_of
 from prt_core.light import EnvironmentMap, Lamp, write_image
 from prt_core.relight import Relighter
 from prt_core.runtime.progress import run
-from prt_core.scene import Scene
+from prt_core.scene import Scene, ViewTransform
 from tests.chromium import Browser, chromium_or_skip
 from tests.exr import exr_lines, exr_mip
 from tests.meshes import glowing, plane, sphere
@@ -77,6 +79,20 @@ def test_the_page_begins_with_the_light_of_the_scene(shown):
     assert said_on(browser) == "" and not browser.errors
     assert error(shown, "world", lamps=True, lamp_samples=64) < 0.01
     assert all(url.startswith(("file:", "data:")) for url in browser.requests)
+    assert browser.run("PRT.page.look.filmic")
+
+
+def test_a_scene_of_the_standard_view_transform_begins_so(bake, tmp_path):
+    steps = ViewTransform.steps()
+    table = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).clip(0, 1) * 65535
+    plain = replace(bake, view_transform=ViewTransform(table.astype(np.uint16), name="Standard"))
+    prt_core.export_web(plain, tmp_path / "plain.html", bits=False)
+    with Browser() as browser:
+        browser.open(tmp_path / "plain.html")
+        assert said_on(browser) == ""
+        assert browser.run("[PRT.page.look.filmic, document.getElementById('look').value]") == [
+            False, "srgb"
+        ]  # fmt: skip
 
 
 def test_lights_of_the_scene_alone(shown):

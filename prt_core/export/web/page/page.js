@@ -11,6 +11,7 @@ class Page {
     }
     if (field) this.field = new Gpu(gl, field, window.PRT_FIELD).viewer;
     this.orbit = new Orbit(facts.start);
+    $("look").value = facts.look;
     this.strength = this.exposure = 0;
     this.turn = 0;
     this.wanted = {};

@@ -136,17 +136,17 @@ def write_blend(baked, colours, options, after=None, **how):
         elif not options.in_blender:
             bpy.ops.wm.read_factory_settings(use_empty=True)
         fresh = not options.scene and not options.in_blender
-        differs = "" if fresh else _differs(baked)
+        differs = "" if fresh else _differs(baked, options)
         place = options.attribute, options.domain.upper()
         write_all(baked.scene, colours, *place, all_copies=fresh, **how)
         if after is not None:
             after()
         save_scene(options.blend)
     if differs:
-        print(f"  note    the scene is not the one that was baked ({differs}); bake again")
+        print(f"  note    {differs}; bake again")
 
 
-def _differs(baked):
+def _differs(baked, options):
     """How the open scene differs from the one that was baked, in words; empty where it does not."""
     from prt_core.blender.depsgraph import read_meshes
     from prt_core.blender.identity import frame_of
@@ -158,8 +158,13 @@ def _differs(baked):
         item = baked_as.get(mesh.name, mesh)
         mesh.receives, mesh.two_sided = item.receives, item.two_sided
     differences = changes(baked.source, mesh_digests(meshes))
-    if differences.fresh:
-        return ""
     frame, now = baked.origin.get("frame"), frame_of(import_bpy().context.scene)
-    other = "" if frame in (None, now) else f"; it is at frame {now}, the bake is of frame {frame}"
-    return f"{differences}{other}"
+    other = "" if frame in (None, now) else f"it is at frame {now}, the bake is of frame {frame}"
+    if not differences.fresh:
+        said = "; ".join(filter(None, [str(differences), other]))
+        return f"the scene is not the one that was baked ({said})"
+    # What does not move looks the same; lamps and world may still be others.
+    shine = getattr(options, "lamps", False) or getattr(options, "light", None) == "world"
+    if not (shine and other):
+        return ""
+    return f"lamps and world are those that were baked: nothing else has moved, but {other}"

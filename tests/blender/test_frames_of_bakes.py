@@ -68,3 +68,17 @@ def test_a_blend_of_another_frame_is_said_to_be_one(moving, capsys):
         assert main([*words, f"at_{frame}.blend"]) == 0
         notes = lines_of(capsys, "  note    the scene is not")
         assert len(notes) == len(said) and all(a in b for a, b in zip(said, notes, strict=True))
+
+
+def test_lamps_of_another_frame_are_said_to_be_so(moving, capsys):
+    assert bake() == 0
+    save(bpy.context.scene, 7, "at_7.blend")
+    capsys.readouterr()
+    words = ["relight", "a.prt", "--blend", "lit.blend", "--scene", "at_7.blend"]
+    assert main([*words, "--lamps"]) == 0
+    (note,) = lines_of(capsys, "  note    lamps and world are those that were baked")
+    assert "it is at frame 7, the bake is of frame 3" in note
+    # Light from elsewhere is the same at every frame.
+    skies = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world")
+    assert main([*words, "--light", str(skies / "city.exr")]) == 0
+    assert not lines_of(capsys, "  note")

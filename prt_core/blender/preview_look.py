@@ -197,7 +197,7 @@ def _compared(group, operation, slot):
     """A socket that says of which faces the number of their slot is this, or at least this."""
     compare = group.nodes.new("FunctionNodeCompare")
     compare.data_type, compare.operation = "INT", operation
-    # Before 5.2 there is a pair of sockets for each type of data, then one pair that changes its own.
+    # Before 5.2 there is a pair of sockets for each type of data, then one that changes its own.
     one, other = (each for each in compare.inputs if each.enabled and each.type == "INT")
     other.default_value = slot
     index = group.nodes.new("GeometryNodeInputMaterialIndex")

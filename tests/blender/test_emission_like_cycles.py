@@ -65,7 +65,7 @@ def test_cycles_agrees_on_how_bright_a_panel_and_a_tube_are():
     item = next(item for item in baked.objects if item.name == "floor")
     ours = np.empty((item.n_vertices, 3))
     ours[item.corner_vertex] = received[item.corner_point]
-    cycles_truth.set_cycles(scene, 512, 0)
+    cycles_truth.set_cycles(scene, 2048, 0)
     truth = cycles_truth.bake(scene, ["floor"], "direct")[0]["floor"]
     assert np.linalg.norm(ours - truth) < 0.03 * np.linalg.norm(truth)
 

@@ -30,7 +30,7 @@ def copied_scene(floor_scene):
     maps = ball.data.uv_layers
     for layer in list(maps):
         maps.remove(layer)
-    maps.new(name="Mine")
+    maps.new(name="Mine").active_render = True  # where one of another name was, 5.2 has none
     rng = np.random.default_rng(5)
     maps["Mine"].data.foreach_set("uv", rng.random(2 * len(ball.data.loops), np.float32))
     ball.modifiers.new("Fine", "SUBSURF").levels = 1

@@ -69,6 +69,9 @@ def build(hand, report):
     bpy.ops.mesh.primitive_uv_sphere_add(location=(1.4, 0, 0.9), radius=0.9)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(material("Gold", (1.0, 0.7, 0.3), 1.0, 0.15))
+    # Objects of several materials are shown by other nodes.
+    bpy.context.object.data.materials.append(material("Rim", (0.8, 0.6, 0.3), 1.0, 0.2))
+    bpy.context.object.data.polygons[0].material_index = 1
     bpy.ops.object.light_add(type="SUN", rotation=(0.7, 0.3, 0))
     bpy.context.object.data.energy = 4.0
     scene.world = bpy.data.worlds.new("World")

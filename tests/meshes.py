@@ -111,10 +111,10 @@ def sphere(n=16, radius=1.0, centre=(0, 0, 0), inside=False, name="sphere", albe
     )
 
 
-def ball_on_paint(emission=(0.5, 0.25, 0.0), more=(), **options):
+def ball_on_paint(emission=(0.5, 0.25, 0.0), more=(), rings=6, side=9, **options):
     """A scene with a painted floor, and details below a ball that glows; and `more` meshes."""
-    ball, floor = sphere(6, 0.5, (0, 0, 0.52), name="ball", albedo=(0.9, 0.3, 0.1)), plane(9)
-    ball = glowing(ball, emission)
+    ball = sphere(rings, 0.5, (0, 0, 0.52), name="ball", albedo=(0.9, 0.3, 0.1))
+    ball, floor = glowing(ball, emission), plane(side)
     floor.paint = Stripes(floor, 0.4)
     return Scene.from_meshes([ball, floor, *more], **options)
 

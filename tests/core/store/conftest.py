@@ -21,16 +21,24 @@ LAMPS = [Lamp("point", (1, 2, 3), (0, 0, 4), name="bulb")]
 WORLD = np.random.default_rng(3).random((96, 3)).astype(np.float32)
 
 
+# Points that are stored together, so that few points make several blocks.
+BLOCK = 32
+
+
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", 64)
+    monkeypatch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", BLOCK)
     # Fuzzers set this in their own process: tests of other files have it as it is.
     monkeypatch.setattr("prt_core.store.journal.CHUNK", sys.modules["prt_core.store.journal"].CHUNK)
 
 
 @pytest.fixture(scope="session")
 def scene():
-    return ball_on_paint()
+    """Of few points, for tests bake it often, but of all kinds: hidden ones, and details."""
+    scene = ball_on_paint(rings=3, side=4, max_hidden=200)
+    # All triangles have hidden points. Edges of others cost rays that no file keeps.
+    assert scene.triangle_level.min() > 1 and len(scene.points) > 7 * BLOCK
+    return scene
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +62,7 @@ def finished(scene, tmp_path_factory):
 def bake_in_small_blocks(scene, path, settings):
     """For fixtures that are made before those of a test."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", 64)
+        patch.setattr(sys.modules["prt_core.bake.visibility"], "BLOCK", BLOCK)
         run(bake_steps(scene, path, settings, LAMPS, WORLD))
 
 
@@ -137,6 +145,32 @@ def write_zeros(name):
         array = store.array(name)
         built = store.create(name, array.shape, array.dtype, array._layout.chunks)
         built[...] = array.read() * 0
+
+    return damage
+
+
+def unlink(name):
+    return lambda path: (path / name).unlink()
+
+
+def flip(name):
+    def damage(path):
+        data = bytearray((path / name).read_bytes())
+        data[len(data) // 3] ^= 4
+        (path / name).write_bytes(bytes(data))
+
+    return damage
+
+
+def cut(name):
+    return lambda path: os.truncate(path / name, (path / name).stat().st_size // 2)
+
+
+def shorter(name):
+    def damage(path):
+        meta = json.loads((path / name / "zarr.json").read_text())
+        meta["shape"][0] -= 1
+        (path / name / "zarr.json").write_text(json.dumps(meta))
 
     return damage
 

@@ -27,7 +27,7 @@ COUNTED = replace(SETTINGS, caster="counted")
 
 @pytest.fixture(scope="session")
 def other():
-    return Scene.from_meshes([plane(9), plane(3, -0.3, 0.3, name="roof", z=0.4)])
+    return Scene.from_meshes([plane(5), plane(3, -0.3, 0.3, name="roof", z=0.4)], max_hidden=300)
 
 
 @pytest.fixture(scope="session")
@@ -102,7 +102,7 @@ def test_a_restart_where_nothing_was_goes_on_with_and_without_the_word(
     tmp_path, scene, finished, bake_again, counted
 ):
     path = tmp_path / "new.prt"
-    counted.limit = 0.5 * load(finished).report["rays"]
+    counted.limit = 0.9 * load(finished).report["rays"]
     with pytest.raises(Cut):
         run(bake_steps(scene, path, COUNTED, LAMPS, WORLD, restart=True))
     rays, counted.limit = counted.rays, np.inf
@@ -110,7 +110,7 @@ def test_a_restart_where_nothing_was_goes_on_with_and_without_the_word(
     for restart in (False, True):
         counted.rays = rays
         run(bake_steps(scene, path, COUNTED, LAMPS, WORLD, restart=restart))
-        assert counted.rays < 1.3 * load(finished).report["rays"]
+        assert counted.rays < 1.1 * load(finished).report["rays"]
         expect_same(path, finished)
         remove_bake(path)
         shutil.copytree(tmp_path / "kept", path.with_name("new.prt.restart"))

@@ -1,6 +1,18 @@
-"""Which files of tests come first where several are run side by side."""
+"""Where files of tests are run side by side: which come first, and threads for each."""
 
+import os
 from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+# Processes side by side share the cores. Threads of OpenBLAS wait for one another by spinning: if
+# they are more than the cores, small products take many times as long.
+_BESIDE = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 1))
+if _BESIDE > 1:
+    _SHARE = max(1, (os.cpu_count() or 1) // _BESIDE)
+    # That of numpy may be loaded already, by a plug-in of pytest.
+    threadpool_limits(_SHARE, user_api="blas")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", str(_SHARE))
 
 # A file goes to one process; those that take long are begun first, so that none is waited for.
 LONG = (

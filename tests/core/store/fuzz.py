@@ -250,8 +250,9 @@ def fuzz(folder, count, seed=0, methods=("cpca", "haar", "harmonics"), report=No
     kinds = list(fuzzer.subjects)
     try:
         for number in range(count):
-            mutation = MUTATIONS[number % len(MUTATIONS)]
-            kind = kinds[number // len(MUTATIONS) % len(kinds)]
+            turn, place = divmod(number, len(MUTATIONS))
+            # Each turn has subjects of all kinds, and each mutation another kind in each turn.
+            mutation, kind = MUTATIONS[place], kinds[(turn + place) % len(kinds)]
             verdict, text = fuzzer.judge(kind, mutation, [seed, number])
             table.setdefault((mutation.__name__, kind), Counter())[verdict] += 1
             if verdict not in GOOD:

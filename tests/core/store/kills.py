@@ -275,6 +275,8 @@ def _content(path):
 
 def events_of(count, kills):
     """Events to kill at: the first ones and the last, and others evenly between."""
+    if kills < 8:
+        return np.linspace(0, count - 1, kills).astype(int).tolist()
     first = list(range(min(5, count)))
     between = np.linspace(5, count - 4, max(0, kills - 8)).astype(int).tolist()
     return sorted({*first, *between, *range(max(0, count - 3), count)})[:kills]

@@ -376,10 +376,14 @@ BUTTONS = {
     "relight": {}, "keep": {}, "compress": {"method": "harmonics"},
     "export": {"filepath": "//f_##.npz"}, "load": {},
 }  # fmt: skip
+# All buttons ask in the same way what changed: each button is here, and each change twice.
+STALE = [
+    ("moved", "relight"), ("new", "relight"), ("gone", "keep"), ("moved", "load"),
+    ("new", "export"), ("gone", "compress"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("button", BUTTONS)
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change, button", STALE)
 def test_every_button_says_what_is_stale(baked_floor, button, change, capfd):
     baked_floor.frame_end = 1
     do, says = CHANGES[change]

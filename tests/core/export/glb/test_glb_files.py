@@ -77,7 +77,7 @@ MATRICES = {
 
 def bake_of(meshes, path, **settings):
     scene = Scene.from_meshes(meshes, max_hidden=20)
-    run(bake_steps(scene, path, BakeSettings(resolution=4, caster="brute", **settings)))
+    run(bake_steps(scene, path, BakeSettings(resolution=4, **settings)))
     return load(path)
 
 

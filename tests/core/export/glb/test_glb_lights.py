@@ -38,8 +38,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lights")
     meshes = [plane(6, albedo=(0.7, 0.5, 0.3)), sphere(5, 0.3, (0, 0, 0.5))]
     desk = Lamp("point", (9, 8, 7), (0, 0.5, 1.5), name="desk")
-    settings = BakeSettings(resolution=4, caster="brute")
-    run(bake_steps(Scene.from_meshes(meshes), folder / "a.prt", settings, [desk]))
+    scene = Scene.from_meshes(meshes, max_hidden=150)
+    run(bake_steps(scene, folder / "a.prt", BakeSettings(resolution=4), [desk]))
     for name in ("day", "night"):
         write_image(folder / f"{name}.exr", RNG.random((4, 8, 3)).astype(np.float32))
     (folder / "lights.json").write_text(json.dumps(LIGHTS))

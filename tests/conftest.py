@@ -16,12 +16,13 @@ if _BESIDE > 1:
 
 # A file goes to one process; those that take long are begun first, so that none is waited for.
 LONG = (
-    "core/store/test_fuzz.py", "core/store/test_resume.py", "blender/test_entry_points.py",
-    "blender/test_tutorials.py", "core/store/test_kills.py", "core/store/test_restart.py",
-    "blender/test_keep.py", "core/bake/test_compressed.py", "blender/test_moved_in_panel.py",
-    "blender/test_bake_files.py", "blender/test_extension.py", "conformance/test_scenes.py",
-    "core/store/test_object_store.py", "blender/test_addon.py", "core/bake/test_bake_pictures.py",
-    "blender/test_light_field_addon.py", "blender/test_worn_materials.py",
+    "core/export/test_web_gloss.py", "blender/test_addon.py", "core/store/test_fuzz.py",
+    "conformance/test_scenes.py", "core/store/test_resume.py", "blender/test_tutorials.py",
+    "blender/test_keep.py", "core/store/test_kills.py", "blender/test_entry_points.py",
+    "blender/test_bake_files.py", "core/store/test_restart.py", "core/bake/test_reuse.py",
+    "blender/test_light_field_addon.py", "core/bake/test_bake_pictures.py",
+    "blender/test_extension.py", "core/bake/test_compressed.py", "core/store/test_object_store.py",
+    "blender/test_moved_in_panel.py", "blender/test_worn_materials.py",
 )  # fmt: skip
 
 

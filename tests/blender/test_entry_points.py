@@ -293,7 +293,7 @@ def test_a_killed_bake_goes_on_to_the_same_bytes(blend, tmp_path, method, stages
         )
         while process.poll() is None and not (broken / stage).exists():
             time.sleep(0.01)
-        time.sleep(0.3 * rng.random())
+        time.sleep(0.03 * rng.random())
         process.kill()
         assert process.wait() == -signal.SIGKILL
     prt(*arguments, broken)

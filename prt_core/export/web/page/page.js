@@ -4,7 +4,7 @@ const say = (text, bad) => { $("said").textContent = text; $("said").className =
 
 class Page {
   constructor(gl, facts, arrays, field) {
-    Object.assign(this, {gl, facts, arrays, images: new Map(), strengths: [], look: {filmic: true, exposure: 1}});
+    Object.assign(this, {gl, facts, arrays, images: new Map(), strengths: []});
     if (arrays) {
       this.evaluator = new Evaluator(arrays, facts);
       this.gpu = this.own = new Gpu(gl, arrays, facts);

@@ -17,7 +17,7 @@ import prt_core  # noqa: E402
 from prt_core.bake.report_lines import report_lines  # noqa: E402
 from prt_core.blender_access import import_bpy  # noqa: E402
 from prt_core.cli.show import Hushed, working  # noqa: E402
-from prt_core.evaluate import contact_sheet, to_srgb, write_png  # noqa: E402
+from prt_core.evaluate import contact_sheet, to_display, write_png  # noqa: E402
 from prt_core.evaluate.view import CameraRays  # noqa: E402
 
 LIGHTS = ("courtyard", "city", "sunset", "forest")
@@ -46,7 +46,7 @@ def main():
 
     bake = prt_core.load(output / f"{name}.prt")
     import_bpy()
-    caster = bake.make_caster(rays="camera")
+    relighter, caster = prt_core.Relighter(bake), bake.make_caster(rays="camera")
     rays = CameraRays(bake.scene, caster, bake.camera, 480, 300)
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
     maps = {light: prt_core.EnvironmentMap.read(folder / f"{light}.exr") for light in LIGHTS}
@@ -54,23 +54,24 @@ def main():
     pictures, labels, spent, stops = [], [], [], {}
     for light, environment in maps.items():
         for turn in TURNS:
-            radiance, picture, seconds = shown(bake, rays, environment, turn)
+            radiance, picture, seconds = shown(relighter, rays, environment, turn)
             stops.setdefault(light, exposure_of(picture))
-            pictures.append(to_srgb(picture, stops[light]))
+            pictures.append(to_display(picture, bake.view_transform, stops[light]))
             labels.append(f"{light}, turned by {turn} degrees")
             spent.append(seconds)
     write_png(output / "contact_sheet.png", contact_sheet(pictures, labels, len(TURNS)))
 
     frames = []
     for i in tqdm(range(FRAMES), desc="turning light", unit=" frame"):
-        _, picture, _ = shown(bake, rays, maps["city"], 360 * i / FRAMES)
-        frames.append(Image.fromarray(to_srgb(picture, stops["city"])))
+        _, picture, _ = shown(relighter, rays, maps["city"], 360 * i / FRAMES)
+        frames.append(Image.fromarray(to_display(picture, bake.view_transform, stops["city"])))
     frames[0].save(
         output / "turning_light.gif", save_all=True, append_images=frames[1:], duration=80, loop=0
     )
 
     caster.close()
-    radiance, _, _ = shown(bake, rays, maps["courtyard"], 0)
+    radiance, _, _ = shown(relighter, rays, maps["courtyard"], 0)
+    relighter.close()
     with Hushed():
         prt_core.open_blend(blend)
         from prt_core.blender.colours import save_scene, write_all
@@ -83,14 +84,13 @@ def main():
         print(f"  {output / file}")
 
 
-def shown(bake, rays, environment, turn):
+def shown(relighter, rays, environment, turn):
     """Radiance, picture and the seconds of the relighting alone."""
-    light = environment.to_cube_map(bake.cube_map, turn)
+    lighting = prt_core.Lighting(environment, rotation=turn)
     start = time.perf_counter()
-    radiance = bake.transport.radiance(light)
+    radiance = relighter.radiance(lighting)
     seconds = time.perf_counter() - start
-    turned = prt_core.sphere.rotation_matrix(turn)
-    return radiance, rays.picture(radiance, lambda d: environment.sample(d @ turned)), seconds
+    return radiance, rays.picture(radiance, relighter.sky(lighting)), seconds
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ def view_transform_of(scene, display=None):
     display : str, optional
         The name of another display device than the scene's, where Blender has it.
     """
+    # What the window shows and what files are for is one table on most displays.
+    display = None if display == scene.display_settings.display_device else display
     key = display, *transform_key(scene)
     if key not in _KEPT:
         while len(_KEPT) >= _MOST_KEPT:

@@ -13,6 +13,8 @@ from prt_core.runtime.threads import on_all_cores
 
 # Points of a block of a view (see `viewer`): their cells are counted in int32.
 _BLOCK = 1 << 14
+# A number of float16, but no float16: others that it divides would become such.
+_LARGEST = float(np.finfo(np.float16).max)
 
 
 class LightTables:
@@ -40,7 +42,7 @@ class LightTables:
             alone = np.eye(n_lights, dtype=np.float32)[light]
             if dtype == np.float16:
                 largest = max(float(np.abs(field.decode(part, alone)).max()) for part in parts)
-                self._scales[light] = (largest or 1.0) / np.finfo(np.float16).max
+                self._scales[light] = (largest or 1.0) / _LARGEST
             for part in parts:
                 decoded = field.decode(part, alone).reshape(-1, layout.n_cells, 3)
                 self._table[part, :, light] = decoded / self._scales[light]

@@ -37,7 +37,7 @@ def array_of(state, name, shape, dtype, below=None):
         f"{_AGAIN}",
     )
     # Neither NaN nor so large that a product of two and a light would not be finite.
-    good = array.dtype.kind != "f" or not array.size or bool(np.abs(array).max() <= _MOST)
+    good = array.dtype.kind != "f" or not array.size or float(np.abs(array).max()) <= _MOST
     if below is not None and array.size:
         good = array.min() >= 0 and array.max() < below
     expect(good, f"compressed form: '{name}' holds what it cannot; {_AGAIN}")

@@ -1,7 +1,10 @@
+import contextlib
+import io
 import os
 import shutil
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "blend_scenes"))
 
 import blender_addon  # noqa: E402
 import prt_core.blender  # noqa: E402, F401  (makes Blender's casters known)
+from prt_core.cli import main  # noqa: E402
 
 FLOOR = Path(__file__).resolve().parents[2] / "blend_scenes" / "08_two_triangle_floor.blend"
 
@@ -139,3 +143,12 @@ def link_from_library(item, path, collection):
         wanted.objects = [name]
     collection.objects.link(wanted.objects[0])
     return wanted.objects[0]
+
+
+def prt(*arguments, code=0):
+    """The command line in this process, which has Blender already."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        returned = main(list(map(str, arguments)))
+    assert returned == code, err.getvalue()
+    return SimpleNamespace(stdout=out.getvalue(), stderr=err.getvalue())

@@ -1,12 +1,9 @@
 """API and command line give the same arrays."""
 
-import contextlib
-import io
 import json
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -16,7 +13,7 @@ import build
 import prt_core
 from prt_core import PRTError
 from prt_core.blender.colours import write_all, write_colours
-from prt_core.cli import main
+from tests.blender.conftest import prt
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = "08_two_triangle_floor"
@@ -32,15 +29,6 @@ def baked(blend):
     path = blend.with_suffix(".prt")
     prt_core.bake(blend, path, resolution=8, tolerance=0.02, caster="blender")
     return path
-
-
-def prt(*arguments, code=0):
-    """The command line in this process, which has Blender already."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        returned = main(list(map(str, arguments)))
-    assert returned == code, err.getvalue()
-    return SimpleNamespace(stdout=out.getvalue(), stderr=err.getvalue())
 
 
 def prt_alone(*arguments, code=0):

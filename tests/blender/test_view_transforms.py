@@ -1,7 +1,5 @@
 """Pictures of a bake look as renders of its scene do: through its view transform."""
 
-import contextlib
-import io
 import json
 
 import bpy
@@ -12,18 +10,10 @@ from PIL import Image
 import build
 import prt_core
 from prt_core.blender.view_transform import FILES, view_transform_of
-from prt_core.cli import main
 from prt_core.evaluate import render_view, to_display, to_srgb, write_png
+from tests.blender.conftest import prt
 
 SIZE = 96, 64
-
-
-def prt(*arguments, code=0):
-    """What the command line prints, in this process."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        assert main(list(map(str, arguments))) == code, err.getvalue()
-    return out.getvalue() + err.getvalue()
 
 
 @pytest.fixture
@@ -67,7 +57,7 @@ def test_a_picture_is_what_blender_makes_of_it(baked, hdri, tmp_path):
     prt(*asked, "--png", tmp_path / "scene.png")
     prt(*asked, "--png", tmp_path / "plain.png", "--view-transform", "standard")
     bake = prt_core.load(baked)
-    assert "AgX - Punchy at +0.7 stops" in prt("info", baked)
+    assert "AgX - Punchy at +0.7 stops" in prt("info", baked).stdout
     light = prt_core.Lighting(hdri("courtyard"))
     relighter, caster = prt_core.Relighter(bake), bake.make_caster(rays="camera")
     picture = render_view(bake, relighter.radiance(light), caster, *SIZE, relighter.sky(light))
@@ -110,7 +100,7 @@ def test_what_surfaces_wear_stays_srgb(blend, hdri, tmp_path):
 
     linear = read_image(tmp_path / "w.exr")
     assert np.abs(pixels(tmp_path / "w.png") - to_srgb(linear).astype(int)).max() <= 1
-    said = prt(*asked, tmp_path / "x.png", "--view-transform", "scene", code=2)
+    said = prt(*asked, tmp_path / "x.png", "--view-transform", "scene", code=2).stderr
     assert "surfaces wear" in said and not (tmp_path / "x.png").exists()
 
 
@@ -143,7 +133,7 @@ def test_bakes_that_do_not_know_it_are_srgb(tmp_path, hdri):
     prt(*asked, tmp_path / "a.png")
     prt(*asked, tmp_path / "b.png", "--view-transform", "standard")
     assert (pixels(tmp_path / "a.png") == pixels(tmp_path / "b.png")).all()
-    said = prt(*asked, tmp_path / "c.png", "--view-transform", "scene", code=2)
+    said = prt(*asked, tmp_path / "c.png", "--view-transform", "scene", code=2).stderr
     assert "does not say how its scene shows colours" in said
 
 

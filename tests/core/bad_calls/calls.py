@@ -10,7 +10,7 @@ from prt_core.errors import PRTError
 from prt_core.light import EnvironmentMap, write_image
 from prt_core.rays import BruteForceCaster
 from prt_core.runtime.progress import run
-from prt_core.scene import Camera, ViewTransform
+from prt_core.scene import Camera
 from prt_core.sphere import CubeMap
 
 RNG = np.random.default_rng(5)
@@ -42,13 +42,6 @@ class Call:
 class Nothing:
     def __repr__(self):
         return "nothing\nmuch"
-
-
-def view_transform():
-    """A `ViewTransform` that shows radiance as it is."""
-    steps = np.minimum(ViewTransform.steps(), 1)
-    table = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"))
-    return ViewTransform((table * 65535).astype(np.uint16))
 
 
 def plain(function, may=(), /, **good):

@@ -27,6 +27,7 @@ from prt_core.relight.relighter import Relighter
 from prt_core.runtime.progress import Progress, run
 from prt_core.store import BakeStore
 from prt_core.transport import Occlusion
+from tests.view_transforms import plain_view_transform
 
 from .calls import (
     RESOLUTION,
@@ -40,7 +41,6 @@ from .calls import (
     image,
     method,
     plain,
-    view_transform,
 )
 
 
@@ -61,7 +61,7 @@ def bake_call(there):
             "world": there.light,
             "camera": camera(),
             "cameras": {"Top": camera()},
-            "view_transform": view_transform(),
+            "view_transform": plain_view_transform(),
             "source": {"plane": "digest"},
             "pace": 0.5,
             "pictures": Pictures(),

@@ -6,6 +6,7 @@ import pytest
 from prt_core import rays, reflectance, scene
 from prt_core.evaluate import to_display
 from prt_core.scene import Mesh, Scene, with_atlas
+from tests.view_transforms import plain_view_transform
 
 from .calls import (
     RNG,
@@ -17,7 +18,6 @@ from .calls import (
     faults_of,
     method,
     plain,
-    view_transform,
     with_scene,
 )
 
@@ -122,10 +122,10 @@ CALLS = {
     "with_atlas": atlas,
     "mesh_digests": lambda t: Call(scene.mesh_digests, {"meshes": t.meshes}),
     "ViewTransform": plain(
-        scene.ViewTransform, ("name",), table=view_transform().table, exposure=1.0, name="AgX"
+        scene.ViewTransform, ("name",), table=plain_view_transform().table, exposure=1.0, name="AgX"
     ),
     "ViewTransform.display": method(
-        lambda _: view_transform(),
+        lambda _: plain_view_transform(),
         "display",
         ("radiance",),
         radiance=np.ones((5, 3), np.float32),
@@ -135,7 +135,7 @@ CALLS = {
         to_display,
         ("linear",),
         linear=np.ones((2, 3, 3)),
-        view_transform=view_transform(),
+        view_transform=plain_view_transform(),
         exposure=1.0,
     ),
     "changes": plain(scene.changes, source={"a": "1"}, digests={"b": "1"}),

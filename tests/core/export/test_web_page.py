@@ -14,10 +14,11 @@ from prt_core.export.web.surface import surface_of
 from prt_core.light import EnvironmentMap, Lamp, write_image
 from prt_core.relight import Relighter
 from prt_core.runtime.progress import run
-from prt_core.scene import Scene, ViewTransform
+from prt_core.scene import Scene
 from tests.chromium import Browser, chromium_or_skip
 from tests.exr import exr_lines, exr_mip
 from tests.meshes import glowing, plane, sphere
+from tests.view_transforms import plain_view_transform
 from tests.web.pages import radiance_on, radiance_picture, said_on
 
 RESOLUTION = 8
@@ -83,9 +84,7 @@ def test_the_page_begins_with_the_light_of_the_scene(shown):
 
 
 def test_a_scene_of_the_standard_view_transform_begins_so(bake, tmp_path):
-    steps = ViewTransform.steps()
-    table = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).clip(0, 1) * 65535
-    plain = replace(bake, view_transform=ViewTransform(table.astype(np.uint16), name="Standard"))
+    plain = replace(bake, view_transform=plain_view_transform("Standard"))
     prt_core.export_web(plain, tmp_path / "plain.html", bits=False)
     with Browser() as browser:
         browser.open(tmp_path / "plain.html")

@@ -274,7 +274,7 @@ def _content(path):
 
 
 def events_of(count, kills):
-    """Events to kill at: the first ones and the last, and others evenly between."""
+    """Events to kill at: the first ones and the last, and others evenly between; few are all even."""
     if kills < 8:
         return np.linspace(0, count - 1, kills).astype(int).tolist()
     first = list(range(min(5, count)))

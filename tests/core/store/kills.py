@@ -274,7 +274,7 @@ def _content(path):
 
 
 def events_of(count, kills):
-    """Events to kill at: the first ones and the last, and others evenly between; few are all even."""
+    """Events to kill at: the first and the last ones, others evenly between; few all evenly."""
     if kills < 8:
         return np.linspace(0, count - 1, kills).astype(int).tolist()
     first = list(range(min(5, count)))
